@@ -1,0 +1,165 @@
+"""Pass 10, emit: everything the runtime needs, as data."""
+
+from __future__ import annotations
+
+import runtime.ruleset as contract
+from rulec.analyse_isolability import Isolability
+from rulec.assemble import Assembly, Hypothesis
+from rulec.derive_signatures import Signatures
+from rulec.knowledge import Origin, Signal
+from rulec.plant import Module, Plant
+
+
+def emit(isolability: Isolability) -> contract.Ruleset:
+    """Write the ruleset of a plant. The same sources always give the same ruleset."""
+    rules = isolability.rules
+    signatures = rules.signatures
+    assembly = signatures.assembly
+    network = assembly.residuals.network
+    plant = network.plant
+    return contract.Ruleset(
+        contract.FORMAT_VERSION,
+        plant.name,
+        plant.title,
+        plant.digest,
+        {m.name: m.title for m in plant.modules.values()},
+        _signals(plant, signatures),
+        tuple(contract.ColumnMap(c.signal, c.column, c.factor, c.offset) for c in plant.columns),
+        plant.time_column,
+        {
+            name: contract.UnitSpec(u.factor, u.offset, tuple(map(float, u.dimension.exponents)))
+            for name, u in plant.knowledge.units.units.items()
+        },
+        _observers(assembly, signatures),
+        tuple(contract.Junction(b.outlets, b.inlets) for b in network.balances),
+        tuple(
+            contract.ResidualSpec(
+                r.id,
+                r.module,
+                tuple(contract.Term(o, s) for s, o in r.terms),
+                str(r),
+                signatures.uncertainties[r.id],
+            )
+            for r in assembly.residuals.residuals
+        ),
+        tuple(_fault(h) for h in assembly.hypotheses),
+        tuple(
+            contract.Cell(
+                rule.signature.fault,
+                rule.signature.residual,
+                rule.signature.sign,
+                rule.signature.gain,
+                rule.signature.sensitivity,
+                rule.signature.detectable,
+                rule.forms,
+                rule.equation,
+            )
+            for rule in rules.rules
+        ),
+        tuple(
+            contract.AmbiguousGroup(g.faults, g.kind, g.advice) for g in isolability.groups
+        ),
+        isolability.unobserved,
+        _parameters(plant),
+        assembly.graph.plan(),
+        assembly.undo.plan(),
+    )
+
+
+def _signals(plant: Plant, signatures: Signatures) -> tuple[contract.SignalSpec, ...]:
+    return tuple(
+        _signal(plant, module, signal, signatures.reference[f"{module.name}.{signal.name}"])
+        for module in plant.modules.values()
+        for signal in module.type.signals.values()
+    )
+
+
+def _signal(
+    plant: Plant, module: Module, signal: Signal, reference: float
+) -> contract.SignalSpec:
+    sensor = plant.knowledge.sensors[signal.sensor]
+    low, high = module.valid.get(signal.name, (None, None))
+    return contract.SignalSpec(
+        f"{module.name}.{signal.name}",
+        f"{signal.quantity} of {module.title}",
+        signal.unit.text,
+        signal.unit.factor,
+        signal.unit.offset,
+        sensor.kind,
+        sensor.standard,
+        signal.full_scale,
+        signal.lowest,
+        signal.highest,
+        signal.minimum,
+        low,
+        high,
+        signal.is_input,
+        reference if reference == reference else 0.0,
+    )
+
+
+def _observers(
+    assembly: Assembly, signatures: Signatures
+) -> tuple[contract.ObserverSpec, ...]:
+    plant = assembly.residuals.network.plant
+    signals = {f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals}
+    result = []
+    for module in plant.modules.values():
+        for observer in module.type.observers.values():
+            key = f"{module.name}.{observer.name}"
+            guards = assembly.guards[key]
+            result.append(
+                contract.ObserverSpec(
+                    key,
+                    module.name,
+                    observer.component,
+                    f"{key} = {observer.expression}",
+                    tuple(sorted(n for n in assembly.gradients[key] if n in signals)),
+                    tuple(
+                        contract.Guard(f"guard:{key}:{i}", text)
+                        for i, (text, _) in enumerate(guards)
+                    ),
+                    module.misfit.get(observer.name, 0.0),
+                    signatures.flows[key],
+                    _origin(observer.origin),
+                )
+            )
+    return tuple(result)
+
+
+def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
+    fault, variant = hypothesis.fault.fault, hypothesis.fault.variant
+    return contract.FaultSpec(
+        hypothesis.id,
+        hypothesis.module,
+        fault.name,
+        variant.title if variant.name else fault.title,
+        fault.text,
+        fault.action,
+        fault.status,
+        variant.lowest,
+        variant.highest,
+        fault.tolerance,
+        variant.meaning,
+        hypothesis.affects,
+        _origin(fault.origin),
+    )
+
+
+def _parameters(plant: Plant) -> tuple[contract.ParameterSpec, ...]:
+    return tuple(
+        contract.ParameterSpec(
+            f"{module.name}.{p.name}",
+            p.unit.from_si(p.value),
+            p.u / p.unit.factor,
+            p.unit.text,
+            _origin(p.origin),
+        )
+        for module in plant.modules.values()
+        for p in module.parameters.values()
+    )
+
+
+def _origin(origin: Origin) -> str:
+    where = f"{origin.file}:{origin.line}"
+    return f"{where} ({origin.source})" if origin.source else where

@@ -1,0 +1,265 @@
+"""Builds a plan node by node. Equal nodes are one node, constants are folded.
+
+This is the common-subexpression elimination: a value that stands already is never built again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import sympy
+
+from runtime.plan import OPERATIONS, UNARY, Operation, Plan
+
+Node = int
+
+
+class Graph:
+    """A growing set of numbered operations; `plan` freezes it."""
+
+    def __init__(self, inputs: Iterable[str]) -> None:
+        self._inputs: list[str] = list(inputs)
+        self._kinds: list[tuple[str, int, int]] = []
+        self._constants: dict[float, Node] = {}
+        self._known: dict[tuple[str, int, int], Node] = {}
+        self._values: dict[Node, float] = {}
+        self._named = {name: self._append(("input", i, 0)) for i, name in enumerate(self._inputs)}
+        self.outputs: dict[str, Node] = {}
+        self.zero = self.constant(0.0)
+        self.one = self.constant(1.0)
+
+    def _append(self, kind: tuple[str, int, int]) -> Node:
+        self._kinds.append(kind)
+        return len(self._kinds) - 1
+
+    def input(self, name: str) -> Node:
+        """The node of an input."""
+        return self._named[name]
+
+    def constant(self, value: float) -> Node:
+        """The node of a number."""
+        value = float(value)
+        node = self._constants.get(value)
+        if node is None:
+            node = self._append(("constant", len(self._constants), 0))
+            self._constants[value] = node
+            self._values[node] = value
+        return node
+
+    def apply(self, name: str, a: Node, b: Node = 0) -> Node:
+        """The node of an operation on nodes."""
+        if name in UNARY:
+            b = 0
+        elif name in ("add", "mul", "min", "max") and a > b:
+            a, b = b, a
+        key = (name, a, b)
+        node = self._known.get(key)
+        if node is None:
+            node = self._folded(name, a, b)
+            if node is None:
+                node = self._append(key)
+            self._known[key] = node
+        return node
+
+    def _folded(self, name: str, a: Node, b: Node) -> Node | None:
+        """The constant or operand that an operation comes down to, if it does."""
+        x, y = self._values.get(a), self._values.get(b)
+        if x is not None and (name in UNARY or y is not None):
+            function = OPERATIONS[name]
+            with np.errstate(all="ignore"):
+                value = float(function(x) if name in UNARY else function(x, y))
+            return self.constant(value) if math.isfinite(value) else None
+        if name == "add" and x == 0:
+            return b
+        if name in ("add", "sub") and y == 0:
+            return a
+        if name == "sub" and x == 0:
+            return self.apply("neg", b)
+        if name == "mul" and (x == 0 or y == 0):
+            return self.zero
+        if name == "mul" and x == 1:
+            return b
+        if name in ("mul", "div") and y == 1:
+            return a
+        if name == "mul" and -1 in (x, y):
+            return self.apply("neg", b if x == -1 else a)
+        if name == "div" and x == 0:
+            return self.zero
+        return self._without_signs(name, a, b)
+
+    def _without_signs(self, name: str, a: Node, b: Node) -> Node | None:
+        """Pull minus signs outwards, so that values that differ in sign alone are shared."""
+        p, q = self._negated(a), self._negated(b) if name not in UNARY else None
+        if p is None and q is None:
+            return None
+        first, second = a if p is None else p, b if q is None else q
+        if name == "neg" and p is not None:
+            return p
+        if name in ("mul", "div"):
+            node = self.apply(name, first, second)
+            return node if p is not None and q is not None else self.apply("neg", node)
+        if name == "add":
+            if p is not None and q is not None:
+                return self.apply("neg", self.apply("add", p, q))
+            return self.apply("sub", a, q) if q is not None else self.apply("sub", b, first)
+        if name == "sub" and q is not None:
+            return self.apply("add", a, q)
+        return None
+
+    def _negated(self, node: Node) -> Node | None:
+        name, inner, _ = self._kinds[node]
+        return inner if name == "neg" else None
+
+    def add(self, a: Node, b: Node) -> Node:
+        return self.apply("add", a, b)
+
+    def sub(self, a: Node, b: Node) -> Node:
+        return self.apply("sub", a, b)
+
+    def mul(self, a: Node, b: Node) -> Node:
+        return self.apply("mul", a, b)
+
+    def div(self, a: Node, b: Node) -> Node:
+        return self.apply("div", a, b)
+
+    def sum(self, nodes: Iterable[Node]) -> Node:
+        """Left-to-right sum; equal beginnings are shared."""
+        total = self.zero
+        for node in nodes:
+            total = self.add(total, node)
+        return total
+
+    def signed_sum(self, terms: Iterable[tuple[int, Node]]) -> Node:
+        """Sum with signs +1 and -1, positive terms first."""
+        ordered = sorted(terms, key=lambda t: -t[0])
+        total = self.zero
+        for sign, node in ordered:
+            total = self.add(total, node) if sign > 0 else self.sub(total, node)
+        return total
+
+    def square(self, a: Node) -> Node:
+        return self.mul(a, a)
+
+    def is_zero(self, node: Node) -> bool:
+        return node == self.zero
+
+    def lower(self, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:
+        """Build the node of a sympy expression; `symbols` gives the nodes of its symbols."""
+        memo: dict[sympy.Expr, Node] = dict(symbols)
+        return self._lower(expression, memo)
+
+    def lower_all(
+        self, expressions: Iterable[sympy.Expr], symbols: Mapping[sympy.Symbol, Node]
+    ) -> list[Node]:
+        """Build several expressions over the same symbols."""
+        memo: dict[sympy.Expr, Node] = dict(symbols)
+        return [self._lower(e, memo) for e in expressions]
+
+    def _lower(self, expression: sympy.Expr, memo: dict[sympy.Expr, Node]) -> Node:
+        node = memo.get(expression)
+        if node is None:
+            node = self._lower_new(expression, memo)
+            memo[expression] = node
+        return node
+
+    def _lower_new(self, expression: sympy.Expr, memo: dict[sympy.Expr, Node]) -> Node:
+        if expression.is_Number or expression.is_NumberSymbol:
+            return self.constant(float(expression))
+        if isinstance(expression, sympy.Add):
+            return self._lower_sum(expression, memo)
+        if isinstance(expression, sympy.Mul):
+            return self._lower_product(expression, memo)
+        if isinstance(expression, sympy.Pow):
+            return self._power(self._lower(expression.base, memo), expression.exp)
+        name = _NAMES.get(expression.func)
+        if name is None:
+            raise TypeError(f"no operation for {expression.func}")
+        nodes = [self._lower(a, memo) for a in expression.args]
+        if name in UNARY:
+            return self.apply(name, nodes[0])
+        result = nodes[0]
+        for node in nodes[1:]:
+            result = self.apply(name, result, node)
+        return result
+
+    def _lower_sum(self, expression: sympy.Add, memo: dict[sympy.Expr, Node]) -> Node:
+        terms = []
+        for argument in expression.args:
+            if argument.could_extract_minus_sign():
+                terms.append((-1, self._lower(-argument, memo)))
+            else:
+                terms.append((1, self._lower(argument, memo)))
+        return self.signed_sum(terms)
+
+    def _lower_product(self, expression: sympy.Mul, memo: dict[sympy.Expr, Node]) -> Node:
+        top, bottom = self.one, self.one
+        for argument in expression.args:
+            if isinstance(argument, sympy.Pow) and argument.exp.is_negative:
+                bottom = self.mul(bottom, self._lower(argument.base**-argument.exp, memo))
+            else:
+                top = self.mul(top, self._lower(argument, memo))
+        return self.div(top, bottom)
+
+    def _power(self, base: Node, exponent: sympy.Expr) -> Node:
+        if exponent.is_negative:
+            return self.div(self.one, self._power(base, -exponent))
+        if exponent.is_Integer and int(exponent) <= 8:
+            result = base
+            for _ in range(int(exponent) - 1):
+                result = self.mul(result, base)
+            return result
+        if exponent == sympy.Rational(1, 2):
+            return self.apply("sqrt", base)
+        if (2 * exponent).is_Integer:
+            root = self.apply("sqrt", base)
+            return self.mul(self._power(base, exponent - sympy.Rational(1, 2)), root)
+        return self.apply("pow", base, self.constant(float(exponent)))
+
+    def plan(self) -> Plan:
+        """Freeze: keep what the outputs need, numbered inputs, constants, operations."""
+        needed = self._needed(self.outputs.values())
+        kinds = self._kinds
+        used = sorted(i for i in needed if kinds[i][0] == "constant")
+        used_inputs = sorted(i for i in needed if kinds[i][0] == "input")
+        number: dict[Node, int] = {n: i for i, n in enumerate(used_inputs)}
+        number |= {n: len(number) + i for i, n in enumerate(used)}
+        operations: list[Operation] = []
+        start = len(number)
+        for node in sorted(needed):
+            name, a, b = kinds[node]
+            if name in ("input", "constant"):
+                continue
+            number[node] = start + len(operations)
+            operations.append((name, number[a], 0 if name in UNARY else number[b]))
+        return Plan(
+            tuple(self._inputs[kinds[i][1]] for i in used_inputs),
+            tuple(self._values[i] for i in used),
+            tuple(operations),
+            {name: number[node] for name, node in self.outputs.items()},
+        )
+
+    def _needed(self, roots: Iterable[Node]) -> set[Node]:
+        seen: set[Node] = set()
+        stack = list(roots)
+        while stack:
+            node = stack.pop()
+            if node in seen:
+                continue
+            seen.add(node)
+            name, a, b = self._kinds[node]
+            if name not in ("input", "constant"):
+                stack.extend((a,) if name in UNARY else (a, b))
+        return seen
+
+
+_NAMES = {
+    sympy.Abs: "abs",
+    sympy.sign: "sign",
+    sympy.exp: "exp",
+    sympy.log: "log",
+    sympy.tanh: "tanh",
+    sympy.Min: "min",
+    sympy.Max: "max",
+}

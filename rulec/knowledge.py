@@ -1,0 +1,155 @@
+"""What is true of equipment in general: the checked content of kb/, in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rulec.diagnostics import Place
+from rulec.expression import Expression
+from rulec.units import Unit, UnitTable
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a derived value comes from: file, line and citation."""
+
+    file: str
+    line: int
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class SensorClass:
+    """Systematic uncertainty of a class of sensors.
+
+    `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
+    `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
+    """
+
+    name: str
+    title: str
+    kind: str
+    standard: float
+    unit: Unit
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A measured value of a module type; limits and reference in SI."""
+
+    name: str
+    quantity: str
+    unit: Unit
+    sensor: str
+    full_scale: float | None
+    lowest: float | None
+    highest: float | None
+    minimum: float | None
+    reference: float | None
+    is_input: bool
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A constant of a module type, value and standard uncertainty in SI."""
+
+    name: str
+    value: float
+    u: float
+    unit: Unit
+    fit: bool
+    title: str
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A named part of an equation."""
+
+    name: str
+    expression: Expression
+    title: str
+
+
+@dataclass(frozen=True)
+class Observer:
+    """A relation read as an estimate of the volume flow."""
+
+    name: str
+    component: str
+    expression: Expression
+    is_reference: bool
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class FaultUse:
+    """A fault that a module type can have, and what it acts on there."""
+
+    fault: str
+    target: str
+    place: Place = field(compare=False)
+
+
+@dataclass(frozen=True)
+class ModuleType:
+    """Everything a maker says of a module. Definitions are in order of use."""
+
+    name: str
+    version: int
+    title: str
+    signals: Mapping[str, Signal]
+    provides: Mapping[str, str]
+    parameters: Mapping[str, Parameter]
+    definitions: Mapping[str, Definition]
+    observers: Mapping[str, Observer]
+    residuals: tuple[tuple[str, str], ...]
+    faults: tuple[FaultUse, ...]
+    gathers: tuple[str, ...]
+    file: str
+
+    def components(self) -> dict[str, list[str]]:
+        """Observers of each component, the primary one first."""
+        result: dict[str, list[str]] = {}
+        for observer in self.observers.values():
+            result.setdefault(observer.component, []).append(observer.name)
+        return result
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One direction of a fault: `law` gives what is there from what should be there."""
+
+    name: str
+    title: str
+    law: Expression
+    lowest: float
+    highest: float
+    meaning: str
+
+
+@dataclass(frozen=True)
+class FaultType:
+    """What a fault does; sign, gain, rule and matrix row are derived from it."""
+
+    name: str
+    title: str
+    acts_on: str
+    variants: tuple[Variant, ...]
+    tolerance: float
+    status: str
+    text: str
+    action: str
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """The checked knowledge base."""
+
+    units: UnitTable
+    sensors: Mapping[str, SensorClass]
+    faults: Mapping[str, FaultType]
+    modules: Mapping[str, ModuleType]

@@ -1,0 +1,41 @@
+"""The order of the passes. Each takes what the one before made, and changes nothing in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rulec.analyse_isolability import analyse_isolability
+from rulec.assemble import assemble
+from rulec.check_plant import check
+from rulec.derive_residuals import derive_residuals
+from rulec.derive_rules import derive_rules
+from rulec.derive_signatures import derive_signatures
+from rulec.differentiate import differentiate
+from rulec.emit import emit
+from rulec.link import link
+from rulec.read import read_plant
+from runtime.ruleset import Ruleset
+
+PASSES: tuple[Callable[[Any], Any], ...] = (
+    read_plant,  # path -> Sources: documents with positions, schema checked
+    check,  # -> Plant: typed, SI, names and dimensions checked
+    link,  # -> Network: junction balances, sums, readings across modules
+    derive_residuals,  # -> Residuals: pairs of estimates that must agree
+    differentiate,  # -> Models: symbolic work, once per module type
+    assemble,  # -> Assembly: the equations of the plant as one graph
+    derive_signatures,  # -> Signatures: fault-symptom matrix at the reference point
+    derive_rules,  # -> Rules: degrees with uncertainties
+    analyse_isolability,  # -> Isolability: what cannot be told apart
+    emit,  # -> Ruleset: data for the runtime
+)
+
+
+def compile_plant(path: Path) -> Ruleset:
+    """Compile a plant folder or file; raises `Refused` with all mistakes of the first bad pass."""
+    result: Any = path
+    for step in PASSES:
+        result = step(result)
+    ruleset: Ruleset = result
+    return ruleset

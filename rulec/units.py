@@ -1,0 +1,116 @@
+"""Units: a closed list of spellings, read from kb/units.yaml, and their dimensions."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+BASES = ("m", "kg", "s", "K")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Exponents of m, kg, s and K."""
+
+    exponents: tuple[Fraction, ...] = (Fraction(0),) * 4
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return self * other**-1
+
+    def __pow__(self, power: Fraction | int) -> Dimension:
+        return Dimension(tuple(e * power for e in self.exponents))
+
+    def __str__(self) -> str:
+        """Readable form, such as ``kg m^-1 s^-2``; ``1`` where there is none."""
+        parts = [
+            base if e == 1 else f"{base}^{e}"
+            for base, e in zip(("m", "kg", "s", "K"), self.exponents, strict=True)
+            if e
+        ]
+        return " ".join(parts) or "1"
+
+    @staticmethod
+    def of(mapping: Mapping[str, Any]) -> Dimension:
+        return Dimension(tuple(Fraction(mapping.get(base, 0)) for base in BASES))
+
+
+NONE = Dimension()
+VOLUME_FLOW = Dimension.of({"m": 3, "s": -1})
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit as written: SI value = value * factor + offset."""
+
+    text: str
+    factor: float
+    dimension: Dimension
+    offset: float = 0.0
+
+    def to_si(self, value: float) -> float:
+        return value * self.factor + self.offset
+
+    def from_si(self, value: float) -> float:
+        return (value - self.offset) / self.factor
+
+
+@dataclass(frozen=True)
+class UnitTable:
+    """The accepted spellings and the quantities signals may have."""
+
+    units: Mapping[str, Unit]
+    quantities: Mapping[str, Dimension]
+
+    def parse(self, text: str) -> Unit:
+        """Read a unit, also compound ones such as ``l/h/bar**2``.
+
+        Raises ValueError with the unknown spelling as its argument.
+        """
+        if text in self.units:
+            return self.units[text]
+        try:
+            tree = ast.parse(text, mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise ValueError(text) from None
+        factor, dimension = self._walk(tree, text)
+        return Unit(text, factor, dimension)
+
+    def _walk(self, node: ast.AST, text: str) -> tuple[float, Dimension]:
+        match node:
+            case ast.Constant(value=1):
+                return 1.0, NONE
+            case ast.Name(id=name):
+                unit = self.units.get(name)
+                if unit is None or unit.offset:
+                    raise ValueError(name)
+                return unit.factor, unit.dimension
+            case ast.BinOp(left=left, op=ast.Mult(), right=right):
+                (f, d), (g, e) = self._walk(left, text), self._walk(right, text)
+                return f * g, d * e
+            case ast.BinOp(left=left, op=ast.Div(), right=right):
+                (f, d), (g, e) = self._walk(left, text), self._walk(right, text)
+                return f / g, d / e
+            case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
+                if abs(power) > 6:
+                    raise ValueError(text)
+                f, d = self._walk(left, text)
+                return f**power, d**power
+        raise ValueError(text)
+
+
+def unit_table(data: Mapping[str, Any]) -> UnitTable:
+    """Build the table from the content of kb/units.yaml."""
+    units = {
+        name: Unit(
+            name, float(e["factor"]), Dimension.of(e["dimension"]), float(e.get("offset", 0))
+        )
+        for name, e in data["units"].items()
+    }
+    quantities = {n: Dimension.of(e["dimension"]) for n, e in data["quantities"].items()}
+    return UnitTable(units, quantities)

@@ -1,0 +1,242 @@
+"""Evaluate a ruleset on readings: flow estimates, residuals, and what may not be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import ObserverSpec, Ruleset
+from runtime.stationary import Stretches, systematic_u
+
+STUCK = 20
+"""Samples without any change after which a reading that used to vary counts as stuck."""
+
+MARGIN = 0.1
+"""Share of the calibrated range by which readings may leave it."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Operating points to judge: one per stretch or one per sample.
+
+    `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
+    systematic together; `bad` per signal (n,) flags with a reason in `why`.
+    """
+
+    values: Mapping[str, Array]
+    u: Mapping[str, Array]
+    bad: Mapping[str, np.ndarray]
+    why: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What the plan says about points.
+
+    Attributes
+    ----------
+    flows : shape (observers, n), m3/s.
+    gradients : shape (observers, inputs, n): derivative times standard uncertainty, m3/s.
+    valid : shape (observers, n).
+    residuals, residual_u : shape (residuals, n), m3/s.
+    extrapolated : shape (signals out of range, n) as table signal -> flags.
+    """
+
+    points: Points
+    flows: Array
+    gradients: Array
+    valid: np.ndarray
+    residuals: Array
+    residual_u: Array
+    extrapolated: Mapping[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return int(self.flows.shape[1])
+
+
+def check_readings(
+    recording: Recording, ruleset: Ruleset
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Flag readings that cannot be right, and say why.
+
+    Returns per signal flags, shape (n,), and the reason.
+    """
+    bad, why = {}, {}
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None:
+            continue
+        flags = ~np.isfinite(values)
+        reasons = ["no reading"] if flags.any() else []
+        low, high = signal.lowest, signal.highest
+        if low is not None and high is not None:
+            slack = 0.02 * (high - low)
+            with np.errstate(invalid="ignore"):
+                outside = (values < low - slack) | (values > high + slack)
+            if outside.any():
+                reasons.append("outside the sensor's range")
+            flags |= outside
+        if not signal.is_input:
+            stuck = _stuck(values)
+            if stuck.any():
+                reasons.append("stuck at one value")
+            flags |= stuck
+        bad[signal.id] = flags
+        why[signal.id] = " or ".join(reasons)
+    return bad, why
+
+
+def _stuck(values: Array) -> np.ndarray:
+    """Runs of exactly equal values in a reading that otherwise changes at every sample."""
+    same = np.concatenate([[False], np.diff(values) == 0])
+    flags = np.zeros(len(values), dtype=bool)
+    if len(values) <= STUCK:
+        return flags
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    long = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= STUCK]
+    for start, stop in long:
+        flags[start - 1 : stop] = True
+    rest = ~flags
+    usually_varies = rest.sum() > STUCK and np.mean(same[rest]) < 0.1
+    return flags if usually_varies else np.zeros(len(values), dtype=bool)
+
+
+def points_of_stretches(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
+) -> Points:
+    """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
+    bad, why = check_readings(recording, ruleset)
+    values, u, flags = {}, {}, {}
+    for signal in ruleset.signals:
+        readings = recording.values.get(signal.id)
+        if readings is None:
+            continue
+        usable = np.where(bad[signal.id], np.nan, readings)
+        sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(usable))])
+        counts = np.concatenate([[0], np.cumsum(np.isfinite(usable))])
+        total = sums[stretches.last] - sums[stretches.first]
+        number = counts[stretches.last] - counts[stretches.first]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = total / number
+            statistical = noise[signal.id] / np.sqrt(number)
+        flags[signal.id] = number < 0.5 * stretches.lengths
+        values[signal.id] = np.where(flags[signal.id], np.nan, mean)
+        u[signal.id] = np.hypot(systematic_u(signal, values[signal.id]), statistical)
+    return Points(values, u, flags, why)
+
+
+def points_of_samples(
+    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> Points:
+    """Every sample a point of its own."""
+    bad, why = check_readings(recording, ruleset)
+    values, u = {}, {}
+    for signal in ruleset.signals:
+        readings = recording.values.get(signal.id)
+        if readings is None:
+            continue
+        values[signal.id] = np.where(bad[signal.id], np.nan, readings)
+        u[signal.id] = np.hypot(systematic_u(signal, readings), noise[signal.id])
+    return Points(values, u, bad, why)
+
+
+def plan_inputs(points: Points) -> dict[str, Array | float]:
+    """Inputs of the plan: readings, their uncertainties, and all calibration uncertainty."""
+    inputs: dict[str, Array | float] = {**points.values}
+    inputs.update({f"u:{name}": u for name, u in points.u.items()})
+    inputs["u:parameters"] = 1.0
+    inputs["u:model"] = 1.0
+    return inputs
+
+
+def observe(ruleset: Ruleset, points: Points) -> Observed:
+    """Run the plan on points and decide which estimates may be used."""
+    names = [
+        n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "s", "guard", "R", "u")
+    ]
+    n = max((len(v) for v in points.values.values()), default=0)
+    inputs = plan_inputs(points)
+    results = ruleset.plan.select(names).run(inputs)
+    out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
+    observers = ruleset.observers
+    flows = np.array([out[f"q:{o.id}"] for o in observers])
+    valid = np.isfinite(flows)
+    for i, observer in enumerate(observers):
+        valid[i] &= _usable(ruleset, observer, points, out, n)
+    return Observed(
+        points,
+        flows,
+        _gradients(ruleset, out, n),
+        valid,
+        np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
+        np.array([out[f"u:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
+        _extrapolated(ruleset, points),
+    )
+
+
+def _usable(
+    ruleset: Ruleset, observer: ObserverSpec, points: Points, out: Mapping[str, Array], n: int
+) -> np.ndarray:
+    """Readings above their minimum, arguments of roots positive."""
+    usable = np.ones(n, dtype=bool)
+    with np.errstate(invalid="ignore"):
+        for guard in observer.guards:
+            usable &= out[guard.output] > 0
+        for signal in observer.signals:
+            minimum = ruleset.signal_by_id[signal].minimum
+            if minimum is not None and signal in points.values:
+                usable &= points.values[signal] >= minimum
+    return usable
+
+
+def _gradients(ruleset: Ruleset, out: Mapping[str, Array], n: int) -> Array:
+    """Dense table of scaled gradients; absent entries are zero."""
+    names = [n_ for n_ in out if n_.startswith("s:")]
+    inputs = {name.split(":", 2)[2] for name in names}
+    column = {name: i for i, name in enumerate(sorted(inputs))}
+    row = {o.id: i for i, o in enumerate(ruleset.observers)}
+    gradients = np.zeros((len(row), len(column), n))
+    for name in names:
+        _, observer, variable = name.split(":", 2)
+        gradients[row[observer], column[variable]] = out[name]
+    return gradients
+
+
+def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
+    """Signals that leave the range in which the plant was calibrated."""
+    used = {s for o in ruleset.observers for s in o.signals}
+    found = {}
+    for signal in ruleset.signals:
+        low, high = signal.valid_from, signal.valid_to
+        values = points.values.get(signal.id)
+        if values is None or low is None or high is None or signal.id not in used:
+            continue
+        slack = MARGIN * (high - low)
+        with np.errstate(invalid="ignore"):
+            flags = (values < low - slack) | (values > high + slack)
+        if flags.any():
+            found[signal.id] = flags
+    return found
+
+
+def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> str:
+    """Why an estimate cannot be used at a point, in words."""
+    spec = ruleset.observers[observer]
+    for name in spec.signals:
+        signal = ruleset.signal_by_id[name]
+        values = observed.points.values.get(name)
+        if values is None:
+            return f"{name} is not in the recording"
+        if not np.isfinite(values[point]):
+            return f"{name}: {observed.points.why.get(name) or 'no reading'}"
+        if signal.minimum is not None and values[point] < signal.minimum:
+            shown = (values[point] - signal.offset) / signal.factor
+            limit = (signal.minimum - signal.offset) / signal.factor
+            return f"{name} = {shown:.3g} {signal.unit} is below {limit:.3g} {signal.unit}"
+    if spec.guards:
+        return f"{spec.id}: {spec.guards[0].text} is not positive"
+    return f"{spec.id} has no value here"

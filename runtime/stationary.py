@@ -1,0 +1,107 @@
+"""Find the stretches in which the plant stands still enough to be judged.
+
+The relations of a ruleset hold for settled operation. A stretch ends where a reading jumps by more
+than its noise and its sensor's uncertainty explain; slow drift is no end. The noise is estimated
+from second differences, which neither steps nor slopes disturb (robustly: from their median).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset, SignalSpec
+
+SHORTEST = 3
+"""Samples a stretch must have; also the persistence that a finding needs."""
+
+LONGEST = 60
+"""Samples after which a stretch is cut, so that slow change is followed."""
+
+JUMP = 6.0
+"""A jump exceeds the noise of a difference by this factor."""
+
+GAP = 3.0
+"""A pause longer than this many sampling intervals ends a stretch."""
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Settled parts of a recording: samples ``first[i] : last[i]`` (last excluded)."""
+
+    first: np.ndarray
+    last: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """Samples of each stretch."""
+        return self.last - self.first
+
+
+def noise_of(values: Array) -> float:
+    """Standard deviation of white noise in a record, robust against steps and slopes.
+
+    A second difference of white noise has the variance 6 sigma^2; 1.4826 turns the median of
+    absolute values into a standard deviation of normal noise.
+    """
+    second = np.diff(values, 2)
+    second = second[np.isfinite(second)]
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if len(second) else 0.0
+
+
+def systematic_u(signal: SignalSpec, values: Array | float) -> Array:
+    """Systematic standard uncertainty of readings, SI."""
+    size = {
+        "full scale": signal.full_scale or 0.0,
+        "reading": np.abs(np.asarray(values) - signal.offset),
+        "value": 1.0,
+    }[signal.kind]
+    return signal.standard * np.asarray(size, dtype=float)
+
+
+def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Stretches:
+    """Settled stretches by all readings that some observer uses."""
+    n = len(recording)
+    breaks = np.zeros(n, dtype=bool)
+    breaks[0] = True
+    steps = np.diff(recording.time)
+    if n > 1:
+        breaks[1:] |= steps > GAP * np.median(steps)
+        breaks[1:] |= np.diff(recording.segment) != 0
+    used = {s for o in ruleset.observers for s in o.signals}
+    jumps = np.zeros(n, dtype=bool)
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None or signal.id not in used:
+            continue
+        level = np.nanmedian(np.abs(values)) if np.isfinite(values).any() else 0.0
+        floor = float(systematic_u(signal, level))
+        limit = max(JUMP * np.sqrt(2.0) * noise[signal.id], floor)
+        with np.errstate(invalid="ignore"):
+            jumps[1:] |= np.abs(np.diff(values)) > limit
+        blank = ~np.isfinite(values)
+        breaks[1:] |= blank[1:] != blank[:-1]
+    return _cut(breaks | jumps, jumps)
+
+
+def _cut(ends: np.ndarray, jumps: np.ndarray) -> Stretches:
+    """Runs between ends; the sample behind a jump may still average over it and is left out."""
+    starts = np.flatnonzero(ends)
+    stops = np.append(starts[1:], len(ends))
+    first, last = [], []
+    for start, stop in zip(starts, stops, strict=True):
+        begin = start + 1 if jumps[start] else start
+        pieces = max(1, -(-(stop - begin) // LONGEST))
+        edges = np.linspace(begin, stop, pieces + 1).astype(int)
+        for low, high in zip(edges[:-1], edges[1:], strict=True):
+            if high - low >= SHORTEST:
+                first.append(low)
+                last.append(high)
+    return Stretches(np.array(first, dtype=int), np.array(last, dtype=int))

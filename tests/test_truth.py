@@ -1,0 +1,238 @@
+"""The truth simulator obeys its physics, and is independent of what it tests."""
+
+import ast
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from tests.truth import (
+    NOISE_FREE,
+    RIGS,
+    TABLE_1,
+    Operation,
+    Plant,
+    Recording,
+    Run,
+    Sensing,
+    abc,
+    calibration_run,
+    fault_replay,
+    healthy_run,
+    leakage_replay,
+    mixing_rig,
+    possible_faults,
+    record,
+    write_csv,
+)
+from tests.truth.__main__ import main
+from tests.truth.units import RPM
+
+EXAMPLES = Path(__file__).parents[1] / "plants" / "abc" / "examples"
+LINE_STATIC, LINE_QUADRATIC, MIXER_QUADRATIC = 0.05, 5.2e-6, 3.5e-7  # bar, bar/(l/h)2
+
+
+def constant(plant: Plant, degrees: Mapping[str, float] = MappingProxyType({})) -> Recording:
+    """Noise-free recording of three samples, with the degrees of its faults."""
+    run = healthy_run(plant, 3)
+    faults = {name: np.full(3, degree) for name, degree in degrees.items()}
+    return record(Run(plant, run.operation, faults), NOISE_FREE)
+
+
+def line_loss(recording: Recording, module: str = "A") -> np.ndarray:
+    """Loss of a module's line in the plant abc, bar."""
+    return recording.readings[f"{module}.dp [bar]"] - recording.readings["C.dp [bar]"]
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_continuity_holds_in_every_rig(rig: str) -> None:
+    """The flow of each mixer is the sum over the modules upstream, with leaks and throttles."""
+    plant = RIGS[rig]()
+    calibration = calibration_run(plant)
+    leak = {f"{name}.leakage": np.full(300, 0.3) for name in plant.modules}
+    truth = record(Run(plant, calibration.operation, leak), NOISE_FREE).truth
+    for mixer in plant.mixers:
+        upstream = [f"{m}.Q [l/h]" for m in plant.modules if mixer in plant.path(m)]
+        assert sum(truth[m] for m in upstream) == pytest.approx(truth[f"{mixer}.Q [l/h]"])
+
+
+def test_pressure_balance_in_series() -> None:
+    """A pump sees its line and both mixers downstream; the module of M2 sees M2 only."""
+    shown = constant(mixing_rig()).readings
+    for module, mixers in (("A", ("M1", "M2")), ("E", ("M2",))):
+        line = LINE_STATIC + LINE_QUADRATIC * shown[f"{module}.Q [l/h]"] ** 2
+        expected = line + sum(shown[f"{mixer}.dp [bar]"] for mixer in mixers)
+        assert expected == pytest.approx(shown[f"{module}.dp [bar]"], rel=1e-10)
+
+
+def test_operating_point_near_the_published_parameters() -> None:
+    """Progressive cavity pump at 900 rpm: about 519 l/h, 1.78 bar, 149 W (method.md, 5)."""
+    shown = constant(abc()).readings
+    assert 519.0 == pytest.approx(shown["A.Q [l/h]"][0], abs=1.0)
+    assert 1.78 == pytest.approx(shown["A.dp [bar]"][0], abs=0.05)
+    assert 149.0 == pytest.approx(shown["A.P_el [W]"][0], abs=1.0)
+
+
+@pytest.mark.parametrize("rig", ["abc", "abc-membrane", "abc-centrifugal"])
+def test_pump_laws_hold_at_the_solution(rig: str) -> None:
+    """The pump laws, written out in trade units, give flow and power at the solved pressure."""
+    shown = {name: value[0] for name, value in constant(RIGS[rig]()).readings.items()}
+    n, dp, flow = shown["A.n [rpm]"], shown["A.dp [bar]"], shown["A.Q [l/h]"]
+    large = flow / 0.15
+    match rig:
+        case "abc":
+            law, power = 0.6 * n - 6 - 0.01 * n - 2 * dp**2, 25 + 0.095 * n + n * dp / 42
+        case "abc-membrane":
+            law, power = 3 * n - 2 - 0.02 * n - 6 * dp, 20 + 0.25 * n + n * dp * 5 / 39
+        case _:
+            law, power = flow, 0.15 * (188.3 + 0.03228 * large - 1.268e-6 * large**2)
+            assert 1.111 - 1.713e-5 * large - 6.84e-9 * large**2 == pytest.approx(dp)
+    assert law == pytest.approx(flow, rel=1e-10)
+    assert power == pytest.approx(shown["A.P_el [W]"], rel=1e-10)
+
+
+def test_affinity_scaling() -> None:
+    """At half speed and a quarter of the pressure, flow halves and power is an eighth."""
+    pump = RIGS["abc-centrifugal"]().modules["A"].pump
+    speed, flow = np.array([40.0, 20.0]), np.array([1e-4, 5e-5])
+    pressure = -pump.imbalance(speed, flow, np.zeros(2))[0]
+    power = pump.power(speed, flow, pressure)
+    assert (0.25, 0.125) == pytest.approx((pressure[1] / pressure[0], power[1] / power[0]))
+
+
+@pytest.mark.parametrize("rig", ["abc", "abc-membrane", "abc-centrifugal"])
+@pytest.mark.parametrize("degree", [0.05, 0.2, 0.8])
+def test_leakage_removes_its_share_of_the_pump_flow(rig: str, degree: float) -> None:
+    """Net flow is (1 - x) of the pump's flow; power stays on the pump's curve."""
+    plant = RIGS[rig]()
+    leaking = constant(plant, {"A.leakage": degree})
+    pump_flow = leaking.truth["A.Q_pump [l/h]"]
+    assert (1 - degree) * pump_flow == pytest.approx(leaking.readings["A.Q [l/h]"], rel=1e-12)
+    assert np.all(pump_flow > constant(plant).truth["A.Q_pump [l/h]"])
+
+
+@pytest.mark.parametrize(("kind", "sign"), [("clogging", 1), ("widening", -1)])
+def test_clogging_and_widening_change_the_loss_at_the_same_flow(kind: str, sign: int) -> None:
+    """The friction part changes by the degree, the static part does not."""
+    faulty = constant(abc(), {f"A.{kind}": 0.4, f"C.{kind}": 0.3})
+    flow_a = faulty.readings["A.Q [l/h]"]
+    line = LINE_STATIC + (1 + sign * 0.4) * LINE_QUADRATIC * flow_a**2
+    assert line == pytest.approx(line_loss(faulty), rel=1e-10)
+    mixer = (1 + sign * 0.3) * MIXER_QUADRATIC * faulty.truth["C.Q [l/h]"] ** 2
+    assert mixer == pytest.approx(faulty.readings["C.dp [bar]"], rel=1e-10)
+
+
+def test_sensor_faults_change_their_reading_only() -> None:
+    """High and low multiply one reading; nothing else moves."""
+    healthy, faulty = (constant(abc(), x) for x in ({}, {"A.dp.high": 0.2, "B.P_el.low": 0.1}))
+    scale = {"A.dp [bar]": 1.2, "B.P_el [W]": 0.9}
+    for name, reading in healthy.readings.items():
+        assert scale.get(name, 1.0) * reading == pytest.approx(faulty.readings[name], rel=1e-12)
+
+
+def test_statistical_and_systematic_parts() -> None:
+    """One systematic offset per sensor and recording; bound / 2 over many recordings."""
+    run = healthy_run(abc(), 2000)
+    true = record(run, NOISE_FREE).readings["A.P_el [W]"]
+    both, fixed, scatter = (
+        record(run, sensing, seed=7).readings["A.P_el [W]"] - true
+        for sensing in (TABLE_1, Sensing(statistical=0.0), Sensing(systematic=False))
+    )
+    assert 0.0 == pytest.approx(np.ptp(fixed), abs=1e-9)
+    assert 0.3 * 5.0 == pytest.approx(scatter.std(), rel=0.05)
+    assert fixed + scatter == pytest.approx(both, abs=1e-9)
+    short = healthy_run(abc(), 1)
+    offsets = [
+        record(short, Sensing(statistical=0.0), seed).readings["A.P_el [W]"][0] - true[0]
+        for seed in range(500)
+    ]
+    assert 5.0 == pytest.approx(np.std(offsets), rel=0.1)
+
+
+def test_quantised_readings_are_whole_steps() -> None:
+    """Power is shown in whole watts."""
+    power = record(healthy_run(abc()), Sensing(quantised=True)).readings["A.P_el [W]"]
+    assert np.round(power) == pytest.approx(power, abs=1e-9)
+
+
+def test_determined_by_seed(tmp_path: Path) -> None:
+    """Same seed, same bytes; another seed, other bytes."""
+    run = leakage_replay(abc())
+    for name, seed in (("one", 1), ("again", 1), ("other", 2)):
+        write_csv(tmp_path / name, record(run, seed=seed).readings)
+    one, again, other = ((tmp_path / name).read_bytes() for name in ("one", "again", "other"))
+    assert one == again
+    assert one != other
+
+
+def test_leakage_replay_plateaus() -> None:
+    """Healthy for 10 s, then plateaus of 10 s with a healthy one after each."""
+    degree = record(leakage_replay(abc())).truth["A.leakage [1]"]
+    assert [0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0] == degree[::10].tolist()
+    assert np.all(degree.reshape(8, 10) == degree[::10, None])
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_calibration_varies_pressure_apart_from_speed(rig: str) -> None:
+    """The throttle shifts the pressure at every speed; mixers read only when fitted."""
+    plant = RIGS[rig]()
+    shown = record(calibration_run(plant), NOISE_FREE).readings
+    for module in plant.modules:
+        bench = shown[f"{module}.dp [bar]"][:150:10].reshape(3, 5)
+        assert np.all(np.diff(bench, axis=0) > 0.01)  # the sensor's bound
+    for mixer in plant.mixers:
+        reading = shown[f"{mixer}.dp [bar]"]
+        assert ([150, 0], True) == (
+            [int(np.isnan(part).sum()) for part in (reading[:150], reading[150:])],
+            bool(np.nanmax(reading) < 2.0),
+        )
+
+
+def test_many_samples_at_once() -> None:
+    """1e5 different operating points of the five-module rig are solved in one call."""
+    plant, samples = mixing_rig(), 100_000
+    ratio = np.linspace(0.85, 1.15, samples)
+    speed = {name: module.speed * ratio for name, module in plant.modules.items()}
+    recording = record(Run(plant, Operation(np.arange(float(samples)), speed)), NOISE_FREE)
+    assert np.all(np.diff(recording.truth["M2.Q [l/h]"]) > 0)
+
+
+def test_impossible_requests_are_refused() -> None:
+    """A weak pump, an unknown fault, a degree out of range: each with its name in the message."""
+    plant = RIGS["abc-centrifugal"]()
+    slow = {"A": np.full(3, 300 * RPM), "B": np.full(3, 900 * RPM)}
+    with pytest.raises(ValueError, match="module 'A' cannot overcome"):
+        record(Run(plant, Operation(np.arange(3.0), slow)))
+    with pytest.raises(ValueError, match=r"no fault 'C\.leakage'"):
+        constant(abc(), {"C.leakage": 0.1})
+    with pytest.raises(ValueError, match=r"'A\.widening' needs 3 degrees"):
+        constant(abc(), {"A.widening": 1.0})
+    with pytest.raises(RuntimeError, match="operating point not found for 3 of 3"):
+        record(Run(plant, Operation(np.arange(3.0), slow | {"A": np.full(3, np.nan)})))
+
+
+def test_every_fault_can_be_replayed() -> None:
+    """All faults of the plant abc run, the eighteen of the paper among them."""
+    names = possible_faults(abc())
+    for name in names:
+        assert 80 == record(fault_replay(abc(), name)).truth[f"{name} [1]"].size
+    assert {"A.leakage", "C.clogging", "B.P_el.low", "C.dp.high"} <= set(names)
+
+
+def test_shipped_examples_are_those_the_command_makes(tmp_path: Path) -> None:
+    """`examples` reproduces the files of plants/abc/examples, byte for byte."""
+    main(["examples", "-o", str(tmp_path)])
+    made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert made == {name: (EXAMPLES / name).read_bytes() for name in made}
+    assert 60_000 > max(len(content) for content in made.values())
+
+
+def test_shares_no_code_with_what_it_tests() -> None:
+    """No source of the simulator imports rulec or runtime."""
+    for path in (Path(__file__).parent / "truth").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in getattr(node, "names", []) if hasattr(alias, "name")]
+            names.append(getattr(node, "module", None) or "")
+            assert not {name.partition(".")[0] for name in names} & {"rulec", "runtime"}

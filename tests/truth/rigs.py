@@ -1,0 +1,75 @@
+"""Ready plants with the parameters of method.md, section 5."""
+
+from collections.abc import Callable, Mapping
+
+from .plant import DosingModule, Line, Mixer, Plant
+from .pumps import centrifugal, membrane, progressive_cavity
+from .units import BAR, LITRE_PER_HOUR, RPM
+
+DOSING_LINE = Line(static=0.05 * BAR, quadratic=5.2e-6 * BAR / LITRE_PER_HOUR**2)
+MIXER = Mixer(quadratic=3.5e-7 * BAR / LITRE_PER_HOUR**2)  # DN15
+# DN25 with the same loss factor: (15/25)^4 of the loss. All five flows of the mixing rig through
+# a DN15 mixer would lose 2 bar, more than the centrifugal pump can lift.
+WIDE_MIXER = Mixer(quadratic=MIXER.quadratic * (15.0 / 25.0) ** 4)
+
+
+def dosing_module(pump: str = "pcp") -> DosingModule:
+    """Dosing module by pump type: `pcp`, `membrane` or `centrifugal`.
+
+    The gear ratio of the membrane pump is assumed: with +-8 rpm taken at the stroke counter, its
+    speed would be known to 7 % only. The centrifugal pump's speeds lie close together as its
+    head falls with their square; it needs strong throttling as its curve is flat.
+    """
+    match pump:
+        case "pcp":
+            return DosingModule(
+                progressive_cavity(), DOSING_LINE, 900.0 * RPM, 400.0 * RPM, 1300.0 * RPM
+            )
+        case "membrane":
+            return DosingModule(
+                membrane(), DOSING_LINE, 120.0 * RPM, 60.0 * RPM, 160.0 * RPM, gear_ratio=10.0
+            )
+        case "centrifugal":
+            return DosingModule(
+                centrifugal(), DOSING_LINE, 2650.0 * RPM, 2000.0 * RPM, 3000.0 * RPM,
+                throttles=(0.0, 2.0, 10.0),
+            )
+    raise ValueError(f"no pump type '{pump}'; known: pcp, membrane, centrifugal")
+
+
+def abc(pump_a: str = "pcp", pump_b: str = "pcp") -> Plant:
+    """A and B feed mixer C."""
+    modules = {"A": dosing_module(pump_a), "B": dosing_module(pump_b)}
+    return Plant(modules, {"C": MIXER}, {"A": "C", "B": "C", "C": None})
+
+
+def three() -> Plant:
+    """A, B and C feed one mixer M."""
+    modules = {name: dosing_module() for name in "ABC"}
+    return Plant(modules, {"M": MIXER}, {"A": "M", "B": "M", "C": "M", "M": None})
+
+
+def series() -> Plant:
+    """A and B feed M1; M1 and C feed M2."""
+    downstream = {"A": "M1", "B": "M1", "C": "M2", "M1": "M2", "M2": None}
+    return Plant(
+        {name: dosing_module() for name in "ABC"}, {"M1": MIXER, "M2": MIXER}, downstream
+    )
+
+
+def mixing_rig() -> Plant:
+    """The paper's rig: A, B, C feed M1; M1, D (membrane), E (centrifugal) feed M2."""
+    modules = {name: dosing_module() for name in "ABC"}
+    modules |= {"D": dosing_module("membrane"), "E": dosing_module("centrifugal")}
+    downstream = {"A": "M1", "B": "M1", "C": "M1", "D": "M2", "E": "M2", "M1": "M2", "M2": None}
+    return Plant(modules, {"M1": MIXER, "M2": WIDE_MIXER}, downstream)
+
+
+RIGS: Mapping[str, Callable[[], Plant]] = {
+    "abc": abc,
+    "abc-centrifugal": lambda: abc(pump_a="centrifugal"),
+    "abc-membrane": lambda: abc(pump_a="membrane"),
+    "mixing-rig": mixing_rig,
+    "series": series,
+    "three": three,
+}

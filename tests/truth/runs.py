@@ -1,0 +1,91 @@
+"""Ready runs: fault-free, stepped faults, and a maker's calibration. One sample per second."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .faults import Faults
+from .plant import DosingModule, Operation, Plant
+from .units import Array
+
+HOLD = 10  # samples per plateau, s
+# Steps back to zero between the plateaus: the healthy state is seen again after each fault.
+DEGREES = (0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A plant, how it is run, and what is wrong with it."""
+
+    plant: Plant
+    operation: Operation
+    faults: Faults = field(default_factory=dict)
+
+
+def healthy_run(plant: Plant, samples: int = 60) -> Run:
+    """Fault-free at nominal speed."""
+    return Run(plant, _nominal(plant, samples))
+
+
+def fault_replay(
+    plant: Plant, fault: str, degrees: Sequence[float] = DEGREES, hold: int = HOLD
+) -> Run:
+    """One fault in plateaus of `hold` samples at nominal speed."""
+    degree = np.repeat(np.asarray(degrees, dtype=np.float64), hold)
+    return Run(plant, _nominal(plant, degree.size), {fault: degree})
+
+
+def leakage_replay(plant: Plant, module: str = "A") -> Run:
+    """Leakage 0, 0.2, 0, 0.4, 0, 0.6, 0, 0, each 10 s. Source: method.md, section 4."""
+    return fault_replay(plant, f"{module}.leakage")
+
+
+def calibration_run(
+    plant: Plant, speeds: int = 5, mixer_points: int = 15, hold: int = HOLD
+) -> Run:
+    """Fault-free run as a maker does it, with the flow meter as reference.
+
+    First every module stands alone on a bench, side by side: each speed with each throttle,
+    which is closed further at lower speed, so that the pressure varies independently of the
+    speed. No mixer is fitted there, so mixer readings are empty, and the line's own loss cannot
+    be told from the throttle's.
+    Then the modules run on the plant without throttle, speeds spread evenly over the ranges: this
+    varies the flows of all mixers, and the back-pressure of a module independently of its flow.
+    In every row all relations hold whose signals are given.
+    """
+    settings = min(len(module.throttles) for module in plant.modules.values())
+    position = np.tile(np.linspace(0.0, 1.0, speeds), settings)
+    bench = position.size * hold
+    speed, throttle = {}, {}
+    for k, (name, module) in enumerate(plant.modules.items()):
+        on_bench = _speed_at(module, position)
+        on_plant = _speed_at(module, _spread(mixer_points, k))
+        setting = np.repeat(module.throttles[:settings], speeds)
+        closed = setting * module.line.quadratic * (module.fastest / on_bench) ** 2
+        speed[name] = np.repeat(np.concatenate([on_bench, on_plant]), hold)
+        throttle[name] = np.repeat(np.concatenate([closed, np.zeros(mixer_points)]), hold)
+    time = np.arange(bench + mixer_points * hold, dtype=np.float64)
+    return Run(plant, Operation(time, speed, throttle, on_bench=time < bench))
+
+
+def _nominal(plant: Plant, samples: int) -> Operation:
+    """All modules at nominal speed."""
+    speed = {name: np.full(samples, module.speed) for name, module in plant.modules.items()}
+    return Operation(np.arange(samples, dtype=np.float64), speed)
+
+
+def _speed_at(module: DosingModule, position: Array) -> Array:
+    """Speed, rev/s, at positions 0 (slowest) to 1 (fastest)."""
+    return module.slowest + position * (module.fastest - module.slowest)
+
+
+def _spread(points: int, axis: int) -> Array:
+    """Coordinates in 0..1 of evenly spread points, a different sequence for each axis.
+
+    Source: Kronecker sequence with the square roots of primes, which are irrational.
+    """
+    prime = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)[axis]
+    position: Array = np.mod(0.5 + np.arange(points) * math.sqrt(prime), 1.0)
+    return position

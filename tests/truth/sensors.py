@@ -1,0 +1,93 @@
+"""Sensors of Table 1: one systematic error per recording, a statistical one per sample.
+
+A sensor is the border between SI and trade units: bounds and steps are in the unit it shows.
+"""
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from .units import BAR, LITRE_PER_HOUR, MILLIMETRE, RPM, ZERO_CELSIUS, Array
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Uncertainty and display of one kind of sensor.
+
+    Attributes
+    ----------
+    unit : str; `scale`, `offset` : float; SI value = shown * scale + offset
+    bound : float; in the shown unit, or a fraction of the measured value if `relative`
+    step : float; resolution in the shown unit, used when readings are quantised
+    """
+
+    unit: str
+    scale: float
+    bound: float
+    step: float
+    offset: float = 0.0
+    relative: bool = False
+
+    def shown(self, value: Array) -> Array:
+        """Convert from SI to the unit shown."""
+        return (value - self.offset) / self.scale
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Which errors the readings carry.
+
+    Attributes
+    ----------
+    systematic : bool; standard deviation = bound / 2
+    statistical : float; standard deviation of a 1 s mean over that of the systematic error;
+        0.3 is an assumption, the paper publishes only the systematic bounds
+    quantised : bool; round to the sensor's step
+    """
+
+    systematic: bool = True
+    statistical: float = 0.3
+    quantised: bool = False
+
+
+TABLE_1 = Sensing()
+NOISE_FREE = Sensing(systematic=False, statistical=0.0)
+
+
+def _pressure_sensor(full_scale: float) -> Sensor:
+    """Piezoresistive, +-0.1 % of full scale (bar); 16 bit converter assumed."""
+    return Sensor("bar", BAR, bound=0.001 * full_scale, step=full_scale / 2**16)
+
+
+# Bounds: Wetterich 2025, Table 1; full scales: method.md, section 5; steps assumed.
+DOSING_SIGNALS = {
+    "n": Sensor("rpm", RPM, bound=8.0, step=1.0),
+    "dp": _pressure_sensor(10.0),
+    "P_el": Sensor("W", 1.0, bound=10.0, step=1.0),
+    "Q": Sensor("l/h", LITRE_PER_HOUR, bound=0.004, step=0.1, relative=True),
+    "T": Sensor("degC", 1.0, bound=0.2, step=0.1, offset=ZERO_CELSIUS),
+    "l": Sensor("mm", MILLIMETRE, bound=0.5, step=0.1),
+}
+MIXER_SIGNALS = {"dp": _pressure_sensor(2.0)}
+
+
+def read(sensor: Sensor, place: str, value: Array, sensing: Sensing, seed: int) -> Array:
+    """Reading of the sensor at `place` (such as `A.dp`), in the unit it shows.
+
+    Each sensor has its own random stream, made from seed and place, and always draws both parts.
+    So a switched-off part or an added module leaves every other error as it was.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n,), SI
+
+    Source: bound taken as two standard deviations (GUM, coverage factor 2), method.md, section 2.
+    """
+    generator = np.random.default_rng([seed, zlib.crc32(place.encode())])
+    systematic, statistical = generator.standard_normal(), generator.standard_normal(value.size)
+    shown = sensor.shown(value)
+    deviation = 0.5 * sensor.bound * (np.abs(shown) if sensor.relative else 1.0)
+    error = sensing.systematic * systematic + sensing.statistical * statistical
+    reading: Array = shown + deviation * error
+    return np.round(reading / sensor.step) * sensor.step if sensing.quantised else reading
