@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from rulec.check_knowledge import check_knowledge, origin_of, read_unit
+from rulec.check_knowledge import check_knowledge
 from rulec.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.document import Document
 from rulec.knowledge import Knowledge, ModuleType, Parameter
+from rulec.part_readers import origin_of, read_unit
 from rulec.plant import Block, Column, Module, Plant
 from rulec.read import Sources
 from rulec.units import Unit
@@ -45,7 +46,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         time_column,
         knowledge,
         sources.digest(),
-        origin_of(document, "plant"),
+        document.place("plant"),
     )
 
 
@@ -107,13 +108,15 @@ class _PlantReader:
         known = kind.parameters.get(key)
         if known is None:
             hint = did_you_mean(key, kind.parameters)
-            self._report(document.key(*path), "KB072", f"'{kind.name}' has no parameter '{key}'", hint)
+            self._report(
+                document.key(*path), "KB072", f"'{kind.name}' has no parameter '{key}'", hint
+            )
             return None
         unit = read_unit(document, (*path, "unit"), self.knowledge.units, self.found)
         if unit.dimension != known.unit.dimension:
             message = f"'{key}' is in {known.unit.text}; '{unit.text}' does not fit"
-            second = Place(known.origin.file, known.origin.line)
-            self._report(document.place(*path, "unit"), "KB073", message, "", second)
+            hint = f"declared in {known.origin.file}:{known.origin.line}"
+            self._report(document.place(*path, "unit"), "KB073", message, hint)
         u = value.get("u", 0.0) * unit.factor
         origin = origin_of(document, *path, source=source)
         return replace(known, value=unit.to_si(value["value"]), u=u, unit=unit, origin=origin)
@@ -146,7 +149,7 @@ class _PlantReader:
         module: Module,
     ) -> Module:
         parameters = dict(module.parameters)
-        source = f"calibration {document.path}"
+        source = f"calibration {document.label}"
         for key, value in part.get("parameters", {}).items():
             where = (*path, "parameters", key)
             changed = self._value(document, where, value, module.type, key, source)
@@ -158,7 +161,9 @@ class _PlantReader:
         ]
         misfit = {}
         for key, value in part.get("misfit", {}).items():
-            unit = read_unit(document, (*path, "misfit", key, "unit"), self.knowledge.units, self.found)
+            unit = read_unit(
+                document, (*path, "misfit", key, "unit"), self.knowledge.units, self.found
+            )
             misfit[key] = value["value"] * unit.factor
             if key not in module.type.observers:
                 hint = did_you_mean(key, module.type.observers)
@@ -166,7 +171,9 @@ class _PlantReader:
                 self._report(place, "KB076", f"there is no observer '{key}'", hint)
         valid = {}
         for key, value in part.get("range", {}).items():
-            unit = read_unit(document, (*path, "range", key, "unit"), self.knowledge.units, self.found)
+            unit = read_unit(
+                document, (*path, "range", key, "unit"), self.knowledge.units, self.found
+            )
             valid[key] = (unit.to_si(value["from"]), unit.to_si(value["to"]))
             if key not in module.type.signals:
                 hint = did_you_mean(key, module.type.signals)
@@ -207,7 +214,9 @@ class _PlantReader:
         try:
             factor = np.linalg.cholesky(normal + 1e-12 * np.eye(len(names)))
         except np.linalg.LinAlgError:
-            self._report(place, "KB079", "this covariance is not positive", "a variance is below 0?")
+            self._report(
+                place, "KB079", "this covariance is not positive", "a variance is below 0?"
+            )
             return None
         factor = factor * (spread * scale)[:, None]
         return Block(names, tuple(tuple(float(v) for v in row) for row in factor))
@@ -252,7 +261,9 @@ class _PlantReader:
             source, entries = row[0].strip(), [c.strip() for c in row[1:]]
             legal = source in modules and len(entries) == len(names)
             if not legal or any(e not in ("", "0", "1") for e in entries):
-                message = f"the adjacency matrix row '{source[:40]}' is not {len(names)} times 0 or 1"
+                message = (
+                    f"the adjacency matrix row '{source[:40]}' is not {len(names)} times 0 or 1"
+                )
                 self._report(place, "KB083", message)
                 continue
             result += [(source, n) for n, e in zip(names, entries, strict=True) if e == "1"]

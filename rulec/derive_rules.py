@@ -132,9 +132,7 @@ def _uncertainty(
         spread = graph.mul(excess, graph.add(slope.variance, change))
         slope_part = graph.mul(excess, graph.sub(spread, slope.twice_with_residual))
     scaled_part = graph.mul(ratio, graph.add(graph.mul(ratio, scaled.variance), with_scaled))
-    variance = graph.sum(
-        [assembly.residual_variances[cell.residual], slope_part, scaled_part]
-    )
+    variance = graph.sum([assembly.residual_variances[cell.residual], slope_part, scaled_part])
     outer = graph.apply("abs", graph.div(graph.lower(by_excess, at), mu))
     return graph.mul(outer, graph.apply("sqrt", variance))
 

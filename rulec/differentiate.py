@@ -154,9 +154,7 @@ def _table(
     for definition in kind.definitions.values():
         name = definition.name
         table[name] = (
-            replaced[name]
-            if name in replaced
-            else to_sympy(definition.expression, table, gathered)
+            replaced[name] if name in replaced else to_sympy(definition.expression, table, gathered)
         )
     return table
 

@@ -34,11 +34,13 @@ Path_ = tuple[str | int, ...]
 class Document:
     """A YAML file as plain data plus where each part stands.
 
-    `data` holds dict, list, str, int, float, bool, None. `values` and `keys` map a path such as
+    `path` is how the user names the file, `label` how a ruleset does: with its last folders, so
+    that a ruleset does not depend on where it was compiled. `data` holds dict, list, str, int, float, bool, None. `values` and `keys` map a path such as
     ``("signals", "dp", "unit")`` to the place of the value and of its key.
     """
 
     path: str
+    label: str
     data: Any
     values: Mapping[Path_, Place] = field(repr=False)
     keys: Mapping[Path_, Place] = field(repr=False)
@@ -90,7 +92,7 @@ def parse_document(name: str, text: str) -> tuple[Document | None, list[Diagnost
     data = builder.build(node, ())
     if builder.found:
         return None, builder.found
-    return Document(name, data, builder.values, builder.keys), []
+    return Document(name, _label(name), data, builder.values, builder.keys), []
 
 
 class _Unwanted(Exception):
@@ -193,6 +195,16 @@ def _length(node: Any) -> int:
     if node.start_mark.line == node.end_mark.line:
         return max(1, node.end_mark.column - node.start_mark.column)
     return 1
+
+
+def _label(path: str) -> str:
+    """The part of a path from `kb` or `plants` on, or its last two parts."""
+    parts = Path(path).resolve().parts
+    for root in ("kb", "plants"):
+        if root in parts:
+            start = len(parts) - 1 - parts[::-1].index(root)
+            return "/".join(parts[start:])
+    return "/".join(parts[-2:])
 
 
 def _display(path: Path) -> str:

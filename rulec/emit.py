@@ -56,9 +56,7 @@ def emit(isolability: Isolability) -> contract.Ruleset:
             )
             for rule in rules.rules
         ),
-        tuple(
-            contract.AmbiguousGroup(g.faults, g.kind, g.advice) for g in isolability.groups
-        ),
+        tuple(contract.AmbiguousGroup(g.faults, g.kind, g.advice) for g in isolability.groups),
         isolability.unobserved,
         _parameters(plant),
         assembly.graph.plan(),
@@ -74,9 +72,7 @@ def _signals(plant: Plant, signatures: Signatures) -> tuple[contract.SignalSpec,
     )
 
 
-def _signal(
-    plant: Plant, module: Module, signal: Signal, reference: float
-) -> contract.SignalSpec:
+def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> contract.SignalSpec:
     sensor = plant.knowledge.sensors[signal.sensor]
     low, high = module.valid.get(signal.name, (None, None))
     return contract.SignalSpec(
@@ -98,9 +94,7 @@ def _signal(
     )
 
 
-def _observers(
-    assembly: Assembly, signatures: Signatures
-) -> tuple[contract.ObserverSpec, ...]:
+def _observers(assembly: Assembly, signatures: Signatures) -> tuple[contract.ObserverSpec, ...]:
     plant = assembly.residuals.network.plant
     signals = {f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals}
     result = []

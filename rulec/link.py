@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from rulec.diagnostics import Diagnostic, Place, Refused
+from rulec.diagnostics import Diagnostic, Refused
 from rulec.plant import Plant
 
 
@@ -51,9 +51,8 @@ def link(plant: Plant) -> Network:
     network = Network(plant, balances, gathers, _sums(plant, balances))
     observers = sum(len(m.type.observers) for m in plant.modules.values())
     if not observers:
-        place = Place(plant.origin.file, plant.origin.line)
         message = "no module of this plant has an observer; nothing can be compared"
-        raise Refused([Diagnostic(place, "KB087", message, "give a module type an observer")])
+        raise Refused([Diagnostic(plant.place, "KB087", message, "give a module type an observer")])
     return network
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec.knowledge import Knowledge, ModuleType, Origin, Parameter
+from rulec.diagnostics import Place
+from rulec.knowledge import Knowledge, ModuleType, Parameter
 
 
 @dataclass(frozen=True)
@@ -56,4 +57,4 @@ class Plant:
     time_column: str
     knowledge: Knowledge
     digest: str
-    origin: Origin
+    place: Place

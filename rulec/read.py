@@ -120,7 +120,10 @@ def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
 
 
 def _read_kb(
-    kb: Path, found: list[Diagnostic], wanted: set[str] | None, skip: set[Path] = frozenset()  # type: ignore[assignment]
+    kb: Path,
+    found: list[Diagnostic],
+    wanted: set[str] | None,
+    skip: set[Path] = frozenset(),  # type: ignore[assignment]
 ) -> tuple[Document | None, dict[str, tuple[Document, ...]]]:
     """Read the knowledge base; of modules only the wanted types (None: all)."""
     units: Document | None = None
@@ -192,9 +195,7 @@ def _read_reference(
     return _read(path, kind, found, kb)
 
 
-def _read_adjacency(
-    plant: Document, file: Path, found: list[Diagnostic]
-) -> tuple[str, str] | None:
+def _read_adjacency(plant: Document, file: Path, found: list[Diagnostic]) -> tuple[str, str] | None:
     name = plant.data.get("adjacency")
     if name is None:
         return None

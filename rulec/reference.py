@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 import scipy.sparse.linalg as linalg
 
 from rulec.assemble import MODEL, PARAMETERS, Assembly
-from rulec.diagnostics import Diagnostic, Place, Refused
+from rulec.diagnostics import Diagnostic, Refused
 from rulec.link import Network
 from runtime.plan import Array, Plan
 
@@ -46,10 +46,9 @@ def solve_reference(assembly: Assembly) -> dict[str, float]:
             return readings
     if size < 1e-9:
         return readings
-    place = Place(network.plant.origin.file, network.plant.origin.line)
     message = "no fault-free operating point was found near the reference readings"
     hint = "give each module 'reference: {...}' with readings that fit together"
-    raise Refused([Diagnostic(place, "KB088", message, hint)])
+    raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
 
 
 def _start(assembly: Assembly) -> tuple[dict[str, float], list[str]]:
@@ -141,4 +140,3 @@ def _step(
     solution = linalg.spsolve(system, np.concatenate([np.zeros(unknowns), right]))
     change: Array = solution[: len(free)] * scale
     return change
-

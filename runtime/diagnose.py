@@ -106,9 +106,7 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
         period = Period(
             float(recording.time[0]), float(recording.time[-1]), "no settled stretch was found"
         )
-        return Diagnosis(
-            ruleset, mode, len(recording), 0, "C", (), (), (period,), tuple(notes)
-        )
+        return Diagnosis(ruleset, mode, len(recording), 0, "C", (), (), (period,), tuple(notes))
     observed = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
     isolation = isolate(ruleset, observed)
     if mode == "paper":
@@ -152,9 +150,7 @@ def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Iso
     )
 
 
-def _verdict(
-    ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int
-) -> _Verdict:
+def _verdict(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> _Verdict:
     """What one stretch says."""
     if not isolation.judged[point]:
         return _Verdict("blind", -1, _why_blind(ruleset, observed, point))
@@ -191,9 +187,7 @@ def _outside(ruleset: Ruleset, observed: Observed, name: str, point: int) -> str
     )
 
 
-def _unexplained(
-    ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int
-) -> str:
+def _unexplained(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> str:
     ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
     ratio[~np.isfinite(ratio)] = 0.0
     fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > THRESHOLD][:3]
@@ -321,9 +315,7 @@ def _evidence(
     return tuple(rows)
 
 
-def _readings(
-    ruleset: Ruleset, observed: Observed, point: int
-) -> tuple[tuple[str, float], ...]:
+def _readings(ruleset: Ruleset, observed: Observed, point: int) -> tuple[tuple[str, float], ...]:
     used = {s for o in ruleset.observers for s in o.signals}
     return tuple(
         (s.id, float(observed.points.values[s.id][point]))

@@ -258,9 +258,7 @@ class _Test:
             degree = new
         return degree, effect, residuals
 
-    def _widened(
-        self, fault: FaultSpec, undone: Undone, degree: Array, places: list[int]
-    ) -> Array:
+    def _widened(self, fault: FaultSpec, undone: Undone, degree: Array, places: list[int]) -> Array:
         """Covariance plus the tolerance of the fault: a real one never looks quite like its law.
 
         Each observer's own part of the effect may be off by the tolerance, independently.

@@ -129,9 +129,7 @@ def points_of_stretches(
     return Points(values, u, flags, why)
 
 
-def points_of_samples(
-    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
-) -> Points:
+def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
     """Every sample a point of its own."""
     bad, why = check_readings(recording, ruleset)
     values, u = {}, {}
@@ -155,9 +153,7 @@ def plan_inputs(points: Points) -> dict[str, Array | float]:
 
 def observe(ruleset: Ruleset, points: Points) -> Observed:
     """Run the plan on points and decide which estimates may be used."""
-    names = [
-        n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "s", "guard", "R", "u")
-    ]
+    names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "s", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
     inputs = plan_inputs(points)
     results = ruleset.plan.select(names).run(inputs)

@@ -1,0 +1,63 @@
+"""Check a fault: its law must speak of g and x, vanish at degree 0, and be solvable."""
+
+from __future__ import annotations
+
+import sympy
+
+from rulec.diagnostics import Diagnostic
+from rulec.document import Document
+from rulec.expression import Expression, to_sympy
+from rulec.invert import invert
+from rulec.knowledge import FaultType, Variant
+from rulec.part_readers import origin_of, read_expression, within
+
+
+def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:
+    data = document.data
+    parts = data.get("variants") or {"": data}
+    variants = []
+    for name, part in parts.items():
+        path: tuple[str | int, ...] = ("variants", name) if name else ()
+        law = _law(document, (*path, "law"), found)
+        lowest, highest = part["degree"]["range"]
+        title = part["title"]
+        variants.append(Variant(name, title, law, lowest, highest, part["degree"]["meaning"]))
+    return FaultType(
+        data["fault"],
+        data["title"],
+        data["acts_on"],
+        tuple(variants),
+        data["tolerance"],
+        data["status"],
+        data["text"],
+        data["action"],
+        origin_of(document, "fault", source=data["source"]),
+    )
+
+
+def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic]) -> Expression:
+    """Read the law of a fault: only g and x, g when x is 0, solvable for both."""
+    expression = read_expression(document, path, found)
+    names = {name for name, _ in expression.names()}
+    place = document.place(*path)
+    for name, column in expression.names():
+        if name not in ("g", "x"):
+            spot = within(place, column, len(name), expression.text)
+            message = f"the law of a fault speaks of g and x only, not of '{name}'"
+            found.append(Diagnostic(spot, "KB061", message))
+    if names - {"g", "x"}:
+        return expression
+    if names != {"g", "x"}:
+        missing = sorted({"g", "x"} - names)[0]
+        message = f"'{missing}' does not occur in the law"
+        found.append(Diagnostic(place, "KB062", message, "as in (1 + x)*g"))
+        return expression
+    g, x, value = sympy.symbols("g x value", real=True)
+    law = to_sympy(expression, {"g": g, "x": x})
+    if sympy.expand(law.subs(x, 0) - g) != 0:
+        message = "at degree 0 this law does not give g back"
+        found.append(Diagnostic(place, "KB063", message, "a fault of degree 0 must change nothing"))
+    elif invert(law, g, value) is None or invert(law, x, value) is None:
+        message = "this law cannot be solved for g and x"
+        found.append(Diagnostic(place, "KB064", message, "let g and x occur once each"))
+    return expression

@@ -1,0 +1,109 @@
+"""The command `rulec`: reads arguments, calls one command, turns mistakes into messages.
+
+This is the one place where compiler and runtime meet. Commands are imported when they are called:
+the runtime verbs must start without sympy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+_COMMANDS = {
+    "check": "validate knowledge and plant files",
+    "compile": "derive the ruleset of a plant",
+    "matrix": "show the fault-symptom matrix of a plant",
+    "show": "show what a compiler pass made, in readable equations",
+    "calibrate": "fit the parameters of a plant to a recording",
+    "diagnose": "judge a recording: which fault, how large, and why",
+    "demo": "see the whole thing on a shipped example",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage)."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    module = importlib.import_module(f"rulec.commands.{options.command}")
+    try:
+        code: int = module.run(options)
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        print("rulec: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader of a pipe has gone (`rulec ... | head`): no message, and no flush at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        message = _message(error)
+        if message is None:
+            raise
+        print(message, file=sys.stderr)
+        return 1
+
+
+def _message(error: Exception) -> str | None:
+    """Text for a user's mistake; None for our own bug."""
+    kind = type(error).__name__
+    if kind == "Refused":
+        from rulec.diagnostics import Refused, render_all
+
+        assert isinstance(error, Refused)
+        return render_all(error.diagnostics)
+    if kind in ("RecordingRefused", "RulesetRefused", "CalibrationRefused"):
+        return f"rulec: {error}"
+    if isinstance(error, OSError):
+        return f"rulec: {error.filename or 'file'}: {error.strerror}"
+    return None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="rulec",
+        description="Fault diagnosis for modular hydraulic plants, compiled from module files.",
+        epilog="PLANT is a folder with a plant.yaml, or the file itself. "
+        "Exit code: 0 done, 1 mistakes found or bad input, 2 wrong usage.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    made = {
+        name: commands.add_parser(name, help=text, description=text.capitalize() + ".")
+        for name, text in _COMMANDS.items()
+    }
+    made["check"].add_argument("paths", nargs="+", metavar="PATH", help="YAML file or folder")
+    made["compile"].add_argument("plant", metavar="PLANT")
+    made["compile"].add_argument(
+        "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
+    )
+    made["matrix"].add_argument("plant", metavar="PLANT")
+    _json(made["matrix"])
+    made["show"].add_argument("step", metavar="PASS", help="name of a pass, or 'passes' for a list")
+    made["show"].add_argument("plant", metavar="PLANT")
+    made["calibrate"].add_argument("plant", metavar="PLANT")
+    made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
+    made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
+    _json(made["calibrate"])
+    diagnose = made["diagnose"]
+    diagnose.add_argument("plant", metavar="PLANT_OR_RULESET")
+    diagnose.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    diagnose.add_argument(
+        "--mode",
+        choices=("default", "paper"),
+        default="default",
+        help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
+    )
+    diagnose.add_argument("--trace", metavar="FILE.csv", help="one row per sample")
+    _json(diagnose)
+    return parser
+
+
+def _json(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

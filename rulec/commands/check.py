@@ -1,0 +1,46 @@
+"""`rulec check`: all mistakes in knowledge and plant files, with place and remedy."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rulec.check_knowledge import check_knowledge
+from rulec.check_plant import check
+from rulec.commands.output import console
+from rulec.diagnostics import Diagnostic, Refused, render_all
+from rulec.document import Document
+from rulec.link import link
+from rulec.read import read_files, read_plant
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check files and folders; exit code 1 if there is any mistake."""
+    found = collect([Path(p) for p in options.paths])
+    out = console(options)
+    if found:
+        out.print(render_all(found), markup=False, soft_wrap=True)
+        return 1
+    out.print(f"[green]✓[/] {', '.join(options.paths)}: no mistakes")
+    return 0
+
+
+def collect(paths: list[Path]) -> list[Diagnostic]:
+    """All diagnostics of the given files, sorted by place."""
+    sources, plants, found = read_files(paths)
+    if sources is not None:
+        try:
+            check_knowledge(sources)
+        except Refused as refused:
+            found += refused.diagnostics
+    for plant in plants:
+        found += _check_plant(plant)
+    return sorted(set(found))
+
+
+def _check_plant(document: Document) -> list[Diagnostic]:
+    try:
+        link(check(read_plant(Path(document.path))))
+    except Refused as refused:
+        return list(refused.diagnostics)
+    return []

@@ -1,0 +1,43 @@
+"""`rulec diagnose`: judge a recording with a ruleset, or with a plant compiled on the way."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from pathlib import Path
+
+from rulec.commands.output import console, write_json, write_text
+from runtime.diagnose import diagnose, trace
+from runtime.explain import explain
+from runtime.machine_form import diagnosis_form, trace_csv
+from runtime.recording import read_recording
+from runtime.ruleset import Ruleset, read_ruleset
+
+
+def run(options: argparse.Namespace) -> int:
+    """Diagnose a recording; findings are a result, so the exit code is 0 either way."""
+    out = console(options)
+    ruleset = load(Path(options.plant))
+    with (
+        out.status("reading and judging the recording")
+        if out.is_terminal
+        else contextlib.nullcontext()
+    ):
+        recording = read_recording(Path(options.recording), ruleset)
+        diagnosis = diagnose(recording, ruleset, options.mode)
+    explain(out, diagnosis)
+    if options.trace:
+        result = trace(recording, ruleset, options.mode)
+        write_text(Path(options.trace), trace_csv(result, ruleset))
+        out.print(f"[dim]one row per sample: {options.trace}[/]")
+    write_json(options, diagnosis_form(diagnosis))
+    return 0
+
+
+def load(path: Path) -> Ruleset:
+    """Read a ruleset file, or compile a plant (which alone needs the compiler)."""
+    if path.suffix == ".json":
+        return read_ruleset(path)
+    from rulec.pipeline import compile_plant
+
+    return compile_plant(path)

@@ -1,0 +1,105 @@
+"""`rulec matrix`: the fault-symptom matrix with gains, detectable degrees and ambiguities."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from rulec.commands.output import console, write_json
+from rulec.pipeline import compile_plant
+from runtime.ruleset import Cell, Ruleset
+
+WIDEST = 24
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show the matrix of a plant."""
+    ruleset = compile_plant(Path(options.plant))
+    if options.json != "-":
+        show(console(options), ruleset)
+    write_json(options, machine_form(ruleset))
+    return 0
+
+
+def machine_form(ruleset: Ruleset) -> dict[str, Any]:
+    """The matrix as JSON data; rows are faults, columns residuals."""
+    return {
+        "plant": ruleset.plant,
+        "residuals": [r.id for r in ruleset.residuals],
+        "faults": [f.id for f in ruleset.faults],
+        "signs": _dense(ruleset, lambda c: c.sign),
+        "gains": _dense(ruleset, lambda c: c.gain),
+        "detectable": _dense(ruleset, lambda c: c.detectable, None),
+        "ambiguous": [list(g.faults) for g in ruleset.ambiguous],
+        "ambiguities": [
+            {"faults": list(g.faults), "kind": g.kind, "advice": g.advice}
+            for g in ruleset.ambiguous
+        ],
+        "unobserved": list(ruleset.unobserved),
+    }
+
+
+def _dense(ruleset: Ruleset, value: Any, absent: Any = 0) -> list[list[Any]]:
+    column = {r.id: i for i, r in enumerate(ruleset.residuals)}
+    rows = []
+    for fault in ruleset.faults:
+        row = [absent] * len(column)
+        for cell in ruleset.cells_of_fault[fault.id]:
+            row[column[cell.residual]] = value(cell)
+        rows.append(row)
+    return rows
+
+
+def show(out: Console, ruleset: Ruleset) -> None:
+    """Draw the matrix: sign and smallest detectable degree of each cell."""
+    out.print(f"\n[bold]{ruleset.title}[/]: how each fault moves each residual\n")
+    residuals = [r.id for r in ruleset.residuals]
+    for start in range(0, len(residuals), WIDEST):
+        out.print(_table(ruleset, residuals[start : start + WIDEST]))
+    out.print(
+        "[dim]+ residual rises, - residual falls, · no effect; below the sign the smallest degree "
+        "that leaves the residual's threshold at the reference point[/]"
+    )
+    _show_ambiguous(out, ruleset)
+    for name in ruleset.unobserved:
+        out.print(f"[yellow]![/] {name}: no residual sees it")
+
+
+def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
+    table = Table(show_lines=False, pad_edge=False, box=None, padding=(0, 1))
+    table.add_column("fault", no_wrap=True)
+    for residual in residuals:
+        module, name = residual.split(".", 1)
+        table.add_column(f"{module}\n" + name.replace("-", "-\n"), justify="center")
+    for fault in ruleset.faults:
+        cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
+        table.add_row(fault.id, *(_mark(cells.get(r)) for r in residuals))
+    return table
+
+
+def _mark(cell: Cell | None) -> str:
+    if cell is None:
+        return "[dim]·[/]"
+    sign = "[green]+[/]" if cell.sign > 0 else "[red]-[/]"
+    return f"{sign}\n[dim]{_short(cell.detectable)}[/]"
+
+
+def _short(degree: float) -> str:
+    return f"{degree:.2g}" if degree < 10 else ">10"
+
+
+def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
+    same = [g for g in ruleset.ambiguous if g.kind == "coincide"]
+    nested = [g for g in ruleset.ambiguous if g.kind == "nested"]
+    if same:
+        out.print("\n[bold]Cannot be told apart[/] (same proportions in all residuals)")
+        for group in same:
+            out.print(f"  {', '.join(group.faults)}: {group.advice}")
+    if nested:
+        out.print("\n[bold]Hard to tell apart[/] (one signature is part of the other)")
+        for group in nested:
+            out.print(f"  {group.faults[0]} in {group.faults[1]}: {group.advice}")

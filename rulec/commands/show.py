@@ -1,0 +1,147 @@
+"""`rulec show`: what a compiler pass made, in readable form."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from rulec.analyse_isolability import Isolability
+from rulec.assemble import Assembly
+from rulec.commands.output import console
+from rulec.derive_residuals import Residuals
+from rulec.derive_rules import Rules
+from rulec.derive_signatures import Signatures
+from rulec.diagnostics import did_you_mean
+from rulec.differentiate import Models
+from rulec.link import Network
+from rulec.pipeline import PASSES
+from rulec.plant import Plant
+from rulec.read import Sources
+from runtime.ruleset import Ruleset
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the passes up to the named one and print its result."""
+    out = console(options)
+    names = [p.__name__ for p in PASSES]
+    if options.step not in names:
+        asked = options.step == "passes"
+        text = (
+            ""
+            if asked
+            else f"there is no pass '{options.step}'; {did_you_mean(options.step, names)}\n"
+        )
+        out.print(text + "passes in order: " + ", ".join(names), markup=False)
+        return 0 if asked else 2
+    result: Any = Path(options.plant)
+    for step in PASSES[: names.index(options.step) + 1]:
+        result = step(result)
+    for line in _LINES[type(result)](result):
+        out.print(line, markup=False, soft_wrap=True)
+    return 0
+
+
+def _sources(sources: Sources) -> Iterator[str]:
+    yield f"knowledge base {sources.kb}"
+    for kind, documents in sources.by_kind.items():
+        for document in documents:
+            yield f"{kind}: {document.path}"
+    yield f"digest {sources.digest()}"
+
+
+def _plant(plant: Plant) -> Iterator[str]:
+    yield f"{plant.name}: {plant.title}"
+    for module in plant.modules.values():
+        yield f"\n{module.name}: {module.type.name}, {module.title}"
+        for p in module.parameters.values():
+            value, u = p.unit.from_si(p.value), p.u / p.unit.factor
+            where = f"{p.origin.file}:{p.origin.line} {p.origin.source}"
+            yield f"  {p.name} = {value:.6g} +- {u:.2g} {p.unit.text}   [{where}]"
+
+
+def _network(network: Network) -> Iterator[str]:
+    for balance in network.balances:
+        yield f"{' + '.join(balance.outlets)} = {' + '.join(balance.inlets)}   (flows)"
+    for (module, name), signals in network.gathers.items():
+        parts = " + ".join(f"{m}.{s}" for m, s in signals) or "0"
+        yield f"{module}: downstream({name}) = {parts}"
+    for (module, kind), terms in network.sums.items():
+        text = " ".join(f"{'+' if sign > 0 else '-'} {m}.{kind}" for sign, m in terms)
+        yield f"{module}.{kind} = {text.removeprefix('+ ')}"
+
+
+def _residuals(residuals: Residuals) -> Iterator[str]:
+    for residual in residuals.residuals:
+        yield f"{residual.id} = {residual}"
+
+
+def _models(models: Models) -> Iterator[str]:
+    for model in models.types.values():
+        yield f"\n{model.type.name}"
+        for name, expression in model.observers.items():
+            yield f"  Q_{name} = {expression}"
+        for target in model.targets.values():
+            for observer, slope in target.slopes.items():
+                yield f"  d Q_{observer} / d {target.name} = {slope}"
+        for fault in model.faults:
+            yield f"  {fault.id}: degree = {fault.degree}, wrong: {', '.join(fault.affects)}"
+
+
+def _assembly(assembly: Assembly) -> Iterator[str]:
+    yield f"{len(assembly.observers)} observers, {len(assembly.residual_nodes)} residuals"
+    for hypothesis in assembly.hypotheses:
+        yield f"{hypothesis.id} makes wrong: {', '.join(hypothesis.affects)}"
+
+
+def _signatures(signatures: Signatures) -> Iterator[str]:
+    yield "reference point (m3/s)"
+    for observer, flow in signatures.flows.items():
+        yield f"  {observer} = {flow:.6g}"
+    for cell in signatures.cells:
+        sign = "+" if cell.sign > 0 else "-"
+        yield (
+            f"{cell.fault} {sign} {cell.residual}: dR/dg = {cell.gain:.4g}, "
+            f"dR/dx = {cell.sensitivity:.4g} m3/s, seen from x = {cell.detectable:.3g}"
+        )
+
+
+def _rules(rules: Rules) -> Iterator[str]:
+    for rule in rules.rules:
+        yield f"{rule.signature.fault}: {rule.equation}   [{', '.join(rule.forms)}]"
+
+
+def _isolability(isolability: Isolability) -> Iterator[str]:
+    for group in isolability.groups:
+        yield f"{group.kind}: {', '.join(group.faults)}: {group.advice}"
+    for name in isolability.unobserved:
+        yield f"unobserved: {name}"
+
+
+def _ruleset(ruleset: Ruleset) -> Iterator[str]:
+    plan = ruleset.plan
+    yield f"plan: {len(plan.inputs)} inputs, {len(plan.operations)} operations"
+    numbered = [*plan.inputs, *(f"{c:.6g}" for c in plan.constants)]
+    for i, (name, a, b) in enumerate(plan.operations[:2000], plan.first_operation):
+        yield f"v{i} = {name}({_value(numbered, a)}, {_value(numbered, b)})"
+    for name, i in plan.outputs.items():
+        yield f"{name} = {_value(numbered, i)}"
+
+
+def _value(numbered: list[str], i: int) -> str:
+    return numbered[i] if i < len(numbered) else f"v{i}"
+
+
+_LINES: dict[type, Callable[[Any], Iterator[str]]] = {
+    Sources: _sources,
+    Plant: _plant,
+    Network: _network,
+    Residuals: _residuals,
+    Models: _models,
+    Assembly: _assembly,
+    Signatures: _signatures,
+    Rules: _rules,
+    Isolability: _isolability,
+    Ruleset: _ruleset,
+}

@@ -1,0 +1,55 @@
+"""Read single parts of a document: places of origin, units, equations."""
+
+from __future__ import annotations
+
+from rulec.diagnostics import Diagnostic, Place, did_you_mean
+from rulec.document import Document
+from rulec.expression import Expression, Rejected, parse
+from rulec.knowledge import Origin
+from rulec.units import NONE, Unit, UnitTable
+
+
+def origin_of(document: Document, *path: str | int, source: str = "") -> Origin:
+    """Origin of a part of a document."""
+    place = document.key(*path) if path else document.place()
+    return Origin(document.label, place.line, source)
+
+
+def read_unit(
+    document: Document, path: tuple[str | int, ...], units: UnitTable, found: list[Diagnostic]
+) -> Unit:
+    """Read the unit at a path; an unknown one is reported and counts as a plain number."""
+    part = document.data
+    for step in path:
+        part = part[step]
+    try:
+        return units.parse(part)
+    except ValueError as error:
+        name = str(error)
+        hint = did_you_mean(name, units.units)
+        message = f"there is no unit '{name[:40]}'"
+        found.append(Diagnostic(document.place(*path), "KB050", message, hint))
+        return Unit(part, 1.0, NONE)
+
+
+def read_expression(
+    document: Document, path: tuple[str | int, ...], found: list[Diagnostic]
+) -> Expression:
+    """Read the equation at a path; a refused one is reported and counts as 0."""
+    part = document.data
+    for step in path:
+        part = part[step]
+    try:
+        return parse(str(part))
+    except Rejected as error:
+        place = within(document.place(*path), error.column, error.length, str(part))
+        found.append(Diagnostic(place, error.code, error.message, error.hint))
+        return parse("0")
+
+
+def within(place: Place, column: int, length: int, text: str) -> Place:
+    """Place of a part of a one-line scalar, which may be quoted."""
+    quote = 1 if place.length == len(text) + 2 else 0
+    if place.length < len(text):
+        return place
+    return Place(place.file, place.line, place.column + quote + column, length)

@@ -1,0 +1,40 @@
+"""Fixtures that several test files share."""
+
+from __future__ import annotations
+
+import functools
+import os
+from pathlib import Path
+
+import pytest
+
+from rulec.pipeline import compile_plant
+from runtime.ruleset import Ruleset
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@functools.cache
+def compiled(plant: str) -> Ruleset:
+    """A shipped plant, compiled once per test run."""
+    return compile_plant(ROOT / "plants" / plant)
+
+
+def recordings_folder() -> Path:
+    """Folder of the real recordings, which are not part of the project."""
+    return Path(os.environ.get("RULEC_RECORDINGS", ROOT.parent / "shared" / "recordings"))
+
+
+@pytest.fixture
+def recordings() -> Path:
+    """Real recordings; the test is skipped, with the reason, where they are absent."""
+    folder = recordings_folder()
+    if not folder.is_dir():
+        pytest.skip(f"no real recordings at {folder} (set RULEC_RECORDINGS)")
+    return folder
+
+
+@pytest.fixture
+def abc() -> Ruleset:
+    """The plant of the seed paper's Figure 1."""
+    return compiled("abc")
