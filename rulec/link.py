@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import networkx as nx
@@ -101,17 +101,20 @@ def _sums(
     order = {name: i for i, name in enumerate(plant.modules)}
     result = {}
     for kind in kinds:
-        known: dict[str, dict[str, int]] = {
-            m.name: {m.name: 1} for m in plant.modules.values() if kind in m.type.observers
-        }
-        own = set(known)
-        _peel(balances, known, upstream=True)
-        _peel([b for b in balances if len(b.inlets) > 1], known, upstream=False)
-        for name, terms in known.items():
-            if name not in own and terms:
-                ordered = sorted(terms.items(), key=lambda t: order[t[0]])
-                result[name, kind] = tuple((sign, m) for m, sign in ordered)
+        own = [m.name for m in plant.modules.values() if kind in m.type.observers]
+        for name, terms in by_continuity(balances, own).items():
+            ordered = sorted(terms.items(), key=lambda t: order[t[0]])
+            result[name, kind] = tuple((sign, m) for m, sign in ordered)
     return result
+
+
+def by_continuity(balances: tuple[Balance, ...], own: Iterable[str]) -> dict[str, dict[str, int]]:
+    """Flows of further modules as signed sums of those in `own`."""
+    known = {name: {name: 1} for name in own}
+    given = set(known)
+    _peel(balances, known, upstream=True)
+    _peel([b for b in balances if len(b.inlets) > 1], known, upstream=False)
+    return {name: terms for name, terms in known.items() if name not in given and terms}
 
 
 def _peel(

@@ -32,10 +32,21 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
 )
 
 
+def run_passes(start: Any, passes: tuple[Callable[[Any], Any], ...] = PASSES) -> Any:
+    """Run passes one after the other; raises `Refused` with all mistakes of the first bad one."""
+    result = start
+    for step in passes:
+        result = step(result)
+    return result
+
+
+def up_to(name: str) -> tuple[Callable[[Any], Any], ...]:
+    """The passes from the first to the named one."""
+    names = [p.__name__ for p in PASSES]
+    return PASSES[: names.index(name) + 1]
+
+
 def compile_plant(path: Path) -> Ruleset:
     """Compile a plant folder or file; raises `Refused` with all mistakes of the first bad pass."""
-    result: Any = path
-    for step in PASSES:
-        result = step(result)
-    ruleset: Ruleset = result
+    ruleset: Ruleset = run_passes(path)
     return ruleset

@@ -21,6 +21,15 @@ THRESHOLD = 3.0
 COVERAGE = 2.0
 """Bounds are the degree plus and minus this many standard uncertainties (about 95 %)."""
 
+PLAUSIBLE = 0.05
+"""A cause more probable than this in every stretch holds a run together."""
+
+STEADY = 0.1
+"""Relative change of a degree, beyond its bounds, that still counts as the same finding."""
+
+LOOK_BACK = 5
+"""Stretches a new one is compared with."""
+
 MENTION = 0.02
 """Alternatives less probable than this are not mentioned."""
 
@@ -207,43 +216,58 @@ def _merge(
     time = recording.time
     findings: list[Finding] = []
     periods: dict[str, list[Period]] = {"unknown": [], "blind": []}
-    for kind, members in _runs(verdicts):
+    for kind, members in _runs(verdicts, isolation):
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
-        if kind[0] == "fault":
+        if kind == "fault":
             findings.append(
                 _finding(ruleset, observed, isolation, stretches, members, since, until)
             )
-        elif kind[0] in periods:
-            periods[kind[0]].append(Period(since, until, verdicts[members[0]].text))
+        elif kind in periods:
+            periods[kind].append(Period(since, until, verdicts[members[0]].text))
     return findings, periods["unknown"], periods["blind"]
 
 
-def _runs(verdicts: list[_Verdict]) -> Iterator[tuple[tuple[str, int], list[int]]]:
-    """Runs of equal verdicts; runs of blind stretches are reported apart."""
-    current: tuple[str, int] | None = None
-    members: list[int] = []
-    blind: list[int] = []
+def _runs(verdicts: list[_Verdict], isolation: Isolation) -> Iterator[tuple[str, list[int]]]:
+    """Runs of stretches that say the same, as (kind, stretches).
+
+    Stretches with a fault belong together as long as one cause is plausible in all of them and
+    the degree stays within its bounds. Blind stretches are reported apart and interrupt nothing.
+    """
+    open_runs: dict[bool, list[int]] = {True: [], False: []}
     for i, verdict in enumerate(verdicts):
-        if verdict.kind == "blind":
-            if blind and verdicts[blind[-1]].text != verdict.text:
-                yield ("blind", -1), blind
-                blind = []
-            blind.append(i)
-            continue
-        if blind:
-            yield ("blind", -1), blind
-            blind = []
-        key = (verdict.kind, verdict.fault)
-        if key != current and members and current is not None:
-            yield current, members
-            members = []
-        current = key
+        blind = verdict.kind == "blind"
+        members = open_runs[blind]
+        if members and not _continues(verdicts, isolation, members, i):
+            yield verdicts[members[0]].kind, members
+            members = open_runs[blind] = []
+        if not blind and open_runs[True]:
+            yield "blind", open_runs[True]
+            open_runs[True] = []
         members.append(i)
-    if blind:
-        yield ("blind", -1), blind
-    if members and current is not None:
-        yield current, members
+    for members in open_runs.values():
+        if members:
+            yield verdicts[members[0]].kind, members
+
+
+def _continues(
+    verdicts: list[_Verdict], isolation: Isolation, members: list[int], point: int
+) -> bool:
+    """Does a stretch go on with a run?"""
+    first, here = verdicts[members[0]], verdicts[point]
+    if first.kind != here.kind:
+        return False
+    if here.kind == "blind":
+        return first.text == here.text
+    if here.kind != "fault":
+        return True
+    common = (isolation.probability[:, [*members[-LOOK_BACK:], point]] > PLAUSIBLE).all(axis=1)
+    if not common.any():
+        return False
+    best = int(np.argmax(np.where(common, isolation.probability[:, point], 0.0)))
+    before = isolation.degree[best, members[-LOOK_BACK:]].mean()
+    change = abs(isolation.degree[best, point] - before)
+    return bool(change <= COVERAGE * isolation.u[best, point] + STEADY * before)
 
 
 def _finding(
@@ -256,11 +280,6 @@ def _finding(
     until: float,
 ) -> Finding:
     """Sum a run up: degree weighted by precision, evidence at the strongest point."""
-    chances = isolation.probability[:, members]
-    log_chances = np.log(np.maximum(chances, 1e-12)).sum(axis=1)
-    together = np.exp(log_chances - log_chances.max())
-    together[chances.max(axis=1) <= 0] = 0.0
-    together /= together.sum()
     best = int(np.argmax(isolation.probability[:, members].mean(axis=1)))
     fault = ruleset.faults[best]
     degrees, u = isolation.degree[best, members], isolation.u[best, members]

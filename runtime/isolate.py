@@ -142,8 +142,7 @@ def _judge_group(
     fits = result.distance[:, chosen] <= _accepted(len(basis))
     evidence[~fits] = -np.inf
     best = np.max(evidence, axis=0, initial=-np.inf)
-    with np.errstate(invalid="ignore"):
-        weight = np.where(fits, np.exp(evidence - np.where(np.isfinite(best), best, 0.0)), 0.0)
+    weight = np.where(fits, np.exp(evidence - np.where(np.isfinite(best), best, 0.0)), 0.0)
     total = weight.sum(axis=0)
     result.probability[:, chosen] = weight / np.where(total > 0, total, 1.0)
 
@@ -160,10 +159,25 @@ def _covariance(gradients: Array, basis: Array) -> Array:
     return covariance
 
 
+def _solve(covariance: Array, vectors: Array) -> Array:
+    """Apply the inverse of each covariance, shape (n, rank, rank), to its vector (n, rank).
+
+    A trace of ridge keeps residuals without any uncertainty of their own solvable; points whose
+    covariance is not finite give NaN.
+    """
+    rank = covariance.shape[1]
+    size = np.einsum("nrr->n", covariance)
+    sound = np.isfinite(covariance).all(axis=(1, 2)) & (size > 0)
+    regular = np.where(sound[:, None, None], covariance, np.eye(rank))
+    regular = regular + (1e-12 * np.where(sound, size, 1.0))[:, None, None] * np.eye(rank)
+    solved: Array = np.linalg.solve(regular, vectors[..., None])[..., 0]
+    solved[~sound] = np.nan
+    return solved
+
+
 def _distance(covariance: Array, residuals: Array) -> Array:
     """Chi-square of residuals, shape (n,)."""
-    solved = np.linalg.solve(covariance, residuals[..., None])[..., 0]
-    distance: Array = np.einsum("nr,nr->n", residuals, solved)
+    distance: Array = np.einsum("nr,nr->n", residuals, _solve(covariance, residuals))
     return distance
 
 
@@ -204,8 +218,10 @@ class _Test:
         _, _, residuals = self._fit(fault, undone, places, widened, degree)
         distance = _distance(widened, residuals)
         distance = np.where(np.isfinite(distance), distance, np.inf)
-        _, volume = np.linalg.slogdet(widened)
-        return _Outcome(degree, u, distance, -0.5 * (distance + volume))
+        finite = np.where(np.isfinite(widened), widened, 0.0)
+        _, volume = np.linalg.slogdet(finite)
+        evidence = np.where(np.isfinite(volume), -0.5 * (distance + volume), -np.inf)
+        return _Outcome(degree, u, distance, evidence)
 
     def _undone(self, fault: FaultSpec, touched: list[str]) -> Undone:
         """Function of the degree: flows and slopes of the touched observers, fault undone."""
@@ -247,7 +263,7 @@ class _Test:
             effect = np.einsum("ro,on->nr", reached, slopes)
             if step == STEPS:
                 break
-            solved = np.linalg.solve(covariance, effect[..., None])[..., 0]
+            solved = _solve(covariance, effect)
             top_part = np.einsum("nr,nr->n", solved, residuals)
             bottom = np.einsum("nr,nr->n", solved, effect)
             with np.errstate(divide="ignore", invalid="ignore"):

@@ -16,7 +16,7 @@ from rulec.derive_signatures import Signatures
 from rulec.diagnostics import did_you_mean
 from rulec.differentiate import Models
 from rulec.link import Network
-from rulec.pipeline import PASSES
+from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant
 from rulec.read import Sources
 from runtime.ruleset import Ruleset
@@ -35,9 +35,7 @@ def run(options: argparse.Namespace) -> int:
         )
         out.print(text + "passes in order: " + ", ".join(names), markup=False)
         return 0 if asked else 2
-    result: Any = Path(options.plant)
-    for step in PASSES[: names.index(options.step) + 1]:
-        result = step(result)
+    result = run_passes(Path(options.plant), up_to(options.step))
     for line in _LINES[type(result)](result):
         out.print(line, markup=False, soft_wrap=True)
     return 0

@@ -1,0 +1,210 @@
+"""`rulec calibrate`: fit the parameters of a plant to a fault-free recording."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from rich.table import Table
+
+from rulec.commands.output import console, write_json, write_text
+from rulec.differentiate import GATHERED, Models
+from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
+from rulec.link import by_continuity
+from rulec.pipeline import PASSES, run_passes, up_to
+from rulec.plant import Module
+from runtime.observe import Points, points_of_stretches
+from runtime.plan import Array
+from runtime.recording import read_recording
+from runtime.ruleset import Ruleset
+from runtime.stationary import find_stretches, noise_of, systematic_u
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit, write the calibration file, show how good it is."""
+    out = console(options)
+    symbolic = up_to("differentiate")
+    models: Models = run_passes(Path(options.plant), symbolic)
+    ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
+    recording = read_recording(Path(options.recording), ruleset)
+    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    stretches = find_stretches(recording, ruleset, noise)
+    if not len(stretches):
+        raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
+    points = points_of_stretches(recording, ruleset, stretches, noise)
+    fits = _fit_all(models, ruleset, points)
+    data = _file(models, fits)
+    header = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
+    write_text(Path(options.output), header + yaml.safe_dump(data, sort_keys=False, width=100))
+    out.print(_table(models, fits))
+    out.print(f"[green]✓[/] {options.output}: from {len(stretches)} settled stretches")
+    write_json(options, data)
+    return 0
+
+
+def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
+    """Fit every module whose true flow is known; refuses if there is none."""
+    plant = models.residuals.network.plant
+    flows = _reference_flows(models, ruleset, points)
+    fits = []
+    for module in plant.modules.values():
+        model = models.types[module.type.name]
+        if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
+            continue
+        name, flow, shared = flows[module.name]
+        values, systematic = _local(models, ruleset, points, module)
+        readings = Readings(values, systematic, flow, shared, name)
+        fits.append(fit_module(module, model, readings))
+    if not fits:
+        raise CalibrationRefused(
+            "no module has a true flow to fit to: the recording needs a flow meter column, "
+            "or a module type an observer with 'reference: true'"
+        )
+    return fits
+
+
+def _reference_flows(
+    models: Models, ruleset: Ruleset, points: Points
+) -> dict[str, tuple[str, Array, Array]]:
+    """True flow of each module: name of its source, values, and shared standard uncertainty.
+
+    From its own flow meter, else by continuity from the flow meters of other modules.
+    """
+    network = models.residuals.network
+    own: dict[str, tuple[str, Array, Array]] = {}
+    for module in network.plant.modules.values():
+        meter = _flow_meter(module)
+        if meter is None or f"{module.name}.{meter}" not in points.values:
+            continue
+        signal = ruleset.signal_by_id[f"{module.name}.{meter}"]
+        flow = points.values[signal.id].copy()
+        if signal.minimum is not None:
+            flow[~(flow >= signal.minimum)] = np.nan
+        shared = np.broadcast_to(systematic_u(signal, flow), flow.shape)
+        own[module.name] = (signal.id, flow, shared)
+    result = dict(own)
+    for name, terms in by_continuity(network.balances, own).items():
+        flow = np.sum([sign * own[m][1] for m, sign in terms.items()], axis=0)
+        shared = np.sqrt(np.sum([own[m][2] ** 2 for m in terms], axis=0))
+        result[name] = (" + ".join(own[m][0] for m in terms), flow, shared)
+    return result
+
+
+def _flow_meter(module: Module) -> str | None:
+    """The signal that measures the flow: that of a reference observer, or any volume flow."""
+    for observer in module.type.observers.values():
+        if observer.is_reference:
+            return next(name for name, _ in observer.expression.names())
+    meters = [s.name for s in module.type.signals.values() if s.quantity == "volume flow"]
+    return meters[0] if meters else None
+
+
+def _local(
+    models: Models, ruleset: Ruleset, points: Points, module: Module
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Readings under the local names of a module, below-minimum ones blanked."""
+    values: dict[str, Array] = {}
+    systematic: dict[str, Array] = {}
+    for name in module.type.signals:
+        signal = ruleset.signal_by_id[f"{module.name}.{name}"]
+        if signal.id not in points.values:
+            continue
+        readings = points.values[signal.id].copy()
+        if signal.minimum is not None:
+            readings[~(readings >= signal.minimum)] = np.nan
+        values[name] = readings
+        systematic[name] = np.broadcast_to(systematic_u(signal, readings), readings.shape)
+    n = len(next(iter(points.values.values())))
+    missing = np.full(n, np.nan)
+    for name in module.type.gathers:
+        ids = [f"{m}.{s}" for m, s in models.residuals.network.gathers[module.name, name]]
+        parts = [points.values.get(i, missing) for i in ids]
+        values[GATHERED + name] = np.sum(parts, axis=0) if parts else np.zeros(n)
+        shared = [systematic_u(ruleset.signal_by_id[i], v) for i, v in zip(ids, parts, strict=True)]
+        systematic[GATHERED + name] = np.broadcast_to(
+            np.sqrt(sum((s**2 for s in shared), np.zeros(1))), (n,)
+        )
+    return values, systematic
+
+
+def _file(models: Models, fits: list[ModuleFit]) -> dict[str, Any]:
+    """Content of the calibration file, in the units of the module types."""
+    plant = models.residuals.network.plant
+    return {
+        "calibration": plant.name,
+        "modules": {fit.module: _entry(plant.modules[fit.module], fit) for fit in fits},
+    }
+
+
+def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
+    units = [module.type.parameters[n].unit for n in fit.parameters]
+    factors = np.array([u.factor for u in units])
+    spread = np.sqrt(np.diag(fit.covariance)) / factors
+    entry: dict[str, Any] = {
+        "type": module.type.name,
+        "parameters": {
+            name: {"value": _round(u.from_si(v)), "unit": u.text, "u": _round(s)}
+            for name, u, v, s in zip(fit.parameters, units, fit.values, spread, strict=True)
+        },
+        "covariance": [
+            {
+                "of": list(fit.parameters),
+                "matrix": [
+                    [_round(v) for v in row] for row in fit.covariance / np.outer(factors, factors)
+                ],
+            }
+        ],
+        "misfit": {},
+        "range": {},
+    }
+    for observer in fit.observers:
+        entry["misfit"][observer.observer] = {
+            "value": _round(observer.misfit * 3.6e6),
+            "unit": "l/h",
+            "r2": round(observer.r2, 6),
+            "points": observer.points,
+            "set_aside": observer.set_aside,
+        }
+    for name, (low, high) in fit.valid.items():
+        unit = module.type.signals[name].unit
+        entry["range"][name] = {
+            "from": _round(unit.from_si(low)),
+            "to": _round(unit.from_si(high)),
+            "unit": unit.text,
+        }
+    return {key: value for key, value in entry.items() if value}
+
+
+def _round(value: float) -> float:
+    """Ten digits: enough for a covariance, and the same on every machine."""
+    return float(f"{value:.10g}")
+
+
+def _table(models: Models, fits: list[ModuleFit]) -> Table:
+    plant = models.residuals.network.plant
+    table = Table(box=None, padding=(0, 2), pad_edge=False)
+    for title in ("observer", "misfit (l/h)", "R2", "points", "set aside", "parameters"):
+        table.add_column(title, justify="left" if title in ("observer", "parameters") else "right")
+    for fit in fits:
+        found = dict(zip(fit.parameters, fit.values, strict=True))
+        for o in fit.observers:
+            expression = models.types[plant.modules[fit.module].type.name].observers[o.observer]
+            used = [n for n in found if n in {s.name for s in expression.free_symbols}]
+            table.add_row(
+                f"{fit.module}.{o.observer}",
+                f"{o.misfit * 3.6e6:.3g}",
+                f"{o.r2:.4f}",
+                str(o.points),
+                str(o.set_aside),
+                ", ".join(_named(plant.modules[fit.module], n, found) for n in used),
+            )
+    return table
+
+
+def _named(module: Module, name: str, found: Mapping[str, float]) -> str:
+    unit = module.type.parameters[name].unit
+    return f"{name} {unit.from_si(found[name]):.4g} {unit.text}"

@@ -1,0 +1,301 @@
+"""Fit the parameters of observers to a reference flow, with covariance and own misfit.
+
+Each observer is fitted in turn for the parameters that no earlier one has. Points that do not
+belong to the law at all (a relief valve opens, a valve was shut) must not bend it: a robust fit
+finds the bulk, points far off it are set aside and counted, the rest is fitted by least squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from rulec.differentiate import GATHERED, TypeModel
+from rulec.graph import Graph
+from rulec.plant import Module
+from runtime.plan import Array, Plan
+
+FAR = 5.0
+"""Points further off than this many robust standard deviations are set aside."""
+
+ROUNDS = 3
+
+
+class CalibrationRefused(Exception):
+    """The recording cannot calibrate this plant; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Settled readings of one module: per local variable shape (n,), and the true flow.
+
+    `systematic` gives the standard uncertainty shared by all readings of a sensor, as
+    derivative: how much each reading would change, shape (n,), one standard deviation on.
+    """
+
+    values: Mapping[str, Array]
+    systematic: Mapping[str, Array]
+    flow: Array
+    flow_systematic: Array
+    flow_name: str
+
+
+@dataclass(frozen=True)
+class ObserverFit:
+    """What was found for one observer; misfit in m3/s."""
+
+    observer: str
+    misfit: float
+    r2: float
+    points: int
+    set_aside: int
+
+
+@dataclass(frozen=True)
+class ModuleFit:
+    """Fitted parameters of a module (SI) with joint covariance, and the range of the readings."""
+
+    module: str
+    parameters: tuple[str, ...]
+    values: Array
+    covariance: Array
+    observers: tuple[ObserverFit, ...]
+    valid: Mapping[str, tuple[float, float]]
+
+
+def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFit:
+    """Fit all observers of a module that have free parameters.
+
+    Raises `CalibrationRefused` where the points cannot determine a parameter.
+    """
+    current = {p.name: p.value for p in module.parameters.values()}
+    names: list[str] = []
+    parts: list[_Part] = []
+    kept_all = np.zeros(len(readings.flow), dtype=bool)
+    for observer in model.observers:
+        if module.type.observers[observer].is_reference:
+            continue
+        used = {s.name for s in model.observers[observer].free_symbols}
+        free = [
+            p.name
+            for p in module.parameters.values()
+            if p.fit and p.name in used and p.name not in names
+        ]
+        part = _fit_observer(module, model, observer, free, current, readings)
+        current.update(zip(free, part.values, strict=True))
+        names += free
+        parts.append(part)
+        kept_all[part.rows] = True
+    values = np.array([current[n] for n in names])
+    return ModuleFit(
+        module.name,
+        tuple(names),
+        values,
+        _joint_covariance(parts, readings),
+        tuple(part.summary for part in parts),
+        _range(model, readings, kept_all),
+    )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Fit of one observer: `sensitivity` is d(values)/d(flow error of each used row)."""
+
+    values: Array
+    rows: np.ndarray
+    statistical: Array
+    sensitivity: Array
+    slopes: Mapping[str, Array]
+    summary: ObserverFit
+
+
+def _fit_observer(
+    module: Module,
+    model: TypeModel,
+    observer: str,
+    free: Sequence[str],
+    current: Mapping[str, float],
+    readings: Readings,
+) -> _Part:
+    plan = _observer_plan(model, observer)
+    inputs: dict[str, Array | float] = {**current, **readings.values}
+    usable = np.isfinite(readings.flow)
+    for name in _variables(model, observer):
+        usable &= np.isfinite(readings.values.get(name, np.full(len(usable), np.nan)))
+    rows = np.flatnonzero(usable)
+    if len(rows) < 3 * max(len(free), 1):
+        raise CalibrationRefused(
+            f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
+            f"{readings.flow_name}; {3 * max(len(free), 1)} are needed for {len(free)} parameters"
+        )
+    scale = np.array([_scale(module, n) for n in free])
+    begin = np.array([current[n] for n in free]) / scale
+
+    def error(scaled: Array, chosen: np.ndarray) -> Array:
+        fixed = dict(zip(free, (scaled * scale).tolist(), strict=True))
+        local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
+        flows = np.broadcast_to(plan.run({**local, **fixed})["Q"], (len(chosen),))
+        off = flows - readings.flow[chosen]
+        return np.where(np.isfinite(off), off, 10.0 * np.max(np.abs(readings.flow[chosen])))
+
+    size = float(np.std(readings.flow[rows])) or float(np.mean(np.abs(readings.flow[rows])))
+    best, kept = _robust(error, begin, rows, size)
+    off = error(best, kept)
+    spread = float(np.sqrt(np.sum(off**2) / max(len(kept) - len(free), 1)))
+    jacobian = _jacobian(lambda p: error(p, kept), best, size) if free else np.zeros((len(kept), 0))
+    inverse = _inverse(module, observer, free, jacobian)
+    sensitivity = -(inverse @ jacobian.T) * scale[:, None]
+    total = float(np.sum((readings.flow[kept] - readings.flow[kept].mean()) ** 2))
+    summary = ObserverFit(
+        observer,
+        spread,
+        1.0 - float(np.sum(off**2)) / total if total else 0.0,
+        len(kept),
+        len(rows) - len(kept),
+    )
+    values = best * scale
+    slopes = _input_slopes(
+        plan, model, observer, {**inputs, **dict(zip(free, values, strict=True))}
+    )
+    return _Part(
+        values,
+        kept,
+        spread**2 * inverse * np.outer(scale, scale),
+        sensitivity,
+        {n: s[kept] for n, s in slopes.items()},
+        summary,
+    )
+
+
+def _observer_plan(model: TypeModel, observer: str) -> Plan:
+    """One observer with parameters as inputs."""
+    graph = Graph(model.symbols)
+    symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
+    graph.outputs["Q"] = graph.lower(model.observers[observer], symbols)
+    for name in _variables(model, observer):
+        graph.outputs[f"d:{name}"] = graph.lower(model.gradients[observer][name], symbols)
+    return graph.plan()
+
+
+def _variables(model: TypeModel, observer: str) -> list[str]:
+    """Readings of an observer: own signals and sums from downstream."""
+    return [
+        n for n in model.gradients[observer] if n in model.type.signals or n.startswith(GATHERED)
+    ]
+
+
+def _input_slopes(
+    plan: Plan, model: TypeModel, observer: str, inputs: Mapping[str, Array | float]
+) -> dict[str, Array]:
+    out = plan.run(inputs)
+    return {n: out[f"d:{n}"] for n in _variables(model, observer)}
+
+
+def _scale(module: Module, name: str) -> float:
+    """Size of a parameter, so that the fit works on numbers near one."""
+    parameter = module.parameters[name]
+    return max(abs(parameter.value), parameter.u) or parameter.unit.factor
+
+
+def _robust(
+    error: Callable[[Array, np.ndarray], Array], begin: Array, rows: np.ndarray, size: float
+) -> tuple[Array, np.ndarray]:
+    """Fit the bulk, set far points aside, fit again."""
+    if not len(begin):
+        return begin, rows
+    kept, best = rows, begin
+    loss, width = "soft_l1", 0.05
+    for _ in range(ROUNDS):
+        solution = least_squares(
+            # In units of the flow's own spread: the solver's tolerances expect numbers near one.
+            lambda p, chosen=kept: error(p, chosen) / size,
+            best,
+            loss=loss,
+            f_scale=width,
+            x_scale="jac",
+            xtol=1e-12,
+            ftol=1e-12,
+        )
+        best = solution.x
+        off = error(best, rows)
+        centre = float(np.median(off))
+        spread = 1.4826 * float(np.median(np.abs(off - centre)))
+        kept = rows[np.abs(off - centre) <= FAR * max(spread, 1e-6 * size)]
+        loss, width = "linear", 1.0
+    return best, kept
+
+
+def _jacobian(error: Callable[[Array], Array], at: Array, size: float) -> Array:
+    """Central differences in scaled parameters."""
+    columns = []
+    for i in range(len(at)):
+        step = np.zeros_like(at)
+        step[i] = 1e-5 * max(abs(at[i]), 1e-3)
+        columns.append((error(at + step) - error(at - step)) / (2.0 * step[i]))
+    return np.stack(columns, axis=1)
+
+
+def _inverse(module: Module, observer: str, free: Sequence[str], jacobian: Array) -> Array:
+    """Inverse of the normal matrix; refuses parameters that the points do not determine."""
+    if not len(free):
+        return np.zeros((0, 0))
+    normal = jacobian.T @ jacobian
+    size = np.sqrt(np.diag(normal))
+    weak = [n for n, s in zip(free, size, strict=True) if s == 0]
+    condition = np.linalg.cond(normal / np.outer(size, size)) if not weak else np.inf
+    if not np.isfinite(condition) or condition > 1e12:
+        raise CalibrationRefused(
+            f"{module.name}.{observer}: the recording does not determine "
+            f"{', '.join(weak or free)} apart; vary the operating point more, or set 'fit: false'"
+        )
+    inverse: Array = np.linalg.inv(normal / np.outer(size, size)) / np.outer(size, size)
+    return inverse
+
+
+def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
+    """Scatter of each fit, plus errors of the calibrating sensors, shared by all fits."""
+    count = sum(len(p.values) for p in parts)
+    covariance = np.zeros((count, count))
+    place = 0
+    for part in parts:
+        end = place + len(part.values)
+        covariance[place:end, place:end] = part.statistical
+        place = end
+    for name in [*readings.systematic, readings.flow_name]:
+        shift = np.concatenate([_shift(part, name, readings) for part in parts])
+        covariance += np.outer(shift, shift)
+    return covariance
+
+
+def _shift(part: _Part, name: str, readings: Readings) -> Array:
+    """Change of the parameters if one sensor is one standard deviation off all the time."""
+    if name == readings.flow_name:
+        change: Array = -readings.flow_systematic[part.rows]
+    elif name in part.slopes:
+        change = part.slopes[name] * readings.systematic[name][part.rows]
+    else:
+        return np.zeros(len(part.values))
+    shift: Array = part.sensitivity @ change
+    return shift
+
+
+def _range(
+    model: TypeModel, readings: Readings, kept: np.ndarray
+) -> dict[str, tuple[float, float]]:
+    """Readings over which the laws were fitted, for own signals that they use.
+
+    A flow meter that only serves as reference has no law that could be left.
+    """
+    laws = [o for o in model.observers if not model.type.observers[o].is_reference]
+    used = {n for o in laws for n in _variables(model, o)}
+    found = {}
+    for name in model.type.signals:
+        values = readings.values.get(name)
+        if name in used and values is not None:
+            inside = values[kept & np.isfinite(values)]
+            if len(inside):
+                found[name] = (float(inside.min()), float(inside.max()))
+    return found

@@ -1,0 +1,1 @@
+"""Real rigs: how the tool does on recordings nobody made for it."""

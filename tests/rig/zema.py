@@ -1,0 +1,201 @@
+"""ZeMA hydraulic rig: commission on some blocks, diagnose the others, score whole cycles.
+
+The labels of `conditions.csv` choose the commissioning cycles (settled, no leakage, every third
+such block) and score; no method reads them otherwise.
+
+Run ``python -m tests.rig.zema`` for the figures.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import gzip
+import io
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rulec.cli import main
+from tests.conftest import ROOT, recordings_folder
+
+CYCLE = 60.0
+PLANTS = {"with temperature": "plant.yaml", "without temperature": "without-temperature.yaml"}
+LOADED = 14.0
+"""Second of a cycle from which on the load valve is open and its transient over."""
+
+PROFILE = 172.0
+"""Bar; the highest plateau of the load profile is 167 bar in every leak-free cycle."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What the experimenters set in one cycle; `off_profile`: when the pressure left its profile."""
+
+    number: int
+    block: int
+    leakage: int
+    settled: bool
+    off_profile: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Counts over unseen blocks, by (label, settled), and mean degree per label."""
+
+    cycles: Mapping[str, int]
+    alarmed: Mapping[str, int]
+    leak_named: Mapping[str, int]
+    degree: Mapping[str, float]
+    degree_range: Mapping[str, tuple[float, float]]
+    off_profile: Mapping[str, int]
+
+
+def commission_and_diagnose(
+    folder: Path, plant: str, work: Path
+) -> tuple[dict[str, Any], set[int]]:
+    """Calibrate on commissioning blocks, diagnose all other blocks; returns JSON and blocks."""
+    cycles = read_cycles(folder)
+    healthy = sorted({c.block for c in cycles if c.leakage == 0 and c.settled})
+    commissioning = set(healthy[::3])
+    chosen = {c.number for c in cycles if c.block in commissioning and c.leakage == 0 and c.settled}
+    unseen = {c.number for c in cycles if c.block not in commissioning}
+    write_cycles(folder, chosen, work / "commissioning.csv")
+    write_cycles(folder, unseen, work / "unseen.csv")
+    place = work / "plants" / "zema-hydraulic"
+    shutil.copytree(ROOT / "plants" / "zema-hydraulic", place)
+    file = place / PLANTS[plant]
+    lines = file.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if not line.startswith("calibration:")]
+    file.write_text("\n".join([*kept, f"kb: {ROOT / 'kb'}"]) + "\n", encoding="utf-8")
+    _call("calibrate", file, work / "commissioning.csv", "-o", place / "found.yaml")
+    with file.open("a", encoding="utf-8") as out:
+        out.write("calibration: [found.yaml]\n")
+    _call("diagnose", file, work / "unseen.csv", "--json", work / "diagnosis.json")
+    return json.loads((work / "diagnosis.json").read_text(encoding="utf-8")), commissioning
+
+
+def _call(*arguments: object) -> None:
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = main([str(a) for a in arguments])
+    assert code == 0, arguments
+
+
+def read_cycles(folder: Path) -> list[Cycle]:
+    """Labels, and whether the working pressure kept to its profile."""
+    off: dict[int, list[float]] = {}
+    with gzip.open(folder / "recording.csv.gz", "rt", encoding="utf-8") as file:
+        rows = csv.reader(file)
+        header = next(rows)
+        time, cycle, pressure = (header.index(n) for n in ("time [s]", "cycle", "PS1 [bar]"))
+        for row in rows:
+            if float(row[time]) % CYCLE >= LOADED and float(row[pressure]) > PROFILE:
+                off.setdefault(int(row[cycle]), []).append(float(row[time]))
+    with (folder / "conditions.csv").open(encoding="utf-8") as file:
+        return [
+            Cycle(
+                int(r["cycle"]),
+                int(r["block"]),
+                int(r["pump_leakage"]),
+                r["stable_flag"] == "0",
+                tuple(off.get(int(r["cycle"]), ())),
+            )
+            for r in csv.DictReader(file)
+        ]
+
+
+def write_cycles(folder: Path, cycles: Iterable[int], target: Path) -> None:
+    """Copy some cycles of the recording."""
+    wanted = {str(c) for c in cycles}
+    with gzip.open(folder / "recording.csv.gz", "rt", encoding="utf-8") as source:
+        rows = csv.reader(source)
+        header = next(rows)
+        index = header.index("cycle")
+        with target.open("w", newline="", encoding="utf-8") as out:
+            writer = csv.writer(out)
+            writer.writerow(header)
+            writer.writerows(row for row in rows if row[index] in wanted)
+
+
+def score(diagnosis: Mapping[str, Any], cycles: list[Cycle], commissioning: set[int]) -> Score:
+    """Per whole cycle: did anything alarm, was leakage among the causes named, how large."""
+    names = {0: "none", 1: "weak", 2: "severe"}
+    counts: dict[str, dict[str, int]] = {"cycles": {}, "alarmed": {}, "named": {}}
+    degrees: dict[str, list[float]] = {}
+    off = {"cycles": 0, "cycles with unknown": 0, "seconds": 0, "seconds with a fault named": 0}
+    for cycle in (c for c in cycles if c.block not in commissioning):
+        start, end = CYCLE * cycle.number, CYCLE * (cycle.number + 1)
+        found = _within(diagnosis["findings"], start, end)
+        key = f"{names[cycle.leakage]}, {'settled' if cycle.settled else 'unsettled'}"
+        if cycle.off_profile:
+            off["cycles"] += 1
+            off["cycles with unknown"] += bool(_within(diagnosis["unknown"], start, end))
+            off["seconds"] += len(cycle.off_profile)
+            off["seconds with a fault named"] += sum(
+                any(f["since"] <= t <= f["until"] for f in found) for t in cycle.off_profile
+            )
+            key += ", off profile"
+        _count(counts["cycles"], key, True)
+        _count(counts["alarmed"], key, bool(found))
+        leaks = [f for f in found if "main.leakage" in _causes(f)]
+        _count(counts["named"], key, bool(leaks))
+        degrees.setdefault(key, []).append(max((f["degree"] for f in leaks), default=0.0))
+    return Score(
+        counts["cycles"],
+        counts["alarmed"],
+        counts["named"],
+        {k: float(np.mean(v)) for k, v in degrees.items()},
+        {k: (min(v), max(v)) for k, v in degrees.items()},
+        off,
+    )
+
+
+def _within(entries: list[dict[str, Any]], start: float, end: float) -> list[dict[str, Any]]:
+    return [e for e in entries if e["since"] < end and e["until"] >= start]
+
+
+def _causes(finding: Mapping[str, Any]) -> set[str]:
+    return {finding["fault"], *(a["fault"] for a in finding["alternatives"])}
+
+
+def _count(table: dict[str, int], key: str, hit: bool) -> None:
+    table[key] = table.get(key, 0) + hit
+
+
+def run(folder: Path, plant: str) -> tuple[Score, dict[str, Any]]:
+    """The whole experiment with one pump law."""
+    with tempfile.TemporaryDirectory() as work:
+        diagnosis, commissioning = commission_and_diagnose(folder, plant, Path(work))
+    return score(diagnosis, read_cycles(folder), commissioning), diagnosis
+
+
+def _print(name: str, result: Score) -> None:
+    print(f"\npump law {name}: cycles | alarmed | leakage among the causes | degree mean, range")
+    for key in sorted(result.cycles):
+        low, high = result.degree_range[key]
+        print(
+            f"  {key:32} {result.cycles[key]:5d} {result.alarmed[key]:5d} "
+            f"{result.leak_named[key]:5d}   {result.degree[key]:.4f} ({low:.3f} to {high:.3f})"
+        )
+    print(f"  working pressure off its profile: {dict(result.off_profile)}")
+
+
+if __name__ == "__main__":
+    for law in PLANTS:
+        outcome, found = run(recordings_folder() / "zema-hydraulic", law)
+        _print(law, outcome)
+        kinds: dict[str, int] = {}
+        for entry in found["findings"]:
+            kinds[entry["fault"]] = kinds.get(entry["fault"], 0) + 1
+        print("  findings:", kinds)
+        texts: dict[str, int] = {}
+        for entry in found["unknown"]:
+            texts[entry["text"]] = texts.get(entry["text"], 0) + 1
+        for text, count in sorted(texts.items(), key=lambda t: -t[1])[:6]:
+            print(f"  unknown {count}: {text}")
