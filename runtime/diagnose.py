@@ -13,7 +13,7 @@ from runtime.paper_mode import judge_by_paper
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import FaultSpec, Ruleset
-from runtime.stationary import Stretches, find_stretches, noise_of
+from runtime.stationary import LONGEST, Stretches, find_stretches, noise_of
 
 THRESHOLD = 3.0
 """A residual is shown as non-zero beyond this many standard uncertainties."""
@@ -25,9 +25,12 @@ PLAUSIBLE = 0.05
 """A cause more probable than this in every stretch holds a run together."""
 
 STEADY = 0.1
-"""Relative change of a degree, beyond its bounds, that still counts as the same finding."""
+"""Relative change of a degree, beyond its scatter, that still counts as the same finding."""
 
-LOOK_BACK = 5
+ASIDE = ("blind",)
+"""Kinds of stretches that say nothing, and so do not interrupt a finding."""
+
+LOOK_BACK = 8
 """Stretches a new one is compared with."""
 
 MENTION = 0.02
@@ -93,7 +96,8 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class _Verdict:
-    """One stretch: a fault index, or a kind of remark."""
+    """One stretch: ``ok``, ``fault`` (its index), ``unknown``, ``outside`` the calibrated range,
+    or ``blind``."""
 
     kind: str
     fault: int
@@ -154,6 +158,7 @@ def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Iso
         isolation.freedom,
         paper.degree,
         np.maximum(half, 1e-12),
+        isolation.floor,
         np.where(chosen > 0, 0.0, np.inf),
         chosen,
     )
@@ -167,7 +172,7 @@ def _verdict(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: 
         return _Verdict("ok", -1, "")
     outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
     if outside:
-        return _Verdict("unknown", -1, _outside(ruleset, observed, outside[0], point))
+        return _Verdict("outside", -1, _outside(ruleset, observed, outside[0], point))
     chances = isolation.probability[:, point]
     if chances.max(initial=0.0) <= 0:
         return _Verdict("unknown", -1, _unexplained(ruleset, observed, isolation, point))
@@ -215,8 +220,8 @@ def _merge(
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
     time = recording.time
     findings: list[Finding] = []
-    periods: dict[str, list[Period]] = {"unknown": [], "blind": []}
-    for kind, members in _runs(verdicts, isolation):
+    periods: dict[str, list[Period]] = {"unknown": [], "outside": [], "blind": []}
+    for kind, members in _runs(verdicts, isolation, _pauses(time, stretches)):
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
         if kind == "fault":
@@ -225,29 +230,57 @@ def _merge(
             )
         elif kind in periods:
             periods[kind].append(Period(since, until, verdicts[members[0]].text))
-    return findings, periods["unknown"], periods["blind"]
+    unknown = sorted([*periods["unknown"], *periods["outside"]], key=lambda p: p.since)
+    return sorted(findings, key=lambda f: f.since), unknown, periods["blind"]
 
 
-def _runs(verdicts: list[_Verdict], isolation: Isolation) -> Iterator[tuple[str, list[int]]]:
+def _pauses(time: Array, stretches: Stretches) -> set[int]:
+    """Stretches before which nothing was recorded for long."""
+    if len(time) < 2:
+        return set()
+    limit = LONGEST * float(np.median(np.diff(time)))
+    between = time[stretches.first[1:]] - time[stretches.last[:-1] - 1]
+    return {int(i) + 1 for i in np.flatnonzero(between > limit)}
+
+
+def _runs(
+    verdicts: list[_Verdict], isolation: Isolation, pauses: set[int]
+) -> Iterator[tuple[str, list[int]]]:
     """Runs of stretches that say the same, as (kind, stretches).
 
     Stretches with a fault belong together as long as one cause is plausible in all of them and
-    the degree stays within its bounds. Blind stretches are reported apart and interrupt nothing.
+    the degree stays within its bounds. Stretches that cannot show the fault interrupt nothing;
+    those that cannot be judged are reported apart. `pauses` are stretches after a long pause of
+    the recording.
     """
-    open_runs: dict[bool, list[int]] = {True: [], False: []}
+    open_runs: dict[str, list[int]] = {}
     for i, verdict in enumerate(verdicts):
-        blind = verdict.kind == "blind"
-        members = open_runs[blind]
-        if members and not _continues(verdicts, isolation, members, i):
+        track = verdict.kind if verdict.kind in ASIDE else "plant"
+        members = open_runs.setdefault(track, [])
+        if members and _cannot_see(verdicts, isolation, members, i):
+            continue
+        if members and (i in pauses or not _continues(verdicts, isolation, members, i)):
             yield verdicts[members[0]].kind, members
-            members = open_runs[blind] = []
-        if not blind and open_runs[True]:
-            yield "blind", open_runs[True]
-            open_runs[True] = []
+            members = open_runs[track] = []
+        if track == "plant":
+            for aside in ASIDE:
+                if open_runs.get(aside):
+                    yield aside, open_runs.pop(aside)
         members.append(i)
     for members in open_runs.values():
         if members:
             yield verdicts[members[0]].kind, members
+
+
+def _cannot_see(
+    verdicts: list[_Verdict], isolation: Isolation, members: list[int], point: int
+) -> bool:
+    """Is a stretch that looks healthy merely unable to show the fault of the run?"""
+    last = members[-1]
+    if verdicts[point].kind != "ok" or verdicts[last].kind != "fault":
+        return False
+    fault = verdicts[last].fault
+    return bool(isolation.floor[fault, point] * THRESHOLD > isolation.degree[fault, last])
 
 
 def _continues(
@@ -257,17 +290,21 @@ def _continues(
     first, here = verdicts[members[0]], verdicts[point]
     if first.kind != here.kind:
         return False
-    if here.kind == "blind":
+    if here.kind in ASIDE:
         return first.text == here.text
     if here.kind != "fault":
         return True
-    common = (isolation.probability[:, [*members[-LOOK_BACK:], point]] > PLAUSIBLE).all(axis=1)
+    recent = members[-LOOK_BACK:]
+    common = (isolation.probability[:, [*recent, point]] > PLAUSIBLE).all(axis=1)
     if not common.any():
         return False
     best = int(np.argmax(np.where(common, isolation.probability[:, point], 0.0)))
-    before = isolation.degree[best, members[-LOOK_BACK:]].mean()
-    change = abs(isolation.degree[best, point] - before)
-    return bool(change <= COVERAGE * isolation.u[best, point] + STEADY * before)
+    before = isolation.degree[best, recent]
+    # Systematic errors are shared by neighbouring stretches, so their scatter is the measure;
+    # too few stretches have no scatter yet.
+    spread = COVERAGE * before.std() if len(recent) > 2 else COVERAGE * isolation.u[best, point]
+    change = abs(isolation.degree[best, point] - before.mean())
+    return bool(change <= spread + STEADY * before.mean())
 
 
 def _finding(
@@ -384,7 +421,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     for i in range(len(recording)):
         verdict = _verdict(ruleset, observed, isolation, i)
         name = ruleset.faults[verdict.fault].id if verdict.kind == "fault" else verdict.kind
-        words.append({"blind": "cannot judge"}.get(name, name))
+        words.append({"blind": "cannot judge", "outside": "unknown"}.get(name, name))
     fits = isolation.probability > 0
     degree = np.where(fits, isolation.degree, 0.0)
     half = np.where(fits, COVERAGE * isolation.u, 0.0)

@@ -25,6 +25,9 @@ ALARM = 4.0
 ACCEPT = 3.0
 """Normal quantile up to which a hypothesis counts as fitting (1e-3)."""
 
+NEGLIGIBLE = 1e-6
+"""Share of a fault's own effect below which residuals count as untouched (it cancels)."""
+
 STEPS = 8
 """Gauss-Newton steps; the linear rule is the first."""
 
@@ -42,6 +45,8 @@ class Isolation:
     judged, deviating : shape (n,); deviating points are not explained by noise.
     misfit : shape (n,), chi-square of "no fault", with `freedom` degrees of freedom.
     degree, u : shape (faults, n).
+    floor : shape (faults, n), standard uncertainty of a degree near 0; inf where the usable
+        estimates cannot show the fault.
     distance : shape (faults, n), chi-square left when the fault is undone; inf if untestable.
     probability : shape (faults, n), among the faults that fit; 0 for the others.
     """
@@ -52,6 +57,7 @@ class Isolation:
     freedom: np.ndarray
     degree: Array
     u: Array
+    floor: Array
     distance: Array
     probability: Array
 
@@ -100,6 +106,7 @@ def isolate(ruleset: Ruleset, observed: Observed) -> Isolation:
         np.zeros((len(faults), n)),
         np.full((len(faults), n), np.inf),
         np.full((len(faults), n), np.inf),
+        np.full((len(faults), n), np.inf),
         np.zeros((len(faults), n)),
     )
     patterns, group = np.unique(observed.valid, axis=1, return_inverse=True)
@@ -128,6 +135,9 @@ def _judge_group(
     result.freedom[members] = len(basis)
     deviating = misfit > chi_square_limit(len(basis), ALARM)
     result.deviating[members] = deviating
+    every = _Test(ruleset, observed, valid, basis, members, covariance)
+    for i, fault in enumerate(ruleset.faults):
+        result.floor[i, members] = every.floor(fault)
     if not deviating.any():
         return
     chosen = members[deviating]
@@ -200,14 +210,32 @@ class _Test:
     members: np.ndarray
     covariance: Array
 
+    def floor(self, fault: FaultSpec) -> Array:
+        """Standard uncertainty of a small degree at each point; inf where it cannot show."""
+        touched, places = self._touched(fault)
+        if not touched:
+            return np.full(len(self.members), np.inf)
+        _, slopes = self._undone(fault, touched)(np.zeros(len(self.members)))
+        effect = np.einsum("ro,on->nr", self.basis[:, places], slopes)
+        size = np.sqrt(np.einsum("nr,nr->n", effect, effect))
+        visible = size > NEGLIGIBLE * np.max(np.abs(slopes), axis=0)
+        information = np.where(visible, _distance(self.covariance, effect), 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor: Array = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
+        return floor
+
+    def _touched(self, fault: FaultSpec) -> tuple[list[str], list[int]]:
+        """Usable observers that a fault makes wrong, and their places among the usable ones."""
+        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
+        column = np.cumsum(self.valid) - 1
+        touched = [o for o in fault.affects if self.valid[index[o]]]
+        return touched, [int(column[index[o]]) for o in touched]
+
     def run(self, fault: FaultSpec) -> _Outcome | None:
         """Fit the degree of one fault; None where it touches no usable observer."""
-        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
-        touched = [o for o in fault.affects if self.valid[index[o]]]
+        touched, places = self._touched(fault)
         if not touched:
             return None
-        column = np.cumsum(self.valid) - 1
-        places = [int(column[index[o]]) for o in touched]
         undone = self._undone(fault, touched)
         degree, effect, _ = self._fit(fault, undone, places, self.covariance)
         with np.errstate(divide="ignore"):
