@@ -325,7 +325,9 @@ def _residual_nodes(
     gradients: Mapping[str, Gradient],
 ) -> tuple[dict[str, Node], dict[str, Gradient], dict[str, Node]]:
     """Residuals, their gradients and variances."""
-    nodes, tables, variances = {}, {}, {}
+    nodes: dict[str, Node] = {}
+    tables: dict[str, Gradient] = {}
+    variances: dict[str, Node] = {}
     for residual in residuals:
         nodes[residual.id] = graph.signed_sum((s, observers[o]) for s, o in residual.terms)
         table = combine(graph, [(s, gradients[o]) for s, o in residual.terms])

@@ -219,7 +219,7 @@ class _PlantReader:
             )
             return None
         factor = factor * (spread * scale)[:, None]
-        return Block(names, tuple(tuple(float(v) for v in row) for row in factor))
+        return Block(names, tuple(tuple(float(f"{v:.12g}") for v in row) for row in factor))
 
     def connections(
         self, modules: Mapping[str, Module], adjacency: tuple[str, str] | None

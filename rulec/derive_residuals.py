@@ -43,8 +43,8 @@ def derive_residuals(network: Network) -> Residuals:
     found = []
     for module in network.plant.modules.values():
         for first, second in module.type.residuals:
-            terms = ((1, f"{module.name}.{first}"), (-1, f"{module.name}.{second}"))
-            found.append(Residual(f"{module.name}.{first}-{second}", module.name, terms))
+            pair = ((1, f"{module.name}.{first}"), (-1, f"{module.name}.{second}"))
+            found.append(Residual(f"{module.name}.{first}-{second}", module.name, pair))
         for (name, kind), sources in network.sums.items():
             if name != module.name:
                 continue

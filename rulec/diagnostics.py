@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+
+MAX_SHOWN = 100
+MAX_TEXT = 300
+MAX_READ = 4_000_000
+
+_LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 
 @dataclass(frozen=True, order=True)
@@ -41,6 +48,14 @@ class Refused(Exception):
         super().__init__(f"{len(self.diagnostics)} mistake(s)")
 
 
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that was probably meant, if any."""
+    names = sorted(known)
+    same = [n for n in names if n.lower() == name.lower()]
+    near = same or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    return near[0] if near else None
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Suggest the nearest known name, or list the few that exist.
 
@@ -48,9 +63,9 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     "did you mean 'k_leak'?"
     """
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    if near:
-        return f"did you mean '{near[0]}'?"
+    near = nearest(name, names)
+    if near is not None:
+        return f"did you mean '{near}'?"
     if not names:
         return ""
     shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
@@ -59,14 +74,16 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def render(diagnostic: Diagnostic) -> str:
     """Write a diagnostic as text: place, message, excerpt with caret, remedy."""
-    place = diagnostic.place
-    head = f"{diagnostic.code} {place.file}:{place.line}:{place.column}: {diagnostic.message}"
+    place, message = diagnostic.place, diagnostic.message
+    if len(message) > MAX_TEXT:
+        message = message[:MAX_TEXT] + "..."
+    head = f"{diagnostic.code} {place.file}:{place.line}:{place.column}: {message}"
     lines = [head, *_excerpt(place, diagnostic.hint)]
     if diagnostic.second is not None:
         second = diagnostic.second
         lines.append(f"  see also {second.file}:{second.line}:{second.column}")
         lines.extend(_excerpt(second, ""))
-    return "\n".join(lines)
+    return "\n".join(_printable(line) for line in lines)
 
 
 def render_all(diagnostics: Iterable[Diagnostic]) -> str:
@@ -74,25 +91,36 @@ def render_all(diagnostics: Iterable[Diagnostic]) -> str:
     found = sorted(set(diagnostics))
     files = len({d.place.file for d in found})
     count = f"{len(found)} mistake{'s' * (len(found) != 1)} in {files} file{'s' * (files != 1)}"
-    return "\n".join([*(render(d) for d in found), count])
+    if len(found) > MAX_SHOWN:
+        count += f", of which the first {MAX_SHOWN} are shown"
+    return "\n".join([*(render(d) for d in found[:MAX_SHOWN]), count])
+
+
+def split_lines(text: str) -> list[str]:
+    """Lines as YAML counts them, which is not quite as Python does."""
+    return _LINE_END.split(text)
 
 
 def _excerpt(place: Place, hint: str) -> list[str]:
     """Quote the line of a place with a caret under the offending part."""
+    hint = hint if len(hint) <= MAX_TEXT else hint[:MAX_TEXT] + "..."
+    bare = [f"  {hint}"] if hint else []
     try:
-        text = Path(place.file).read_text(encoding="utf-8", errors="replace").split("\n")
-    except OSError:
-        return [f"  {hint}"] if hint else []
-    if not 1 <= place.line <= len(text):
-        return [f"  {hint}"] if hint else []
-    source = text[place.line - 1].replace("\t", " ")
-    start = min(place.column - 1, max(len(source), 0))
-    length = max(1, min(place.length, len(source) - start))
+        with Path(place.file).open("rb") as stream:
+            raw = stream.read(MAX_READ) if Path(place.file).is_file() else b""
+    except (OSError, ValueError):
+        return bare
+    text = split_lines(raw.decode("utf-8-sig", "replace"))
+    if not 1 <= place.line <= len(text) or not any(text):
+        return bare
+    source = text[place.line - 1]
+    start = min(place.column - 1, len(source))
     shift = max(0, start - 60)
+    shown = source[shift : shift + 96].replace("\t", " ")
+    length = max(1, min(place.length, len(shown) - (start - shift)))
     gutter = f"{place.line:>5} | "
-    shown = source[shift : shift + 96]
-    caret = " " * (len(gutter) - 2) + "| " + " " * (start - shift) + "^" * min(length, 90)
-    return [_printable(gutter + shown), f"{caret} {hint}".rstrip()]
+    caret = " " * (len(gutter) - 2) + "| " + " " * (start - shift) + "^" * length
+    return [(gutter + shown).rstrip(), f"{caret} {hint}".rstrip()]
 
 
 def _printable(text: str) -> str:

@@ -28,8 +28,9 @@ class Target:
 
     `value` is its expression, `gradient` d(value)/d(local variable). `slopes` is
     d(observer)/d(target), `slope_gradients` their derivatives by local variables, `curvatures`
-    by the target itself; observers that do not read the target are absent. `inverse` gives the target from an observer's flow (symbol `FLOW`),
-    where sympy can. `driver` is the own signal through which the target moves.
+    by the target itself; observers that do not read the target are absent. `inverse` gives the
+    target from an observer's flow (symbol `FLOW`), where sympy can. `driver` is the own signal
+    through which the target moves.
     """
 
     name: str

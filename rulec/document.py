@@ -1,11 +1,12 @@
 """Read YAML with the position of every key and value.
 
-YAML 1.2 core scalars (`1e-3` is a number, `no` is text). Duplicate keys, anchors, aliases, tags
-and more than one document are refused.
+YAML 1.2 core scalars (`1e-3` is a number, `no` is text). Duplicate keys, anchors, aliases, tags,
+numbers beyond reason and more than one document are refused.
 """
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,16 +15,18 @@ from typing import Any
 
 import yaml
 
-from rulec.diagnostics import Diagnostic, Place
+from rulec.diagnostics import Diagnostic, Place, split_lines
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-MAX_BYTES = 4_000_000
+MAX_BYTES = 1_000_000
 MAX_DEPTH = 24
+MAX_NUMBER = 1e60
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_WORDS = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
+_CONTROL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_WORDS: dict[str, bool | None] = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _WORDS |= {"true": True, "True": True, "TRUE": True}
 _WORDS |= {"false": False, "False": False, "FALSE": False}
 
@@ -35,8 +38,9 @@ class Document:
     """A YAML file as plain data plus where each part stands.
 
     `path` is how the user names the file, `label` how a ruleset does: with its last folders, so
-    that a ruleset does not depend on where it was compiled. `data` holds dict, list, str, int, float, bool, None. `values` and `keys` map a path such as
-    ``("signals", "dp", "unit")`` to the place of the value and of its key.
+    that a ruleset does not depend on where it was compiled. `data` holds dict, list, str, int,
+    float, bool, None. `values` and `keys` map a path such as ``("signals", "dp", "unit")`` to the
+    place of the value and of its key.
     """
 
     path: str
@@ -61,33 +65,43 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     """Read one YAML file; on a mistake the document is None."""
     name = _display(path)
     try:
-        raw = path.read_bytes()
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
+        with path.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
         return None, [Diagnostic(Place(name), "KB001", f"cannot read this file: {reason}")]
     if len(raw) > MAX_BYTES:
-        message = f"the file has {len(raw)} bytes; at most {MAX_BYTES} are read"
+        message = f"the file has more than {MAX_BYTES} bytes"
         return None, [Diagnostic(Place(name), "KB002", message, "is this really a YAML file?")]
+    raw = raw.removeprefix(codecs.BOM_UTF8)
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
+        before = split_lines(raw[: error.start].decode("utf-8"))
         message = f"byte {raw[error.start]:#04x} is not UTF-8"
-        return None, [Diagnostic(Place(name, line), "KB003", message, "save the file as UTF-8")]
+        place = Place(name, len(before), len(before[-1]) + 1)
+        return None, [Diagnostic(place, "KB003", message, "save the file as UTF-8")]
     return parse_document(name, text)
 
 
 def parse_document(name: str, text: str) -> tuple[Document | None, list[Diagnostic]]:
     """Parse YAML text that is already in memory."""
+    bad = _CONTROL.search(text)
+    if bad is not None:
+        before = split_lines(text[: bad.start()])
+        place = Place(name, len(before), len(before[-1]) + 1)
+        message = f"not YAML: there is a control character ({ord(bad[0]):#04x})"
+        return None, [Diagnostic(place, "KB004", message, "delete it")]
     try:
         _refuse_events(text)
         node = yaml.compose(text, Loader=_Loader)
     except _Unwanted as unwanted:
-        return None, [Diagnostic(_at(name, unwanted.mark), *unwanted.reason)]
+        return None, [unwanted.at(name)]
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        return None, [_syntax(name, error)]
+        return None, [_syntax(name, text, error)]
     if node is None:
-        return None, [Diagnostic(Place(name), "KB006", "the file is empty")]
+        hint = "start it with what it describes, as in 'module: my-pump'"
+        return None, [Diagnostic(Place(name), "KB006", "the file is empty", hint)]
     builder = _Builder(name)
     data = builder.build(node, ())
     if builder.found:
@@ -96,42 +110,71 @@ def parse_document(name: str, text: str) -> tuple[Document | None, list[Diagnost
 
 
 class _Unwanted(Exception):
-    def __init__(self, mark: Any, *reason: str) -> None:
-        self.mark, self.reason = mark, reason
+    """A legal construct of YAML that has no place in a knowledge file."""
+
+    def __init__(self, mark: Any, length: int, code: str, message: str, hint: str) -> None:
+        self.mark, self.length, self.code = mark, length, code
+        self.message, self.hint = message, hint
+
+    def at(self, name: str) -> Diagnostic:
+        return Diagnostic(_at(name, self.mark, self.length), self.code, self.message, self.hint)
 
 
 def _refuse_events(text: str) -> None:
     """Refuse before composing: an alias bomb must not even be built."""
     documents = depth = 0
     for event in yaml.parse(text, Loader=_Loader):
-        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            raise _Unwanted(
-                event.start_mark,
-                "KB007",
-                "anchors and aliases are refused",
-                "write the value out: each number stands where it is used",
-            )
-        if getattr(event, "tag", None):
-            raise _Unwanted(event.start_mark, "KB008", f"the tag '{event.tag}' is refused")
+        mark = event.start_mark
+        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
+        if anchor:
+            hint = "write the value out: each number stands where it is used"
+            message = "anchors and aliases are refused"
+            raise _Unwanted(mark, len(anchor) + 1, "KB007", message, hint)
+        if tag:
+            short = tag.replace("tag:yaml.org,2002:", "!!")
+            message = f"the tag '{short}' is refused"
+            raise _Unwanted(mark, len(short), "KB008", message, "write plain text or a number")
         if isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if documents > 1:
-                raise _Unwanted(
-                    event.start_mark, "KB009", "a second document starts here", "one file, one"
-                )
+                message = "a second document starts here"
+                raise _Unwanted(mark, 3, "KB009", message, "put it into a file of its own")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
-                raise _Unwanted(event.start_mark, "KB010", f"nested deeper than {MAX_DEPTH}")
+                message = f"this is nested more than {MAX_DEPTH} deep"
+                raise _Unwanted(mark, 1, "KB010", message, "no file of this tool needs that")
         if isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
 
 
-def _syntax(name: str, error: Exception) -> Diagnostic:
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+_REMEDIES = {
+    "mapping values are not allowed": "text with a colon in it needs quotes",
+    "could not find expected ':'": "a key is followed by a colon and a space",
+    "cannot start any token": "text that starts with this character needs quotes",
+    "did not find expected ','": "is a comma or a closing bracket missing?",
+    "did not find expected key": "keys of one group start in the same column",
+    "block sequence entries": "a list starts on its own line",
+    "unexpected end of stream": "is a closing quote missing?",
+    "escape character": "use single quotes, or write each \\ twice",
+}
+
+
+def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
+    """What the YAML reader says, at its place, with a remedy for the usual slips."""
     problem = getattr(error, "problem", None) or str(error).split("\n")[0]
-    place = _at(name, mark) if mark is not None else Place(name)
-    return Diagnostic(place, "KB004", f"not YAML: {problem}", "check indent, colons and quotes")
+    mark, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
+    lines = split_lines(text)
+    if context is not None and (mark is None or not "".join(lines[mark.line :]).strip()):
+        mark, context = context, None
+    second = None
+    if mark is not None and context is not None and context.line != mark.line:
+        second = _at(name, context) if "," in problem else None
+    hint = next((h for part, h in _REMEDIES.items() if part in problem), "check indent and quotes")
+    if mark is not None and lines[mark.line][mark.column : mark.column + 1] == "\t":
+        hint = "indent with spaces, not with tabs"
+    place = Place(name) if mark is None else _at(name, mark)
+    return Diagnostic(place, "KB004", f"not YAML: {problem}", hint, second)
 
 
 def _at(name: str, mark: Any, length: int = 1) -> Place:
@@ -153,14 +196,20 @@ class _Builder:
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*path, i)) for i, item in enumerate(node.value)]
-        return node.value if node.style else _scalar(node.value)
+        value = node.value if node.style else _scalar(node.value)
+        if isinstance(value, int | float) and not abs(value) <= MAX_NUMBER:
+            message = f"no value in a plant can be {node.value[:40]}"
+            hint = f"a number of size {MAX_NUMBER:g} at most"
+            self.found.append(Diagnostic(self.values[path], "KB013", message, hint))
+        return value
 
     def _mapping(self, node: Any, path: Path_) -> dict[str, Any]:
         result: dict[str, Any] = {}
         for key_node, value_node in node.value:
             place = _at(self.name, key_node.start_mark, _length(key_node))
             if not isinstance(key_node, yaml.ScalarNode):
-                self.found.append(Diagnostic(place, "KB011", "a key must be plain text"))
+                hint = "text that starts with { or [ needs quotes"
+                self.found.append(Diagnostic(place, "KB011", "a key must be plain text", hint))
                 continue
             key = key_node.value
             where = (*path, key)
@@ -192,9 +241,8 @@ def _scalar(text: str) -> Any:
 
 
 def _length(node: Any) -> int:
-    if node.start_mark.line == node.end_mark.line:
-        return max(1, node.end_mark.column - node.start_mark.column)
-    return 1
+    start, end = node.start_mark, node.end_mark
+    return max(1, int(end.column - start.column)) if start.line == end.line else 1
 
 
 def _label(path: str) -> str:
@@ -211,5 +259,5 @@ def _display(path: Path) -> str:
     """Path as shown to the user: relative to the working folder where possible."""
     try:
         return path.resolve().relative_to(Path.cwd()).as_posix()
-    except ValueError:
+    except (ValueError, OSError, RuntimeError):  # elsewhere, or a loop of links
         return path.as_posix()

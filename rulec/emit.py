@@ -38,7 +38,7 @@ def emit(isolability: Isolability) -> contract.Ruleset:
                 r.module,
                 tuple(contract.Term(o, s) for s, o in r.terms),
                 str(r),
-                signatures.uncertainties[r.id],
+                _rounded(signatures.uncertainties[r.id]),
             )
             for r in assembly.residuals.residuals
         ),
@@ -48,9 +48,9 @@ def emit(isolability: Isolability) -> contract.Ruleset:
                 rule.signature.fault,
                 rule.signature.residual,
                 rule.signature.sign,
-                rule.signature.gain,
-                rule.signature.sensitivity,
-                rule.signature.detectable,
+                _rounded(rule.signature.gain),
+                _rounded(rule.signature.sensitivity),
+                _rounded(rule.signature.detectable),
                 rule.forms,
                 rule.equation,
             )
@@ -90,7 +90,7 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
         low,
         high,
         signal.is_input,
-        reference if reference == reference else 0.0,
+        _rounded(reference, 12) if reference == reference else 0.0,
     )
 
 
@@ -114,7 +114,7 @@ def _observers(assembly: Assembly, signatures: Signatures) -> tuple[contract.Obs
                         for i, (text, _) in enumerate(guards)
                     ),
                     module.misfit.get(observer.name, 0.0),
-                    signatures.flows[key],
+                    _rounded(signatures.flows[key]),
                     _origin(observer.origin),
                 )
             )
@@ -127,8 +127,8 @@ def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
         hypothesis.id,
         hypothesis.module,
         fault.name,
-        variant.title if variant.name else fault.title,
-        fault.text,
+        f"{hypothesis.target} {variant.title}" if variant.name else fault.title,
+        _sentence(hypothesis),
         fault.action,
         fault.status,
         variant.lowest,
@@ -138,6 +138,24 @@ def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
         hypothesis.affects,
         _origin(fault.origin),
     )
+
+
+def _rounded(value: float, digits: int = 9) -> float:
+    """Fewer digits than a solver's last ones: the same bytes on every machine."""
+    return float(f"{value:.{digits}g}")
+
+
+def _sentence(hypothesis: Hypothesis) -> str:
+    """The operator's sentence with all slots filled but the degree."""
+    slots = {
+        "{module}": hypothesis.module,
+        "{where}": hypothesis.target,
+        "{variant}": hypothesis.fault.variant.title,
+    }
+    text = hypothesis.fault.fault.text
+    for slot, value in slots.items():
+        text = text.replace(slot, value)
+    return text
 
 
 def _parameters(plant: Plant) -> tuple[contract.ParameterSpec, ...]:

@@ -139,7 +139,9 @@ def _fit_observer(
         local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
         flows = np.broadcast_to(plan.run({**local, **fixed})["Q"], (len(chosen),))
         off = flows - readings.flow[chosen]
-        return np.where(np.isfinite(off), off, 10.0 * np.max(np.abs(readings.flow[chosen])))
+        far = 10.0 * float(np.max(np.abs(readings.flow[chosen])))
+        bounded: Array = np.where(np.isfinite(off), off, far)
+        return bounded
 
     size = float(np.std(readings.flow[rows])) or float(np.mean(np.abs(readings.flow[rows])))
     best, kept = _robust(error, begin, rows, size)

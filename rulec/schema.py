@@ -4,29 +4,45 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 
-from rulec.diagnostics import Diagnostic, did_you_mean
-from rulec.document import Document
+from rulec.diagnostics import Diagnostic, did_you_mean, nearest
+from rulec.document import Document, Path_
 
 KINDS = ("module", "fault", "sensor", "fluid", "plant", "columns", "calibration", "units")
 
+_IN_A_PLANT = {"columns": str, "calibration": list}
+"""Keys that name a kind of file, but that a plant has too, with another type."""
+
 
 def kind_of(document: Document) -> str | None:
-    """Which kind of file this is, by its first distinguishing key; None if none fits."""
-    if not isinstance(document.data, dict):
+    """Which kind of file this is, by its distinguishing key; None if none fits."""
+    data = document.data
+    if not isinstance(data, dict):
         return None
-    return next((kind for kind in KINDS if kind in document.data), None)
+    for kind in KINDS:
+        if kind in data and not isinstance(data[kind], _IN_A_PLANT.get(kind, ())):
+            return kind
+    return None
 
 
 def check_schema(document: Document, kind: str, schema_folder: Path) -> list[Diagnostic]:
-    """All schema violations of a document, with their places."""
-    errors = _validator(schema_folder / f"{kind}.schema.json").iter_errors(document.data)
-    return [found for error in errors for found in _diagnose(document, error)]
+    """All schema violations of a document, with their places; one for each mistake."""
+    errors = list(_validator(schema_folder / f"{kind}.schema.json").iter_errors(document.data))
+    seen = {(error.validator, tuple(error.absolute_path)) for error in errors}
+    found: list[Diagnostic] = []
+    for error in errors:
+        path = tuple(error.absolute_path)
+        empty = error.validator == "pattern" and ("minLength", path) in seen
+        misspelt = error.validator == "oneOf" and ("additionalProperties", path) in seen
+        if not empty and not misspelt:
+            found += _diagnose(document, kind, error)
+    return found
 
 
 @functools.cache
@@ -35,49 +51,98 @@ def _validator(path: Path) -> Any:
     return jsonschema.Draft202012Validator(schema)
 
 
-def _diagnose(document: Document, error: Any) -> Iterable[Diagnostic]:
-    path = tuple(error.absolute_path)
-    value, where = error.instance, document.place(*path)
-    title = error.schema.get("title", "this")
+def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]:
+    path: Path_ = tuple(error.absolute_path)
+    value, limit, where = error.instance, error.validator_value, document.place(*path)
+    part = _part(path) if path else f"a {kind} file"
+    if "propertyNames" in error.absolute_schema_path:
+        yield _bad_name(document, path, error)
+        return
     match error.validator:
         case "additionalProperties":
-            known = error.schema.get("properties", {})
-            for key in sorted(set(value) - set(known)):
-                hint = did_you_mean(key, set(known) - set(value))
-                place = document.key(*path, key)
-                yield Diagnostic(place, "KB020", f"'{key}' is not a key of this part", hint)
+            known = set(error.schema.get("properties", {})) - set(value)
+            for key in set(value) - set(error.schema.get("properties", {})):
+                place, hint = document.key(*path, key), did_you_mean(key, known)
+                yield Diagnostic(place, "KB020", f"'{_clip(key)}' is not a key of {part}", hint)
         case "required":
-            missing = [k for k in error.validator_value if k not in value]
-            spot = document.key(*path) if path else where
-            for key in missing:
-                hint = f"add '{key}: ...'"
-                yield Diagnostic(spot, "KB021", f"the key '{key}' is missing here", hint)
+            yield from _missing(document, path, part, error)
         case "type":
-            wanted = _wanted(error.validator_value)
-            yield Diagnostic(where, "KB022", f"{title}: {_show(value)} is not {wanted}")
+            message = f"{part} must be {_wanted(limit)}, not {_show(value)}"
+            yield Diagnostic(where, "KB022", message, _type_hint(limit, value))
         case "enum":
-            hint = did_you_mean(str(value), map(str, error.validator_value))
-            yield Diagnostic(where, "KB023", f"{title}: {_show(value)} is not a choice here", hint)
-        case "pattern" if "propertyNames" in error.absolute_schema_path:
-            yield Diagnostic(
-                document.key(*path, value),
-                "KB024",
-                f"'{_clip(value)}' is not a legal name",
-                "a letter, then letters, digits and _",
-            )
+            hint = did_you_mean(str(value), map(str, limit))
+            yield Diagnostic(where, "KB023", f"{part} cannot be {_show(value)}", hint)
         case "pattern":
-            examples = error.schema.get("examples")
-            hint = f"as in '{examples[0]}'" if examples else "a letter, then letters, digits, _, -"
-            yield Diagnostic(where, "KB025", f"{title}: '{_clip(value)}' has the wrong form", hint)
-        case "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum":
-            yield Diagnostic(where, "KB026", f"{title}: {value} is out of bounds", error.message)
-        case "minItems" | "maxItems" | "minProperties" | "minLength":
-            yield Diagnostic(where, "KB027", f"{title}: too few or too many entries here")
+            message, hint = f"{part} cannot be {_show(value)}", _form(error.schema)
+            yield Diagnostic(where, "KB025", message, hint)
+        case "minimum" | "maximum" | "exclusiveMinimum" | "exclusiveMaximum" as bound:
+            words = {"minimum": "at least", "maximum": "at most"}
+            words |= {"exclusiveMinimum": "more than", "exclusiveMaximum": "less than"}
+            message = f"{part} must be {words[bound]} {limit}, not {_show(value)}"
+            yield Diagnostic(where, "KB026", message)
+        case "minItems" | "maxItems":
+            message = f"{part} has {len(value)} entries"
+            words = {"minItems": "at least", "maxItems": "at most"}
+            yield Diagnostic(where, "KB027", message, f"{words[error.validator]} {limit}")
+        case "minProperties" | "minLength":
+            message = f"{part} is empty"
+            yield Diagnostic(where, "KB027", message, "fill it in, or leave the key out")
         case "oneOf":
-            hint = "either law and degree, or variants"
-            yield Diagnostic(where, "KB028", "this fault has no law, or two", hint)
+            yield from _law(document, value)
         case _:
-            yield Diagnostic(where, "KB025", f"{title}: {error.message[:120]}")
+            yield Diagnostic(where, "KB025", f"{part}: {_clip(error.message)}")
+
+
+def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
+    """A key that names something of the author's, but is no legal name."""
+    name, group = error.instance, path[-1] if path else ""
+    place = document.key(*path, name)
+    if error.validator == "enum":
+        hint = did_you_mean(name, error.validator_value)
+        return Diagnostic(place, "KB020", f"'{_clip(name)}' is not a key of '{group}'", hint)
+    legal = "a letter, then at most 40 letters, digits and _"
+    hint = "'time', or module.signal as in A.dp" if group == "columns" else legal
+    return Diagnostic(place, "KB024", f"'{_clip(name)}' is not a legal name", hint)
+
+
+def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable[Diagnostic]:
+    """Missing keys of one part, except those that stand there misspelt."""
+    value, known = error.instance, error.schema.get("properties", {})
+    typos = {nearest(key, set(known) - set(value)) for key in set(value) - set(known)}
+    missing = [k for k in error.validator_value if k not in value and k not in typos]
+    if not missing:
+        return
+    spot = path or (next(iter(value), ""),)
+    names = " and ".join(f"'{key}'" for key in missing)
+    message = f"{part} needs the key{'s' * (len(missing) > 1)} {names}"
+    about = known.get(missing[0], {})
+    text = about.get("description", about.get("title", "")).rstrip(".")
+    hint = f"{missing[0]}: {text}" if len(missing) == 1 else "add them"
+    yield Diagnostic(document.key(*spot), "KB021", message, hint)
+
+
+def _law(document: Document, value: dict[str, Any]) -> Iterable[Diagnostic]:
+    """A fault has a law and a degree, or variants that have them."""
+    given = [key for key in ("law", "degree", "variants") if key in value]
+    spot = given[0] if given else "fault"
+    message = f"this fault has {' and '.join(given) or 'no law'}"
+    hint = "write 'law' and 'degree', or 'variants' that have them"
+    yield Diagnostic(document.key(spot), "KB028", message, hint)
+
+
+def _part(path: Path_) -> str:
+    """Name a part by its key, not by its title: the key is what the author sees."""
+    if isinstance(path[-1], int):
+        return f"entry {path[-1] + 1} of {_part(path[:-1])}"
+    return f"'{_clip(path[-1])}'"
+
+
+def _form(schema: dict[str, Any]) -> str:
+    """How a text must look that has the wrong form."""
+    if schema.get("examples"):
+        return f"as in '{schema['examples'][0]}'"
+    extra = "_ and -" if "_-]" in schema["pattern"] else "and _"
+    return f"a letter, then letters, digits, {extra}; not too long"
 
 
 def _wanted(kind: Any) -> str:
@@ -93,6 +158,32 @@ def _wanted(kind: Any) -> str:
     return " or ".join(words[k] for k in kinds)
 
 
+def _type_hint(kind: Any, value: Any) -> str:
+    """Remedy for the slips that YAML invites."""
+    if kind == "string" and isinstance(value, int | float):
+        return "put it in quotes"
+    if kind == "array" and not isinstance(value, dict | list):
+        return "write [...]"
+    if kind == "boolean" and value in ("yes", "no", "on", "off"):
+        return "write true or false"
+    if kind not in ("number", "integer") or not isinstance(value, str):
+        return ""
+    if _is_number(value):
+        return "remove the quotes"
+    if _is_number(value.replace(",", ".")):
+        return "write a decimal point, not a comma"
+    if _is_number(value.split(" ")[0]):
+        return "the number alone; its unit has a key of its own"
+    return ""
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
 def _show(value: Any) -> str:
     if isinstance(value, dict):
         return "a group of keys"
@@ -100,7 +191,7 @@ def _show(value: Any) -> str:
         return "a list"
     if value is None:
         return "nothing"
-    return f"'{_clip(value)}'"
+    return f"'{_clip(value)}'" if isinstance(value, str) else _clip(json.dumps(value))
 
 
 def _clip(value: Any) -> str:

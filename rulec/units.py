@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import ast
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 BASES = ("m", "kg", "s", "K")
+MAX_LENGTH = 60
+MAX_POWER = 6
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of m, kg, s and K."""
+    """Exponents of m, kg, s and K.
+
+    `UNKNOWN`, after a mistake that has been reported, fits everything and spreads.
+    """
 
     exponents: tuple[Fraction, ...] = (Fraction(0),) * 4
 
+    def fits(self, other: Dimension) -> bool:
+        return self == other or UNKNOWN in (self, other)
+
     def __mul__(self, other: Dimension) -> Dimension:
+        if UNKNOWN in (self, other):
+            return UNKNOWN
         return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))
 
     def __truediv__(self, other: Dimension) -> Dimension:
@@ -30,7 +41,7 @@ class Dimension:
         """Readable form, such as ``kg m^-1 s^-2``; ``1`` where there is none."""
         parts = [
             base if e == 1 else f"{base}^{e}"
-            for base, e in zip(("m", "kg", "s", "K"), self.exponents, strict=True)
+            for base, e in zip(BASES, self.exponents, strict=True)
             if e
         ]
         return " ".join(parts) or "1"
@@ -41,6 +52,7 @@ class Dimension:
 
 
 NONE = Dimension()
+UNKNOWN = Dimension(())
 VOLUME_FLOW = Dimension.of({"m": 3, "s": -1})
 
 
@@ -74,8 +86,11 @@ class UnitTable:
         """
         if text in self.units:
             return self.units[text]
+        if len(text) > MAX_LENGTH or not text.isascii():
+            raise ValueError(text)
         try:
-            tree = ast.parse(text, mode="eval").body
+            with warnings.catch_warnings(action="ignore"):
+                tree = ast.parse(text, mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise ValueError(text) from None
         factor, dimension = self._walk(tree, text)
@@ -83,7 +98,7 @@ class UnitTable:
 
     def _walk(self, node: ast.AST, text: str) -> tuple[float, Dimension]:
         match node:
-            case ast.Constant(value=1):
+            case ast.Constant(value=int(value)) if value == 1 and value is not True:
                 return 1.0, NONE
             case ast.Name(id=name):
                 unit = self.units.get(name)
@@ -97,7 +112,7 @@ class UnitTable:
                 (f, d), (g, e) = self._walk(left, text), self._walk(right, text)
                 return f / g, d / e
             case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
-                if abs(power) > 6:
+                if isinstance(power, bool) or power > MAX_POWER:
                     raise ValueError(text)
                 f, d = self._walk(left, text)
                 return f**power, d**power

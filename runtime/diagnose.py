@@ -172,7 +172,7 @@ def _verdict(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: 
         return _Verdict("ok", -1, "")
     outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
     if outside:
-        return _Verdict("outside", -1, _outside(ruleset, observed, outside[0], point))
+        return _Verdict("outside", -1, _outside(ruleset, outside[0]))
     chances = isolation.probability[:, point]
     if chances.max(initial=0.0) <= 0:
         return _Verdict("unknown", -1, _unexplained(ruleset, observed, isolation, point))
@@ -188,16 +188,15 @@ def _why_blind(ruleset: Ruleset, observed: Observed, point: int) -> str:
     return "; ".join(dict.fromkeys(reasons)) or "too few estimates of the same flow"
 
 
-def _outside(ruleset: Ruleset, observed: Observed, name: str, point: int) -> str:
+def _outside(ruleset: Ruleset, name: str) -> str:
     signal = ruleset.signal_by_id[name]
-    assert signal.valid_from is not None and signal.valid_to is not None
-    shown = (observed.points.values[name][point] - signal.offset) / signal.factor
+    assert signal.valid_from is not None
+    assert signal.valid_to is not None
     low = (signal.valid_from - signal.offset) / signal.factor
     high = (signal.valid_to - signal.offset) / signal.factor
     return (
-        f"the estimates of the flow disagree while {name} is outside {low:.4g} to {high:.4g} "
-        f"{signal.unit}, the range the plant was calibrated in (about {shown:.0f}); "
-        "no known fault can be named there"
+        f"nothing known fits: the estimates of the flow disagree while {name} is outside "
+        f"{low:.4g} to {high:.4g} {signal.unit}, the range the plant was calibrated in"
     )
 
 
@@ -344,7 +343,7 @@ def _finding(
         _evidence(ruleset, observed, fault, strongest),
         _readings(ruleset, observed, strongest),
         _flows(ruleset, observed, strongest),
-        f"{fault.module}: {fault.text.format(degree=_percent(degree))}",
+        fault.text.replace("{degree}", _percent(degree)),
     )
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.tree import Tree
 
 from runtime.diagnose import Diagnosis, Evidence, Finding, Period
-from runtime.ruleset import Ruleset
+from runtime.ruleset import FaultSpec, Ruleset
 
 _STATUS = {
     "F": ("✖", "red", "failure"),
@@ -19,8 +19,11 @@ _STATUS = {
     "M": ("◆", "blue", "maintenance required"),
     "ok": ("✓", "green", "nothing found"),
 }
-_AGREES = {True: "[green]✓ as expected[/]", False: "[red]✗ contradicts[/]"}
+_AGREES = {True: "[green]✓ agrees[/]", False: "[red]✗ contradicts[/]"}
 SHOWN = 5
+LISTED = 12
+EITHER = 0.2
+"""Alternatives more probable than this stand in the headline."""
 
 
 def explain(out: Console, diagnosis: Diagnosis) -> None:
@@ -45,27 +48,42 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
 
 
 def _summary(out: Console, diagnosis: Diagnosis) -> None:
-    """One line per finding, in order of time."""
+    """One line per finding; if there are many, one per fault."""
     if not diagnosis.findings:
         return
-    table = Table(box=None, padding=(0, 2), pad_edge=False)
-    for title in ("", "fault", "degree", "95 % bounds", "from", "until", "probability"):
-        table.add_column(title, justify="left" if title in ("", "fault") else "right")
-    shown = diagnosis.findings[:20]
-    for f in shown:
-        symbol, colour, _ = _STATUS[f.fault.status]
-        table.add_row(
-            f"[{colour}]{symbol} {f.fault.status}[/]",
-            f"[bold]{f.fault.id}[/]",
-            f"{f.degree:.3f}",
-            f"{f.lower:.3f} to {f.upper:.3f}",
-            f"{f.since:g} s",
-            f"{f.until:g} s",
-            f"{100 * f.probability:.0f} %",
-        )
+    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    for title in ("", "fault", "degree", "95 % bounds", "when", "sure"):
+        table.add_column(title, justify="right" if title == "sure" else "left", no_wrap=True)
+    groups: dict[str, list[Finding]] = {}
+    for finding in diagnosis.findings:
+        groups.setdefault(finding.fault.id, []).append(finding)
+    if len(diagnosis.findings) <= LISTED:
+        for finding in diagnosis.findings:
+            _row(table, [finding])
+    else:
+        for members in sorted(groups.values(), key=len, reverse=True):
+            _row(table, members)
     out.print(table)
-    if len(diagnosis.findings) > len(shown):
-        out.print(f"[dim]and {len(diagnosis.findings) - len(shown)} more (--json has all)[/]")
+
+
+def _row(table: Table, findings: list[Finding]) -> None:
+    first = findings[0]
+    symbol, colour, _ = _STATUS[first.fault.status]
+    low, high = min(f.degree for f in findings), max(f.degree for f in findings)
+    degree = f"{low:.3f}" if high - low < 5e-4 else f"{low:.3f}-{high:.3f}"
+    bounds = f"{min(f.lower for f in findings):.3f}-{max(f.upper for f in findings):.3f}"
+    when = f"{first.since:g}-{max(f.until for f in findings):g} s"
+    if len(findings) > 1:
+        when = f"{len(findings)} times, {when}"
+    sure = sum(f.probability for f in findings) / len(findings)
+    table.add_row(
+        f"[{colour}]{symbol} {first.fault.status}[/]",
+        f"[bold]{first.fault.id}[/]",
+        degree,
+        bounds,
+        when,
+        f"{100 * sure:.0f} %",
+    )
 
 
 def _worst_first(diagnosis: Diagnosis) -> list[Finding]:
@@ -81,7 +99,12 @@ def _worst_first(diagnosis: Diagnosis) -> list[Finding]:
 def _tree(ruleset: Ruleset, finding: Finding) -> Tree:
     """Finding, what to do, residuals, estimates, readings, rules, doubt, sources."""
     symbol, colour, _ = _STATUS[finding.fault.status]
-    tree = Tree(f"\n[bold {colour}]{symbol} {escape(finding.text)}[/]", guide_style="dim")
+    headline = f"{symbol} {escape(finding.text)}"
+    for name, probability in finding.alternatives:
+        if probability > EITHER:
+            other = ruleset.fault_by_id[name]
+            headline += f"; or {escape(_title(other))} ({100 * probability:.0f} %)"
+    tree = Tree(f"\n[bold {colour}]{headline}[/]", guide_style="dim")
     tree.add(
         f"degree [bold]{finding.degree:.3f}[/] ({finding.lower:.3f} to {finding.upper:.3f}, 95 %): "
         f"{escape(finding.fault.meaning)}; seen from {finding.since:g} s to {finding.until:g} s"
@@ -100,10 +123,18 @@ def _tree(ruleset: Ruleset, finding: Finding) -> Tree:
     return tree
 
 
+def _title(fault: FaultSpec) -> str:
+    """A fault with its module, as a phrase."""
+    if fault.module in fault.title.split(".")[0]:
+        return fault.title
+    return f"{fault.title.lower()} in {fault.module}"
+
+
 def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
-    table = Table(box=None, padding=(0, 2), pad_edge=False)
-    for title in ("residual", "value", "threshold", "fired", "fault says", ""):
-        table.add_column(title, justify="right" if title in ("value", "threshold") else "left")
+    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    for title in ("residual", "value", "limit", "fired", "expected", ""):
+        justify = "right" if title in ("value", "limit") else "left"
+        table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
     for e in ordered[:12]:
         table.add_row(
@@ -125,7 +156,7 @@ def _agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> str:
     cells = {c.residual: c for c in ruleset.cells_of_fault[finding.fault.id]}
     cell = cells.get(evidence.residual)
     if evidence.verdict == "0" and cell is not None and cell.detectable > finding.degree:
-        return f"[dim]too small to see (from {cell.detectable:.2g} on)[/]"
+        return f"[dim]seen from {cell.detectable:.2g} on[/]"
     return _AGREES[False] if evidence.verdict != "0" else "[yellow]~ weaker than expected[/]"
 
 

@@ -180,7 +180,7 @@ def _solve(covariance: Array, vectors: Array) -> Array:
     sound = np.isfinite(covariance).all(axis=(1, 2)) & (size > 0)
     regular = np.where(sound[:, None, None], covariance, np.eye(rank))
     regular = regular + (1e-12 * np.where(sound, size, 1.0))[:, None, None] * np.eye(rank)
-    solved: Array = np.linalg.solve(regular, vectors[..., None])[..., 0]
+    solved: Array = np.asarray(np.linalg.solve(regular, vectors[..., None])[..., 0], dtype=float)
     solved[~sound] = np.nan
     return solved
 

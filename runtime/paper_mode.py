@@ -30,7 +30,8 @@ class PaperResult:
 
     def winner(self) -> np.ndarray:
         """Index of the fault with the largest degree per point."""
-        return np.argmax(self.degree, axis=0)
+        winner: np.ndarray = np.argmax(self.degree, axis=0)
+        return winner
 
 
 def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
@@ -58,8 +59,8 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     for table in (degree, lower, upper):
         table[~np.isfinite(table)] = 0.0
     with np.errstate(invalid="ignore"):
-        fires = np.abs(observed.residuals) > COVERAGE * observed.residual_u
-    return PaperResult(fires.any(axis=0), degree, np.maximum(lower, 0.0), upper)
+        fires: np.ndarray = np.abs(observed.residuals) > COVERAGE * observed.residual_u
+    return PaperResult(np.any(fires, axis=0), degree, np.maximum(lower, 0.0), upper)
 
 
 def _form(cell: Cell) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CHUNK = 8192
+"""Samples at a time: fewer make numpy's calls dear, more leave the cache."""
 
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "add": np.add,
@@ -91,109 +92,119 @@ class Plan:
                 used.add(b)
         return {name for i, name in enumerate(self.inputs) if i in used}
 
-    def run(self, values: Mapping[str, Array | float]) -> dict[str, Array]:
+    @cached_property
+    def _schedules(self) -> dict[tuple[bool, ...], _Schedule]:
+        return {}
+
+    def run(
+        self, values: Mapping[str, Array | float], out: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
         """Evaluate all outputs.
 
         Parameters
         ----------
         values : per input name an array, shape (n,), or a number; SI. Absent inputs count as NaN.
+        out : per output name an array to write to, shape (n,). Fresh memory costs more than the
+            calculation, so a long recording is best run block by block into the same arrays.
 
         Returns
         -------
         Per output name an array, shape (n,); shape (1,) if every input is a number.
         """
-        given = [values.get(name, np.nan) for name in self.inputs]
-        lengths = {len(v) for v in given if isinstance(v, np.ndarray) and v.ndim}
+        given = [np.asarray(values.get(name, np.nan), dtype=float) for name in self.inputs]
+        lengths = {len(v) for v in given if v.ndim}
         if len(lengths) > 1:
             raise ValueError(f"inputs of different length: {sorted(lengths)}")
         n = lengths.pop() if lengths else 1
-        varying = tuple(isinstance(v, np.ndarray) and v.ndim > 0 for v in given)
-        steps, buffers, scalars = self._schedule(varying)
-        results = {name: np.empty(n) for name in self.outputs}
+        varying = tuple(v.ndim > 0 for v in given)
+        if varying not in self._schedules:
+            self._schedules[varying] = self._schedule(varying)
+        schedule = self._schedules[varying]
+        results = {name: np.empty(n) if out is None else out[name] for name in self.outputs}
         with np.errstate(all="ignore"):
-            fixed = self._scalars(given, scalars)
-            for low in range(0, n, CHUNK):
-                high = min(low + CHUNK, n)
-                self._chunk(given, fixed, steps, buffers, results, low, high)
+            fixed = self._fixed(given, schedule)
+            if schedule.steps:
+                _run_steps(schedule, fixed, results, n)
+        for name, i in self.outputs.items():
+            source = results[schedule.targets[i]] if i in schedule.targets else fixed[i]
+            if source is not results[name]:
+                results[name][...] = source
         return results
 
-    def _schedule(
-        self, varying: tuple[bool, ...]
-    ) -> tuple[list[tuple[Any, int, int, int, int]], int, list[int]]:
-        """Split operations into scalar ones and array steps with reused buffers.
+    def _fixed(self, given: Sequence[Array], schedule: _Schedule) -> list[Any]:
+        """All values that need no chunks; inputs as they are, constants and scalar operations.
 
-        A step is ``(ufunc, a, b or -1, value, buffer)``.
+        Numbers are arrays without dimension: those are cheaper to hand to numpy than floats.
         """
-        start = self.first_operation
-        is_array = list(varying) + [False] * len(self.constants)
-        last: dict[int, int] = {}
-        for i, (name, a, b) in enumerate(self.operations, start):
-            is_array.append(is_array[a] or (name not in UNARY and is_array[b]))
-            last[a] = i
-            if name not in UNARY:
-                last[b] = i
-        kept = set(self.outputs.values())
-        free: list[int] = []
-        held: dict[int, int] = {}
-        steps: list[tuple[Any, int, int, int, int]] = []
-        scalars: list[int] = []
-        count = 0
-        for i, (name, a, b) in enumerate(self.operations, start):
-            if not is_array[i]:
-                scalars.append(i)
-                continue
-            operands = (a,) if name in UNARY else (a, b)
-            buffer = -1
-            if i not in kept:
-                for j in {o for o in operands if last[o] == i and o in held}:
-                    free.append(held.pop(j))
-                buffer = free.pop() if free else count
-                count += buffer == count
-                held[i] = buffer
-            else:
-                for j in {o for o in operands if last[o] == i and o in held}:
-                    free.append(held.pop(j))
-            second = -1 if name in UNARY else b
-            steps.append((OPERATIONS[name], a, second, i, buffer))
-        return steps, count, scalars
-
-    def _scalars(self, given: Sequence[Array | float], scalars: list[int]) -> dict[int, Any]:
-        start = self.first_operation
-        values: dict[int, Any] = {i: np.float64(v) for i, v in enumerate(given) if np.ndim(v) == 0}
-        for i, constant in enumerate(self.constants, len(self.inputs)):
-            values[i] = np.float64(constant)
-        for i in scalars:
-            name, a, b = self.operations[i - start]
-            function = OPERATIONS[name]
-            values[i] = function(values[a]) if name in UNARY else function(values[a], values[b])
+        values: list[Any] = [*given, *(np.asarray(c) for c in self.constants)]
+        values += [None] * len(self.operations)
+        for function, a, b, i in schedule.scalars:
+            values[i] = np.asarray(function(values[a]) if b < 0 else function(values[a], values[b]))
         return values
 
-    def _chunk(
-        self,
-        given: Sequence[Array | float],
-        fixed: Mapping[int, Any],
-        steps: list[tuple[Any, int, int, int, int]],
-        buffers: int,
-        results: dict[str, Array],
-        low: int,
-        high: int,
-    ) -> None:
-        values: list[Any] = [None] * (self.first_operation + len(self.operations))
-        for i, value in fixed.items():
-            values[i] = value
-        for i, v in enumerate(given):
-            if isinstance(v, np.ndarray) and v.ndim:
-                values[i] = v[low:high]
-        store = np.empty((buffers, high - low))
-        target = {i: results[name][low:high] for name, i in self.outputs.items()}
-        for function, a, b, i, buffer in steps:
-            out = target[i] if buffer < 0 else store[buffer]
+    def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
+        """Split operations into scalar ones and array steps; a buffer is free after its last use."""
+        is_array = list(varying) + [False] * len(self.constants)
+        last: dict[int, int] = {}
+        for i, (name, a, b) in enumerate(self.operations, self.first_operation):
+            operands = (a,) if name in UNARY else (a, b)
+            is_array.append(any(is_array[j] for j in operands))
+            last.update(dict.fromkeys(operands, i))
+        targets = {i: n for n, i in self.outputs.items() if i >= self.first_operation}
+        targets = {i: n for i, n in targets.items() if is_array[i]}
+        free: list[int] = []
+        held: dict[int, int] = {}
+        rows: dict[int, int] = {}
+        steps: dict[bool, list[_Step]] = {True: [], False: []}
+        count = 0
+        for i, (name, a, b) in enumerate(self.operations, self.first_operation):
+            operands = (a,) if name in UNARY else (a, b)
+            steps[is_array[i]].append((OPERATIONS[name], a, -1 if name in UNARY else b, i))
+            free += [held.pop(j) for j in set(operands) if j in held and last[j] == i]
+            if is_array[i] and i not in targets:
+                rows[i] = held[i] = free.pop() if free else count
+                count = max(count, rows[i] + 1)
+        return _Schedule(tuple(steps[False]), tuple(steps[True]), varying, rows, count, targets)
+
+
+_Step = tuple[Callable[..., Any], int, int, int]
+"""``(ufunc, a, b, value)``; `b` is -1 for unary ones."""
+
+
+@dataclass(frozen=True)
+class _Schedule:
+    """How to run a plan once it is known which inputs are arrays.
+
+    `scalars` work on numbers alone and run once, `steps` on chunks. The value of a step goes to
+    a row of the buffer (`rows`) or straight into an output (`targets`).
+    """
+
+    scalars: tuple[_Step, ...]
+    steps: tuple[_Step, ...]
+    varying: tuple[bool, ...]
+    rows: Mapping[int, int]
+    count: int
+    targets: Mapping[int, str]
+
+
+def _run_steps(
+    schedule: _Schedule, fixed: Sequence[Any], results: Mapping[str, Array], n: int
+) -> None:
+    """Run the array steps chunk by chunk, so that the buffers stay in the cache."""
+    store = np.empty((schedule.count, min(n, CHUNK)))
+    for low in range(0, n, CHUNK):
+        high = min(low + CHUNK, n)
+        buffers = list(store[:, : high - low])
+        values = list(fixed)
+        for i, is_array in enumerate(schedule.varying):
+            if is_array:
+                values[i] = fixed[i][low:high]
+        for i, row in schedule.rows.items():
+            values[i] = buffers[row]
+        for i, name in schedule.targets.items():
+            values[i] = results[name][low:high]
+        for function, a, b, i in schedule.steps:
             if b < 0:
-                function(values[a], out=out)
+                function(values[a], values[i])
             else:
-                function(values[a], values[b], out=out)
-            values[i] = out
-        for name, i in self.outputs.items():
-            destination = results[name][low:high]
-            if destination is not values[i]:
-                destination[...] = values[i]
+                function(values[a], values[b], values[i])

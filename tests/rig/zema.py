@@ -36,7 +36,7 @@ PROFILE = 172.0
 
 @dataclass(frozen=True)
 class Cycle:
-    """What the experimenters set in one cycle; `off_profile`: when the pressure left its profile."""
+    """What was set in one cycle; `off_profile`: when the pressure left its profile."""
 
     number: int
     block: int

@@ -1,0 +1,37 @@
+# Two commands for a bare machine with Python 3.11 or newer: `make demo` and `make test`.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+.DEFAULT_GOAL := help
+.PHONY: help demo test bench golden clean
+
+help: ## list the commands
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
+
+$(BIN)/rulec: pyproject.toml
+	@echo "preparing $(VENV) (once, about a minute)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/dev: $(BIN)/rulec
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: $(BIN)/rulec ## see a leakage found and explained on a shipped example
+	@$(BIN)/rulec demo
+
+test: $(VENV)/dev ## lint, types, all tests
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+bench: $(VENV)/dev ## speed: compile, a million samples, start of the command
+	$(BIN)/python -m pytest tests/bench -s
+
+golden: $(VENV)/dev ## re-make golden files; review them as a diff
+	RULEC_REMAKE=1 $(BIN)/python -m pytest tests/test_golden.py tests/test_errors.py
+
+clean: ## remove everything that was made
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache

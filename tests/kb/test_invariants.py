@@ -1,0 +1,137 @@
+"""What must hold for every module type: invariant x plant, at the reference point and off it.
+
+A new module type gets all of this for free: it only needs a plant below.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.pipeline import compile_plant
+from runtime.isolate import residual_basis
+from runtime.ruleset import Ruleset
+from tests.conftest import ROOT
+
+PLANTS = {
+    "abc": {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"},
+    "membrane": {"A": "dosing-membrane", "B": "dosing-pcp", "C": "static-mixer"},
+    "centrifugal": {"A": "dosing-centrifugal", "B": "dosing-membrane", "C": "static-mixer"},
+    "pump set": {"A": "pump-set"},
+    "warm pump set": {"A": "pump-set-warm"},
+}
+
+
+@pytest.fixture(scope="module", params=sorted(PLANTS))
+def ruleset(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
+    """A small plant of some module types."""
+    modules = PLANTS[request.param]
+    lines = ["plant: small", "title: small", f"kb: {ROOT / 'kb'}", "modules:"]
+    lines += [f"  {name}: {{type: {kind}}}" for name, kind in modules.items()]
+    if "C" in modules:
+        lines += ["connections:", "  - A -> C", "  - B -> C"]
+    file: Path = tmp_path_factory.mktemp("plant") / "plant.yaml"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return compile_plant(file)
+
+
+def _reference(ruleset: Ruleset) -> dict[str, float]:
+    return {s.id: s.reference for s in ruleset.signals}
+
+
+def _scatter(ruleset: Ruleset, share: float) -> dict[str, float]:
+    """Readings off the reference point, each by its own fixed share."""
+    return {
+        s.id: s.reference * (1 + share * np.sin(1.0 + 2.0 * i))
+        for i, s in enumerate(ruleset.signals)
+    }
+
+
+def test_residuals_vanish_at_the_reference_point(ruleset: Ruleset) -> None:
+    """A fault-free plant has no residual: |R| < 1e-9 of the flow."""
+    names = [f"R:{r.id}" for r in ruleset.residuals]
+    results = ruleset.plan.select(names).run(_reference(ruleset))
+    largest = max(abs(o.reference) for o in ruleset.observers)
+    assert max(float(abs(v[0])) for v in results.values()) < 1e-9 * largest
+
+
+def test_flows_are_positive_at_the_reference_point(ruleset: Ruleset) -> None:
+    """Every observer gives a positive flow there."""
+    assert all(o.reference > 0 for o in ruleset.observers)
+
+
+def test_undo_at_degree_zero_changes_nothing(ruleset: Ruleset) -> None:
+    """With all degrees 0 the undone observers are the observers, anywhere."""
+    readings = _scatter(ruleset, 0.03)
+    names = [f"q:{o.id}" for o in ruleset.observers]
+    plain = ruleset.plan.select(names).run(readings)
+    degrees = {f"x:{f.id}": 0.0 for f in ruleset.faults}
+    undone = ruleset.undo.select(names).run({**readings, **degrees})
+    for name in names:
+        assert plain[name] == pytest.approx(undone[name], rel=1e-12)
+
+
+def test_derivatives_by_degree_are_right(ruleset: Ruleset) -> None:
+    """dq/dx of the undo plan equals a central difference, for every fault and observer."""
+    readings = _scatter(ruleset, 0.02)
+    zero = {f"x:{f.id}": 0.0 for f in ruleset.faults}
+    step = 1e-6
+    for fault in ruleset.faults:
+        for observer in fault.affects:
+            name = f"dq:{observer}:{fault.id}"
+            at = {
+                d: ruleset.undo.select([f"q:{observer}"]).run(
+                    {**readings, **zero, f"x:{fault.id}": d}
+                )[f"q:{observer}"][0]
+                for d in (-step, step)
+            }
+            derivative = ruleset.undo.select([name]).run({**readings, **zero})[name][0]
+            flow = ruleset.observer_by_id[observer].reference
+            assert derivative == pytest.approx((at[step] - at[-step]) / (2 * step), abs=1e-4 * flow)
+
+
+def test_undoing_is_the_opposite_of_the_effect(ruleset: Ruleset) -> None:
+    """Every cell's dR/dx is minus the derivative of the undone residual."""
+    reference = _reference(ruleset)
+    zero = {f"x:{f.id}": 0.0 for f in ruleset.faults}
+    slopes = ruleset.undo.run({**reference, **zero})
+    terms = {r.id: r.terms for r in ruleset.residuals}
+    for cell in ruleset.cells:
+        undone = sum(
+            t.sign * slopes[f"dq:{t.observer}:{cell.fault}"][0]
+            for t in terms[cell.residual]
+            if f"dq:{t.observer}:{cell.fault}" in slopes
+        )
+        assert cell.sensitivity == pytest.approx(-undone, rel=1e-6)
+
+
+def test_basis_and_residuals_span_the_same(ruleset: Ruleset) -> None:
+    """The named residuals say all that is redundant: their rank is that of the basis."""
+    column = {o.id: i for i, o in enumerate(ruleset.observers)}
+    named = np.zeros((len(ruleset.residuals), len(column)))
+    for row, residual in zip(named, ruleset.residuals, strict=True):
+        for term in residual.terms:
+            row[column[term.observer]] = term.sign
+    basis = residual_basis(ruleset, np.ones(len(column), dtype=bool))
+    assert len(basis) == np.linalg.matrix_rank(named)
+    assert len(basis) == np.linalg.matrix_rank(np.vstack([named, basis]))
+
+
+def test_gradients_are_derivatives(ruleset: Ruleset) -> None:
+    """Scaled gradients with u = 1 are the derivatives by the readings (central differences)."""
+    readings = _scatter(ruleset, 0.02)
+    ones = {f"u:{name}": 1.0 for name in readings} | {"u:parameters": 1.0, "u:model": 1.0}
+    for observer in ruleset.observers:
+        for signal in observer.signals:
+            name = f"s:{observer.id}:{signal}"
+            step = 1e-6 * abs(readings[signal])
+            flows = [
+                ruleset.plan.select([f"q:{observer.id}"]).run(
+                    {**readings, signal: readings[signal] + d}
+                )[f"q:{observer.id}"][0]
+                for d in (-step, step)
+            ]
+            slope = ruleset.plan.select([name]).run({**readings, **ones})[name][0]
+            assert slope == pytest.approx((flows[1] - flows[0]) / (2 * step), rel=1e-5)
