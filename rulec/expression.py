@@ -8,20 +8,26 @@ are ordinary names here, which is why sympy's own reader is not used.
 from __future__ import annotations
 
 import ast
+import keyword
 import math
+import operator
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import sympy
 
+from rulec.diagnostics import did_you_mean
 from rulec.units import NONE, Dimension
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 MAX_LENGTH = 600
 MAX_DEPTH = 30
 MAX_POWER = 8
+MAX_NUMBER = 1e30
 ARITY = {
     "sqrt": 1, "abs": 1, "sign": 1, "exp": 1, "log": 1, "tanh": 1, "min": 2, "max": 2,
 }  # fmt: skip
@@ -67,86 +73,143 @@ def parse(text: str) -> Expression:
     'sqrt((dp - k0)/k2)'
     """
     if len(text) > MAX_LENGTH:
-        message = f"the expression has {len(text)} characters; at most {MAX_LENGTH} are read"
-        raise Rejected("KB042", 0, message, "split it with definitions")
-    bad = next((i for i, c in enumerate(text) if not c.isascii() or c == "\0"), None)
-    if bad is not None:
-        raise Rejected("KB040", bad, f"the character {text[bad]!r} is not allowed here")
+        message = f"the equation has {len(text)} characters; at most {MAX_LENGTH} are read"
+        raise Rejected("KB042", 0, message, "split it with definitions", len(text))
     if not text.strip():
-        raise Rejected("KB040", 0, "the expression is empty")
+        raise Rejected("KB040", 0, "the equation is empty")
+    _refuse_text(text)
     indent = len(text) - len(text.lstrip())
+    line = text.strip().replace("\r", " ").replace("\n", " ")
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        with warnings.catch_warnings(action="ignore"):
+            tree = ast.parse(line, mode="eval").body
     except SyntaxError as error:
         column = min((error.offset or 1) - 1 + indent, len(text) - 1)
-        raise Rejected("KB040", column, "this cannot be read as an expression") from None
+        if "nested" in error.msg:
+            raise Rejected("KB042", column, _TOO_DEEP, "split it with definitions") from None
+        hint = "is a *, a bracket or a number missing?"
+        raise Rejected("KB040", column, "the equation cannot be read from here on", hint) from None
     except (ValueError, RecursionError, MemoryError):
-        raise Rejected("KB042", 0, "the expression is nested too deeply") from None
-    ast.increment_lineno(tree, 0)
+        raise Rejected("KB042", 0, _TOO_DEEP, "split it with definitions") from None
     for node in ast.walk(tree):
-        if hasattr(node, "col_offset"):
+        if isinstance(node, ast.expr):
             node.col_offset += indent
-    _check(tree, 0)
-    return Expression(text, tree)
+            node.end_col_offset = (node.end_col_offset or 0) + indent
+    _check(tree, 0, Fraction(1))
+    expression = Expression(text, tree)
+    constant(expression, {})
+    return expression
 
 
-def _check(node: ast.expr, depth: int) -> None:
-    """Refuse every construct that is not on the list."""
-    column = node.col_offset
+_TOO_DEEP = f"the equation is nested more than {MAX_DEPTH} deep"
+_FOREIGN = re.compile(r"//|[^A-Za-z0-9_+\-*/(),. \t\r\n]")
+_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_REMEDIES = {
+    "^": "write ** for a power",
+    "²": "write **2",
+    "³": "write **3",
+    "·": "write *",
+    "×": "write *",
+    "÷": "write /",
+    "−": "write -, the plain minus",
+    "–": "write -, the plain minus",
+    "√": "write sqrt(...)",
+    "[": "use round brackets",
+    "{": "use round brackets",
+    "=": "write the right-hand side only",
+    "<": "use min(...) or max(...)",
+    ">": "use min(...) or max(...)",
+    "%": "write 0.01*",
+}
+
+
+def _refuse_text(text: str) -> None:
+    """Refuse characters and words that no equation has, before Python's parser sees them."""
+    foreign = _FOREIGN.search(text)
+    if foreign:
+        shown = foreign[0] if foreign[0].isprintable() else f"{ord(foreign[0]):#04x}"
+        hint = _REMEDIES.get(foreign[0], "numbers, names, + - * / ** ( ) and functions only")
+        message = f"'{shown}' is not allowed in an equation"
+        raise Rejected("KB040", foreign.start(), message, hint, len(foreign[0]))
+    for word in _WORD.finditer(text):
+        if keyword.iskeyword(word[0]):
+            message = f"'{word[0]}' is a reserved word and cannot stand in an equation"
+            raise Rejected("KB024", word.start(), message, "use another name", len(word[0]))
+
+
+def _at(
+    node: ast.expr | ast.keyword, code: str, message: str, hint: str = "", length: int = 0
+) -> Rejected:
+    size = length or (node.end_col_offset or 0) - node.col_offset
+    return Rejected(code, node.col_offset, message, hint, max(1, size))
+
+
+def _check(node: ast.expr, depth: int, power: Fraction) -> None:
+    """Refuse every construct that is not on the list; `power` is that of all powers around."""
     if depth > MAX_DEPTH:
-        raise Rejected("KB042", column, f"nested deeper than {MAX_DEPTH}", "use definitions")
+        raise _at(node, "KB042", _TOO_DEEP, "split it with definitions")
     match node:
         case ast.Constant(value=bool() | str() | bytes() | complex() | None):
-            raise Rejected("KB041", column, "only numbers and names are allowed here")
-        case ast.Constant(value=int(value) | float(value)):
-            if not math.isfinite(value) or abs(value) > 1e30:
-                raise Rejected("KB041", column, "this number is out of bounds")
+            raise _at(node, "KB041", "only numbers and names are allowed here")
+        case ast.Constant(value=int() | float()):
+            pass
         case ast.Name(id=name):
             if not NAME.fullmatch(name):
-                raise Rejected("KB041", column, f"'{name}' is not a legal name", "", len(name))
+                hint = "a letter, then at most 40 letters, digits and _"
+                raise _at(node, "KB041", f"'{name[:50]}' is not a legal name", hint)
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-            _check(operand, depth + 1)
+            _check(operand, depth + 1, power)
         case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div(), left=left, right=right):
-            _check(left, depth + 1)
-            _check(right, depth + 1)
+            _check(left, depth + 1, power)
+            _check(right, depth + 1, power)
         case ast.BinOp(op=ast.Pow(), left=left, right=right):
-            _check(left, depth + 1)
-            power = _exponent(right)
-            if power is None or abs(power) > MAX_POWER:
-                hint = f"a number of size {MAX_POWER} at most"
-                raise Rejected("KB043", right.col_offset, "an exponent must be a number", hint)
+            _check(right, depth + 1, power)
+            own = _exponent(right)
+            if own is None:
+                raise _at(right, "KB043", "an exponent must be a fixed number")
+            total = power * max(Fraction(1), abs(own))
+            if total > MAX_POWER:
+                message = "this power is too high"
+                raise _at(right, "KB043", message, f"{MAX_POWER} at most, powers of powers too")
+            _check(left, depth + 1, total)
         case ast.Call():
-            _check_call(node, depth)
+            _check_call(node, depth, power)
+        case ast.Tuple():
+            hint = "a decimal point, not a comma, and no list"
+            raise _at(node, "KB041", "a comma is not allowed here", hint)
+        case ast.Attribute(value=value):
+            column = value.end_col_offset or 0
+            hint = "write names without a dot, and * between factors"
+            raise Rejected("KB041", column, "a dot is not allowed here", hint)
         case _:
-            raise Rejected("KB041", column, f"{_kind(node)} is not allowed in an equation")
+            raise _at(node, "KB041", "this is not allowed in an equation")
 
 
-def _check_call(node: ast.Call, depth: int) -> None:
-    column, name = node.col_offset, _function(node)
-    if name is None or node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
-        raise Rejected("KB041", column, "only plain function calls are allowed")
+def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
+    name = _function(node)
+    if name is None:
+        raise _at(node, "KB041", "only a function can be called", "is a * missing?")
+    if name != GATHER and name not in ARITY:
+        hint = did_you_mean(name, [*ARITY, GATHER])
+        raise _at(node, "KB044", f"there is no function '{name[:50]}'", hint, len(name))
+    odd = [*node.keywords, *(a for a in node.args if isinstance(a, ast.Starred))]
+    if odd:
+        raise _at(odd[0], "KB041", f"{name}() takes plain values only")
     if name == GATHER:
         if len(node.args) != 1 or not isinstance(node.args[0], ast.Name):
-            raise Rejected("KB045", column, f"{GATHER}() takes one name", "downstream(dp_mix)")
-        return
-    if name not in ARITY:
-        from rulec.diagnostics import did_you_mean
-
-        hint = did_you_mean(name, [*ARITY, GATHER])
-        raise Rejected("KB044", column, f"there is no function '{name}'", hint, len(name))
-    if len(node.args) != ARITY[name]:
-        message = f"{name}() takes {ARITY[name]} argument(s), not {len(node.args)}"
-        raise Rejected("KB045", column, message, "", len(name))
+            message = f"{GATHER}() takes the one name that modules provide"
+            raise _at(node, "KB045", message, f"as in {GATHER}(dp_mix)")
+    elif len(node.args) != ARITY[name]:
+        wanted = f"{ARITY[name]} value{'s' * (ARITY[name] > 1)}"
+        raise _at(node, "KB045", f"{name}() takes {wanted}, not {len(node.args)}")
     for argument in node.args:
-        _check(argument, depth + 1)
+        _check(argument, depth + 1, power)
 
 
 def _exponent(node: ast.expr) -> Fraction | None:
     """Value of a numeric exponent: 2, -1, 0.5, 1/2, (7/4)."""
     match node:
-        case ast.Constant(value=bool()):
-            return None
-        case ast.Constant(value=int(value) | float(value)) if math.isfinite(value):
+        case ast.Constant(value=int(value) | float(value)) if abs(value) <= MAX_NUMBER:
             return Fraction(value).limit_denominator(1000)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             inner = _exponent(operand)
@@ -157,23 +220,54 @@ def _exponent(node: ast.expr) -> Fraction | None:
     return None
 
 
+_PLAIN: Mapping[type[ast.operator] | str, Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
+    ast.Div: operator.truediv, ast.Pow: operator.pow,
+    "sqrt": math.sqrt, "abs": abs, "sign": lambda v: (v > 0) - (v < 0), "exp": math.exp,
+    "log": math.log, "tanh": math.tanh, "min": min, "max": max,
+}  # fmt: skip
+
+
+def constant(expression: Expression, known: Mapping[str, float]) -> float | None:
+    """Value where it depends on no measurement; raises `Rejected` where a part has none.
+
+    sympy would work such a part out exactly, and for a power of powers never end.
+    """
+
+    def walk(node: ast.expr) -> float | None:
+        match node:
+            case ast.Constant(value=int(number) | float(number)):
+                return bounded(node, lambda: number)
+            case ast.Name(id=name):
+                return known.get(name)
+            case ast.UnaryOp(op=op, operand=operand):
+                value = walk(operand)
+                return -value if value is not None and isinstance(op, ast.USub) else value
+            case ast.BinOp(left=left, op=op, right=right):
+                parts, function = [walk(left), walk(right)], _PLAIN[type(op)]
+                if isinstance(op, ast.Div) and parts[1] == 0:
+                    raise _at(right, "KB041", "this divides by zero")
+            case ast.Call(args=args):
+                parts, function = [walk(a) for a in args], _PLAIN.get(_function(node) or "", min)
+        if None in parts:
+            return None
+        return bounded(node, lambda: function(*parts))
+
+    def bounded(node: ast.expr, value: Callable[[], Any]) -> float:
+        try:
+            number = float(value())
+        except (ArithmeticError, ValueError, TypeError):
+            number = math.nan
+        if not abs(number) <= MAX_NUMBER:
+            hint = f"of size {MAX_NUMBER:g} at most"
+            raise _at(node, "KB041", "this is not a number one can calculate with", hint)
+        return number
+
+    return walk(expression.tree)
+
+
 def _function(node: ast.Call) -> str | None:
     return node.func.id if isinstance(node.func, ast.Name) else None
-
-
-def _kind(node: ast.AST) -> str:
-    words = {
-        ast.Attribute: "a dot",
-        ast.Subscript: "an index",
-        ast.Lambda: "a function definition",
-        ast.Compare: "a comparison",
-        ast.BoolOp: "'and' or 'or'",
-        ast.IfExp: "a condition",
-        ast.List: "a list",
-        ast.Tuple: "a comma",
-        ast.JoinedStr: "a text",
-    }
-    return words.get(type(node), "this")
 
 
 def _names(node: ast.expr) -> Iterator[tuple[str, int]]:
@@ -233,9 +327,9 @@ def dimension(
             return _same(parts[0], parts[1], node)
         if name == "sign":
             return NONE
-        if parts[0] is not zero and parts[0] != NONE:
+        if not _solid(parts[0]).fits(NONE):
             message = f"the argument of {name}() must be a plain number, but has {parts[0]}"
-            raise Rejected("KB052", node.args[0].col_offset, message, "divide by a reference")
+            raise _at(node.args[0], "KB052", message, "divide by a reference")
         return NONE
 
     result = walk(expression.tree)
@@ -250,19 +344,17 @@ def _solid(value: Dimension | _Zero) -> Dimension:
     return value if isinstance(value, Dimension) else NONE
 
 
-def _same(left: Dimension | _Zero, right: Dimension | _Zero, node: ast.AST) -> Dimension | _Zero:
+def _same(left: Dimension | _Zero, right: Dimension | _Zero, node: ast.expr) -> Dimension | _Zero:
     if isinstance(left, _Zero):
         return right
-    if isinstance(right, _Zero) or left == right:
+    if isinstance(right, _Zero) or left.fits(right):
         return left
-    column = getattr(node, "op_column", getattr(node, "col_offset", 0))
     message = f"these do not add up: {left} and {right}"
-    length = max(1, getattr(node, "end_col_offset", column + 1) - getattr(node, "col_offset", 0))
-    raise Rejected("KB051", column, message, "a factor or a square root is missing", length)
+    raise _at(node, "KB051", message, "is a factor or a square root missing?")
 
 
 def _binary(
-    op: ast.operator, left: Dimension | _Zero, right: Dimension | _Zero, node: ast.AST
+    op: ast.operator, left: Dimension | _Zero, right: Dimension | _Zero, node: ast.expr
 ) -> Dimension | _Zero:
     if isinstance(op, ast.Add | ast.Sub):
         return _same(left, right, node)
@@ -319,12 +411,13 @@ def to_sympy(
                         return a * b
                 return a / b
             case ast.Call(args=args):
-                name = _function(node)
-                if name == GATHER:
-                    assert gathered is not None and isinstance(args[0], ast.Name)
+                function = _function(node)
+                if function == GATHER:
+                    assert gathered is not None
+                    assert isinstance(args[0], ast.Name)
                     return gathered[args[0].id]
-                assert name is not None
-                return _FUNCTIONS[name](*(walk(a) for a in args))
+                assert function is not None
+                return _FUNCTIONS[function](*(walk(a) for a in args))
         raise AssertionError(ast.dump(node))
 
     return walk(expression.tree)

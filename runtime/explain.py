@@ -9,7 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from runtime.diagnose import Diagnosis, Evidence, Finding, Period
+from runtime.diagnose import Diagnosis
+from runtime.findings import Evidence, Finding, Period
 from runtime.ruleset import FaultSpec, Ruleset
 
 _STATUS = {

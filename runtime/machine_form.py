@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from runtime.diagnose import Diagnosis, Finding, Period, Trace
+from runtime.diagnose import Diagnosis, Trace
+from runtime.findings import Finding, Period
 from runtime.ruleset import Ruleset
 
 

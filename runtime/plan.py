@@ -143,7 +143,7 @@ class Plan:
         return values
 
     def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
-        """Split operations into scalar ones and array steps; a buffer is free after its last use."""
+        """Split operations into scalar ones and array steps; buffers are reused after last use."""
         is_array = list(varying) + [False] * len(self.constants)
         last: dict[int, int] = {}
         for i, (name, a, b) in enumerate(self.operations, self.first_operation):

@@ -1,0 +1,68 @@
+"""Decide: what each operating point says on its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.isolate import Isolation
+from runtime.observe import Observed, reason
+from runtime.ruleset import Ruleset
+
+THRESHOLD = 3.0
+"""A residual is shown as non-zero beyond this many standard uncertainties."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One stretch: ``ok``, ``fault`` (its index), ``unknown``, ``outside`` the calibrated range,
+    or ``blind``."""
+
+    kind: str
+    fault: int
+    text: str
+
+
+def verdict_at(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> Verdict:
+    """What one stretch says."""
+    if not isolation.judged[point]:
+        return Verdict("blind", -1, _why_blind(ruleset, observed, point))
+    if not isolation.deviating[point]:
+        return Verdict("ok", -1, "")
+    outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
+    if outside:
+        return Verdict("outside", -1, _outside(ruleset, outside[0]))
+    chances = isolation.probability[:, point]
+    if chances.max(initial=0.0) <= 0:
+        return Verdict("unknown", -1, _unexplained(ruleset, observed, isolation, point))
+    return Verdict("fault", int(np.argmax(chances)), "")
+
+
+def _why_blind(ruleset: Ruleset, observed: Observed, point: int) -> str:
+    reasons = [
+        reason(ruleset, observed, i, point)
+        for i in range(len(ruleset.observers))
+        if not observed.valid[i, point]
+    ]
+    return "; ".join(dict.fromkeys(reasons)) or "too few estimates of the same flow"
+
+
+def _outside(ruleset: Ruleset, name: str) -> str:
+    signal = ruleset.signal_by_id[name]
+    assert signal.valid_from is not None
+    assert signal.valid_to is not None
+    low = (signal.valid_from - signal.offset) / signal.factor
+    high = (signal.valid_to - signal.offset) / signal.factor
+    return (
+        f"nothing known fits: the estimates of the flow disagree while {name} is outside "
+        f"{low:.4g} to {high:.4g} {signal.unit}, the range the plant was calibrated in"
+    )
+
+
+def _unexplained(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> str:
+    ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
+    ratio[~np.isfinite(ratio)] = 0.0
+    fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > THRESHOLD][:3]
+    names = ", ".join(fired) or "the residuals together"
+    return f"nothing known fits: {names} deviate in a way that no single fault explains"

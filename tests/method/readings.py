@@ -1,0 +1,169 @@
+"""Readings of the independent truth, as inputs of a ruleset; plants of this folder, compiled."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from rulec.check_plant import check
+from rulec.differentiate import TypeModel, type_model
+from rulec.pipeline import compile_plant
+from rulec.read import read_plant
+from runtime.observe import Points
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from runtime.stationary import systematic_u
+from tests import truth
+from tests.conftest import ROOT
+from tests.truth.plant import DosingModule, Line, Mixer
+from tests.truth.pumps import centrifugal, progressive_cavity
+from tests.truth.units import BAR, LITRE_PER_HOUR, RPM
+
+HERE = Path(__file__).parent
+PLANTS = HERE / "plants"
+PUMPS = ("abc", "abc-membrane", "abc-centrifugal")
+"""The plant abc with three kinds of pump in module A."""
+
+
+def data(name: str) -> Any:
+    """A table of cases beside the tests."""
+    return yaml.safe_load((HERE / name).read_text(encoding="utf-8"))
+
+
+@functools.cache
+def ruleset(plant: str) -> Ruleset:
+    """A plant of this folder, or else a shipped one, compiled once per test run."""
+    here = PLANTS / plant
+    return compile_plant(here if here.is_dir() else ROOT / "plants" / plant)
+
+
+@functools.cache
+def model(module_type: str) -> TypeModel:
+    """The symbolic model of a module type of the knowledge base."""
+    knowledge = check(read_plant(PLANTS / "mixing-rig")).knowledge
+    return type_model(knowledge.modules[module_type], knowledge)
+
+
+def large_centrifugal() -> truth.Plant:
+    """A large centrifugal pump (3.8 m3/h) beside a small pump: `plants/large-centrifugal`."""
+    flow = LITRE_PER_HOUR
+    line = Line(0.02 * BAR, 4e-8 * BAR / flow**2)
+    speeds = (2650.0 * RPM, 2000.0 * RPM, 3000.0 * RPM)
+    modules = {
+        "A": DosingModule(centrifugal(1.0), line, *speeds),
+        "B": truth.abc().modules["B"],
+    }
+    return truth.Plant(
+        modules, {"C": Mixer(2e-8 * BAR / flow**2)}, {"A": "C", "B": "C", "C": None}
+    )
+
+
+LIFTS = {"1": -0.4, "2": 0.0, "3": 0.4, "4": 0.8}
+"""Static part of the lines in `plants/lines`, bar."""
+
+
+def lines() -> truth.Plant:
+    """Twelve modules, each kind of pump with four static heads: `plants/lines`."""
+    quadratic = 5.2e-6 * BAR / LITRE_PER_HOUR**2
+    made = {"P": truth.abc("pcp"), "D": truth.abc("membrane"), "E": truth.abc("centrifugal")}
+    modules = {}
+    for kind, plant in made.items():
+        old = plant.modules["A"]
+        for number, static in LIFTS.items():
+            line = Line(static * BAR, quadratic if kind != "E" else quadratic / 10)
+            modules[kind + number] = DosingModule(
+                old.pump, line, old.speed, old.slowest, old.fastest, gear_ratio=old.gear_ratio
+            )
+    downstream: dict[str, str | None] = dict.fromkeys(modules, "M")
+    mixer = Mixer(1e-9 * BAR / LITRE_PER_HOUR**2)
+    return truth.Plant(modules, {"M": mixer}, {**downstream, "M": None})
+
+
+BUILT = {**truth.RIGS, "large-centrifugal": large_centrifugal, "lines": lines}
+"""The truth behind each plant."""
+
+
+@functools.cache
+def built(plant: str) -> truth.Plant:
+    """The true plant of a name."""
+    return BUILT[plant]()
+
+
+def noise_free(plant: str, fault: str = "", degree: Any = 0.0) -> dict[str, Array]:
+    """Readings (SI) at nominal speed with a fault of one or several degrees."""
+    degrees = np.atleast_1d(np.asarray(degree, dtype=np.float64))
+    operation = truth.healthy_run(built(plant), degrees.size).operation
+    run = truth.Run(built(plant), operation, {fault: degrees} if fault else {})
+    return to_si(ruleset(plant), truth.record(run, truth.NOISE_FREE).readings)
+
+
+def to_si(rules: Ruleset, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns with units in their headers to SI values by signal."""
+    found = {s.id: (s, columns.get(f"{s.id} [{s.unit}]")) for s in rules.signals}
+    return {n: v * s.factor + s.offset for n, (s, v) in found.items() if v is not None}
+
+
+def evaluate(
+    rules: Ruleset, values: Mapping[str, Array], parameters: float = 1.0, **u: float
+) -> dict[str, Array]:
+    """All outputs of the plan; `u` may replace sensor uncertainties (`A_dp=...`), SI."""
+    inputs: dict[str, Array | float] = dict(values)
+    for signal in rules.signals:
+        if signal.id in values:
+            standard = systematic_u(signal, values[signal.id])
+            inputs[f"u:{signal.id}"] = u.get(signal.id.replace(".", "_"), standard)
+    return rules.plan.run({**inputs, "u:parameters": parameters, "u:model": parameters})
+
+
+def points(rules: Ruleset, values: Mapping[str, Array]) -> Points:
+    """Operating points whose readings are as uncertain as their sensors."""
+    spread = {s.id: systematic_u(s, values[s.id]) for s in rules.signals if s.id in values}
+    return Points(
+        values,
+        {n: np.broadcast_to(u, values[n].shape) for n, u in spread.items()},
+        {n: ~np.isfinite(v) for n, v in values.items()},
+        {},
+    )
+
+
+def noisy(
+    rules: Ruleset, values: Mapping[str, Array], seeds: int, random: np.random.Generator
+) -> dict[str, Array]:
+    """Each point `seeds` times, each with new sensor errors of half their bound."""
+    result = {}
+    for signal in rules.signals:
+        if signal.id in values:
+            true = np.repeat(values[signal.id], seeds)
+            result[signal.id] = true + systematic_u(signal, true) * random.normal(size=true.size)
+    return result
+
+
+def recording(rules: Ruleset, columns: Mapping[str, Array]) -> Recording:
+    """A recording as the reader would give it."""
+    time = columns["time [s]"]
+    return Recording(time, to_si(rules, columns), np.zeros(time.size, dtype=int), (), ())
+
+
+def signs(values: Mapping[str, Array], residuals: list[str], flow: float) -> list[str]:
+    """`+`, `-` or `0` per residual; 0 below 1e-6 of a flow."""
+    sizes: NDArray[np.float64] = np.array([values[f"R:{r}"][0] for r in residuals]) / flow
+    return ["0" if abs(s) < 1e-6 else "+" if s > 0 else "-" for s in sizes]
+
+
+def row_of(matrix: Mapping[str, Any], fault: str) -> list[str]:
+    """A row of the derived matrix as signs."""
+    row = matrix["signs"][matrix["faults"].index(fault)]
+    return [{1: "+", -1: "-", 0: "0"}[s] for s in row]
+
+
+__all__ = [
+    "BUILT", "LIFTS", "PLANTS", "PUMPS", "built", "data", "evaluate", "model", "noise_free",
+    "noisy", "points", "progressive_cavity", "recording", "row_of", "ruleset", "signs", "to_si",
+]

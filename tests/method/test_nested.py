@@ -1,0 +1,82 @@
+"""Nested signatures, and what a minimum over non-zero residuals makes of them (claim 14)."""
+
+from __future__ import annotations
+
+import pytest
+
+from rulec.commands.matrix import machine_form
+from runtime.isolate import isolate
+from runtime.observe import observe
+from runtime.paper_mode import judge_by_paper
+from tests.method.readings import data, noise_free, points, row_of, ruleset
+
+NESTED = data("nested.yaml")
+
+
+def pairs(table: dict[str, list[str]]) -> set[tuple[str, str]]:
+    """(inner, outer) of a table."""
+    return {(inner, outer) for inner, outers in table.items() for outer in outers}
+
+
+def test_tool_finds_all_nested_pairs() -> None:
+    """Sixteen pairs: power-pump is not zero where a pump pressure reads wrong."""
+    found = {g.faults for g in ruleset("abc").ambiguous if g.kind == "nested"}
+    assert 16 == len(found)
+    assert pairs(NESTED["masked"]) | pairs(NESTED["added_by_power_pump"]) == found
+
+
+def test_twelve_pairs_are_left_without_power_pump() -> None:
+    """With the entries masked that hide in the noise, exactly the pairs of method.md."""
+    matrix = machine_form(ruleset("abc"))
+    signatures = {}
+    for fault in matrix["faults"]:
+        cells = dict(zip(matrix["residuals"], row_of(matrix, fault), strict=True))
+        if fault[1:] in (".dp.low", ".dp.high") and fault[0] in "AB":
+            cells[f"{fault[0]}.power-pump"] = "0"
+        signatures[fault] = {c for c in cells.items() if c[1] != "0"}
+    found = {(f, g) for f in signatures for g in signatures if signatures[f] < signatures[g]}
+    assert 12 == len(found)
+    assert pairs(NESTED["masked"]) == found
+
+
+def test_no_faults_coincide() -> None:
+    """No two faults of the plant abc move all residuals in the same proportion."""
+    assert [] == [g.faults for g in ruleset("abc").ambiguous if g.kind == "coincide"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "named", "degree", "own"),
+    [("A.dp.low", "A.widening", 0.23, 0.19), ("C.dp.high", "C.clogging", 0.21, 0.20)],
+)
+def test_literal_rule_mislabels(fault: str, named: str, degree: float, own: float) -> None:
+    """A noise-free sensor error of 20 % is taken for a change of the line (method.md, 2)."""
+    rules = ruleset("abc")
+    observed = observe(rules, points(rules, noise_free("abc", fault, 0.2)))
+    result = judge_by_paper(rules, observed)
+    names = [f.id for f in rules.faults]
+    assert named == names[result.winner()[0]]
+    found = [result.degree[names.index(name), 0] for name in (named, fault)]
+    assert [degree, own] == pytest.approx(found, abs=0.011)
+
+
+@pytest.mark.parametrize(
+    ("fault", "rival"),
+    [("A.dp.low", "A.widening"), ("A.widening", "A.dp.low"), ("A.clogging", "A.dp.high")],
+)
+def test_default_mode_claims_no_isolation_there(fault: str, rival: str) -> None:
+    """At 10 % both causes stay possible, and a third is not."""
+    rules = ruleset("abc")
+    observed = observe(rules, points(rules, noise_free("abc", fault, 0.1)))
+    chances = isolate(rules, observed).probability[:, 0]
+    possible = {f.id: p for f, p in zip(rules.faults, chances, strict=True) if p > 0.02}
+    assert {fault, rival} == set(possible)
+    assert 0.2 < min(possible.values())
+
+
+def test_default_mode_tells_mixer_clogging_from_its_sensor() -> None:
+    """At 20 % the whole residual vector separates what the minimum does not."""
+    rules = ruleset("abc")
+    for fault in ("C.dp.high", "C.clogging"):
+        observed = observe(rules, points(rules, noise_free("abc", fault, 0.2)))
+        chances = isolate(rules, observed).probability[:, 0]
+        assert 0.99 < chances[[f.id for f in rules.faults].index(fault)]
