@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
-from rulec.diagnostics import Diagnostic, did_you_mean
+from rulec.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.document import Document
 from rulec.expression import Expression, Rejected, dimension
 from rulec.knowledge import ModuleType
 from rulec.part_readers import within
-from rulec.units import VOLUME_FLOW, Dimension
+from rulec.units import UNKNOWN, VOLUME_FLOW, Dimension
 
 
-def provided_names(modules: Mapping[str, ModuleType]) -> dict[str, Dimension]:
-    """Dimension of each name that some module type provides."""
-    return {
-        name: module.signals[signal].unit.dimension
-        for module in modules.values()
-        for name, signal in module.provides.items()
-    }
+def provided_names(
+    documents: Iterable[Document], modules: Mapping[str, ModuleType], found: list[Diagnostic]
+) -> dict[str, Dimension]:
+    """Dimension of each name that some module type provides; they must agree on it."""
+    result: dict[str, Dimension] = {}
+    first: dict[str, Place] = {}
+    for document in documents:
+        module = modules[document.data["module"]]
+        for name, signal in module.provides.items():
+            place = document.key("provides", name)
+            own = module.signals[signal].unit.dimension
+            if not own.fits(result.get(name, own)):
+                message = f"'{name}' is {own} here, but {result[name]} in another module"
+                hint = "what is summed must be of one kind"
+                found.append(Diagnostic(place, "KB058", message, hint, first[name]))
+            result.setdefault(name, own)
+            first.setdefault(name, place)
+    return result
 
 
 def check_dimensions(
@@ -32,35 +43,34 @@ def check_dimensions(
         return
     known = {n: s.unit.dimension for n, s in module.signals.items()}
     known |= {n: p.unit.dimension for n, p in module.parameters.items()}
-    gathered = dict(provided)
-    for name in module.gathers:
-        if name not in gathered:
-            path = next(_gathering(document, module, name))
-            hint = did_you_mean(name, provided)
-            message = f"no module type provides '{name}'"
-            found.append(Diagnostic(document.place(*path), "KB056", message, hint))
-            return
+    gathered = {name: provided.get(name, UNKNOWN) for name in module.gathers}
     for definition in module.definitions.values():
         path = ("definitions", definition.name, "is")
-        result = _dimension(document, path, definition.expression, known, gathered, found)
-        if result is None:
-            return
-        known[definition.name] = result
+        _check_gathered(document, path, definition.expression, provided, found)
+        known[definition.name] = _dimension(
+            document, path, definition.expression, known, gathered, found
+        )
     for observer in module.observers.values():
         path = ("observers", observer.name, "Q")
+        _check_gathered(document, path, observer.expression, provided, found)
         result = _dimension(document, path, observer.expression, known, gathered, found)
-        if result is not None and result != VOLUME_FLOW:
+        if not result.fits(VOLUME_FLOW):
             message = f"an observer gives a volume flow ({VOLUME_FLOW}), but this is {result}"
             found.append(Diagnostic(document.place(*path), "KB057", message, "check each factor"))
 
 
-def _gathering(document: Document, module: ModuleType, name: str) -> Iterator[tuple[str, str, str]]:
-    for definition in module.definitions.values():
-        if name in (n for n, _ in definition.expression.gathered()):
-            yield "definitions", definition.name, "is"
-    for observer in module.observers.values():
-        if name in (n for n, _ in observer.expression.gathered()):
-            yield "observers", observer.name, "Q"
+def _check_gathered(
+    document: Document,
+    path: tuple[str | int, ...],
+    expression: Expression,
+    provided: Mapping[str, Dimension],
+    found: list[Diagnostic],
+) -> None:
+    for name, column in expression.gathered():
+        if name not in provided:
+            place = within(document.place(*path), column, len(name), expression.text)
+            message = f"no module type provides '{name}'"
+            found.append(Diagnostic(place, "KB056", message, did_you_mean(name, provided)))
 
 
 def _dimension(
@@ -70,10 +80,11 @@ def _dimension(
     known: Mapping[str, Dimension],
     gathered: Mapping[str, Dimension],
     found: list[Diagnostic],
-) -> Dimension | None:
+) -> Dimension:
+    """Dimension of an equation; a misfit is reported, and what it gives then fits everything."""
     try:
         return dimension(expression, known, gathered)
     except Rejected as error:
         place = within(document.place(*path), error.column, error.length, expression.text)
         found.append(Diagnostic(place, error.code, error.message, error.hint))
-        return None
+        return UNKNOWN

@@ -20,6 +20,9 @@ def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:
         path: tuple[str | int, ...] = ("variants", name) if name else ()
         law = _law(document, (*path, "law"), found)
         lowest, highest = part["degree"]["range"]
+        if not lowest < highest:
+            spot = document.place(*path, "degree", "range")
+            found.append(Diagnostic(spot, "KB055", "the range is empty", "lower end first"))
         title = part["title"]
         variants.append(Variant(name, title, law, lowest, highest, part["degree"]["meaning"]))
     return FaultType(
@@ -37,27 +40,31 @@ def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:
 
 def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic]) -> Expression:
     """Read the law of a fault: only g and x, g when x is 0, solvable for both."""
+    before = len(found)
     expression = read_expression(document, path, found)
-    names = {name for name, _ in expression.names()}
     place = document.place(*path)
-    for name, column in expression.names():
+    for name, column in (*expression.names(), *expression.gathered()):
         if name not in ("g", "x"):
             spot = within(place, column, len(name), expression.text)
             message = f"the law of a fault speaks of g and x only, not of '{name}'"
-            found.append(Diagnostic(spot, "KB061", message))
-    if names - {"g", "x"}:
+            hint = "g: what should be there, x: the degree"
+            found.append(Diagnostic(spot, "KB061", message, hint))
+    if len(found) > before:
         return expression
-    if names != {"g", "x"}:
-        missing = sorted({"g", "x"} - names)[0]
-        message = f"'{missing}' does not occur in the law"
+    missing = sorted({"g", "x"} - {name for name, _ in expression.names()})
+    if missing:
+        message = f"'{missing[0]}' does not occur in the law"
         found.append(Diagnostic(place, "KB062", message, "as in (1 + x)*g"))
         return expression
     g, x, value = sympy.symbols("g x value", real=True)
-    law = to_sympy(expression, {"g": g, "x": x})
-    if sympy.expand(law.subs(x, 0) - g) != 0:
-        message = "at degree 0 this law does not give g back"
-        found.append(Diagnostic(place, "KB063", message, "a fault of degree 0 must change nothing"))
-    elif invert(law, g, value) is None or invert(law, x, value) is None:
+    try:
+        law = to_sympy(expression, {"g": g, "x": x})
+    except ValueError:  # sympy: min and max of something that may not be real
+        law = sympy.nan
+    if invert(law, g, value) is None or invert(law, x, value) is None:
         message = "this law cannot be solved for g and x"
         found.append(Diagnostic(place, "KB064", message, "let g and x occur once each"))
+    elif sympy.expand(law.subs(x, 0) - g) != 0:
+        message = "at degree 0 this law does not give g back"
+        found.append(Diagnostic(place, "KB063", message, "a fault of degree 0 must change nothing"))
     return expression

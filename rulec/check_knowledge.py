@@ -19,26 +19,29 @@ def check_knowledge(sources: Sources) -> Knowledge:
     """Check the meaning of all knowledge documents; raises `Refused` with every mistake."""
     found: list[Diagnostic] = []
     units = unit_table(sources.units.data)
-    table = sources.by_kind
-    for kind in ("module", "fault", "sensor", "fluid"):
-        _refuse_twins(table.get(kind, ()), kind, found)
-    sensors = {d.data["sensor"]: _sensor(d, units, found) for d in table.get("sensor", ())}
-    faults = {d.data["fault"]: check_fault(d, found) for d in table.get("fault", ())}
-    for document in table.get("fluid", ()):
+    table = {
+        kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
+        for kind in ("module", "fault", "sensor", "fluid")
+    }
+    sensors = {d.data["sensor"]: _sensor(d, units, found) for d in table["sensor"]}
+    faults = {d.data["fault"]: check_fault(d, found) for d in table["fault"]}
+    for document in table["fluid"]:
         _fluid(document, units, found)
     modules = {
-        d.data["module"]: check_module(d, units, sensors, faults, found)
-        for d in table.get("module", ())
+        d.data["module"]: check_module(d, units, sensors, faults, found) for d in table["module"]
     }
-    provided = provided_names(modules)
-    for document in table.get("module", ()):
+    provided = provided_names(table["module"], modules, found)
+    for document in table["module"]:
         check_dimensions(document, modules[document.data["module"]], provided, found)
     if found:
         raise Refused(found)
     return Knowledge(units, sensors, faults, modules)
 
 
-def _refuse_twins(documents: Iterable[Document], kind: str, found: list[Diagnostic]) -> None:
+def _refuse_twins(
+    documents: Iterable[Document], kind: str, found: list[Diagnostic]
+) -> tuple[Document, ...]:
+    """The documents without those whose name is taken, which are reported."""
     first: dict[str, Document] = {}
     for document in documents:
         name = document.data[kind]
@@ -47,15 +50,17 @@ def _refuse_twins(documents: Iterable[Document], kind: str, found: list[Diagnost
             second = first[name].place(kind)
             found.append(Diagnostic(document.place(kind), "KB030", message, "rename one", second))
         first.setdefault(name, document)
+    return tuple(first.values())
 
 
 def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> SensorClass:
     data, part = document.data, document.data["systematic"]
     unit = read_unit(document, ("systematic", "unit"), units, found)
     relative = part["of"] != "value"
-    if relative and unit.dimension != NONE:
+    if relative and not unit.dimension.fits(NONE):
         message = f"a bound of the {part['of']} is a share, but '{unit.text}' is {unit.dimension}"
-        found.append(Diagnostic(document.place("systematic", "unit"), "KB053", message, "use %"))
+        hint = "write '%', or let it be 'of: value'"
+        found.append(Diagnostic(document.place("systematic", "unit"), "KB053", message, hint))
     return SensorClass(
         data["sensor"],
         data["title"],
@@ -70,6 +75,8 @@ def _fluid(document: Document, units: UnitTable, found: list[Diagnostic]) -> Non
     expected = {"density": {"kg": 1, "m": -3}, "viscosity": {"kg": 1, "m": -1, "s": -1}}
     for key, exponents in expected.items():
         unit = read_unit(document, (key, "unit"), units, found)
-        if unit.dimension != Dimension.of(exponents):
+        wanted = Dimension.of(exponents)
+        if not unit.dimension.fits(wanted):
             message = f"'{unit.text}' is not a unit of {key}"
-            found.append(Diagnostic(document.place(key, "unit"), "KB053", message))
+            hint = f"its dimension is {wanted}"
+            found.append(Diagnostic(document.place(key, "unit"), "KB053", message, hint))

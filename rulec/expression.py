@@ -192,7 +192,7 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
     if name != GATHER and name not in ARITY:
         hint = did_you_mean(name, [*ARITY, GATHER])
         raise _at(node, "KB044", f"there is no function '{name[:50]}'", hint, len(name))
-    odd = [*node.keywords, *(a for a in node.args if isinstance(a, ast.Starred))]
+    odd: list[ast.expr | ast.keyword] = [*node.keywords, *(a for a in node.args if isinstance(a, ast.Starred))]
     if odd:
         raise _at(odd[0], "KB041", f"{name}() takes plain values only")
     if name == GATHER:

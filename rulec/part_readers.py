@@ -6,7 +6,7 @@ from rulec.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.document import Document
 from rulec.expression import Expression, Rejected, parse
 from rulec.knowledge import Origin
-from rulec.units import NONE, Unit, UnitTable
+from rulec.units import UNKNOWN, Unit, UnitTable
 
 
 def origin_of(document: Document, *path: str | int, source: str = "") -> Origin:
@@ -18,7 +18,7 @@ def origin_of(document: Document, *path: str | int, source: str = "") -> Origin:
 def read_unit(
     document: Document, path: tuple[str | int, ...], units: UnitTable, found: list[Diagnostic]
 ) -> Unit:
-    """Read the unit at a path; an unknown one is reported and counts as a plain number."""
+    """Read the unit at a path; an unknown one is reported, and then fits everything."""
     part = document.data
     for step in path:
         part = part[step]
@@ -27,9 +27,14 @@ def read_unit(
     except ValueError as error:
         name = str(error)
         hint = did_you_mean(name, units.units)
+        if "^" in name:
+            hint = "write a power as in 'l/h/bar**2'"
         message = f"there is no unit '{name[:40]}'"
-        found.append(Diagnostic(document.place(*path), "KB050", message, hint))
-        return Unit(part, 1.0, NONE)
+        place = document.place(*path)
+        if name != part:
+            place = within(place, part.find(name), len(name), part)
+        found.append(Diagnostic(place, "KB050", message, hint))
+        return Unit(part, 1.0, UNKNOWN)
 
 
 def read_expression(
@@ -48,8 +53,8 @@ def read_expression(
 
 
 def within(place: Place, column: int, length: int, text: str) -> Place:
-    """Place of a part of a one-line scalar, which may be quoted."""
-    quote = 1 if place.length == len(text) + 2 else 0
-    if place.length < len(text):
+    """Place of a part of a scalar; of all of it where it has several lines or escapes."""
+    quote = place.length - len(text)
+    if quote not in (0, 2):
         return place
-    return Place(place.file, place.line, place.column + quote + column, length)
+    return Place(place.file, place.line, place.column + quote // 2 + column, length)

@@ -1,0 +1,56 @@
+"""Every command of the README and the docs pages runs, and prints what the page shows."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rulec.cli import main
+from tests.conftest import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_commands_of_a_page_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each `$ rulec` line exits 0; each line below it stands in what was printed."""
+    for folder in ("kb", "plants"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    for block in BLOCK.findall(page.read_text(encoding="utf-8")):
+        for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            command, *shown = part.rstrip("\n").split("\n")
+            printed = _run(command)
+            for line in filter(str.strip, shown):
+                assert _squeezed(line) in printed, f"{page.name}: {command}: {line!r}"
+
+
+def _run(command: str) -> str:
+    """Standard output of a rulec command, white space squeezed."""
+    name, *arguments = shlex.split(command)
+    assert name == "rulec", command
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        assert main(arguments) == 0, command
+    return _squeezed(out.getvalue())
+
+
+def _squeezed(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_links_of_pages_lead_somewhere() -> None:
+    """Relative links between pages exist."""
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
