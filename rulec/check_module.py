@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import keyword
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from rulec.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.document import Document
-from rulec.expression import NAME, Expression
+from rulec.expression import Expression, Rejected, constant
 from rulec.knowledge import (
     Definition,
     FaultType,
@@ -22,6 +23,10 @@ from rulec.knowledge import (
 )
 from rulec.part_readers import origin_of, read_expression, read_unit, within
 from rulec.units import Unit, UnitTable
+
+
+MAX_CHAIN = 50
+"""Definitions that stand on one another; a longer chain is a mistake or an attack."""
 
 
 def check_module(
@@ -44,16 +49,17 @@ class _ModuleReader:
     sensors: Mapping[str, SensorClass]
     faults: Mapping[str, FaultType]
     found: list[Diagnostic] = field(repr=False)
+    reserved: set[str] = field(default_factory=set)
 
     def read(self) -> ModuleType:
         data = self.document.data
         signals = {n: self._signal(n, s) for n, s in data["signals"].items()}
         parameters = {n: self._parameter(n, p) for n, p in data.get("parameters", {}).items()}
-        self._refuse_double_names()
+        self._check_own_names()
         provides = self._provides(signals)
+        before = len(self.found)
         expressions = {
-            n: read_expression(self.document, ("definitions", n, "is"), self.found)
-            for n in data.get("definitions", {})
+            n: self._expression("definitions", n, "is") for n in data.get("definitions", {})
         }
         known = {*signals, *parameters, *expressions}
         for name, expression in expressions.items():
@@ -63,7 +69,9 @@ class _ModuleReader:
             n: Definition(n, expressions[n], data["definitions"][n].get("title", n)) for n in order
         }
         observers = {n: self._observer(n, o, known) for n, o in data.get("observers", {}).items()}
-        self._check_used(signals, parameters, expressions, observers)
+        if len(self.found) == before:
+            self._check_constants(definitions, observers)
+            self._check_used(signals, parameters, expressions, observers)
         gathers = {n for e in self._expressions(expressions, observers) for n, _ in e.gathered()}
         return ModuleType(
             data["module"],
@@ -92,9 +100,9 @@ class _ModuleReader:
             hint = did_you_mean(part["quantity"], self.units.quantities)
             message = f"there is no quantity '{part['quantity']}'"
             self._report(place(*path, "quantity"), "KB054", message, hint)
-        elif wanted != unit.dimension and unit.text in self.units.units:
+        elif not wanted.fits(unit.dimension):
             message = f"'{unit.text}' is not a unit of {part['quantity']}"
-            self._report(place(*path, "unit"), "KB053", message)
+            self._report(place(*path, "unit"), "KB053", message, f"its dimension is {wanted}")
         low, high = part.get("range", (None, None))
         if low is not None and not low < high:
             self._report(place(*path, "range"), "KB055", "the range is empty", "lower end first")
@@ -106,9 +114,10 @@ class _ModuleReader:
         elif sensor.kind == "full scale" and high is None:
             message = f"the class '{sensor.name}' needs the full scale of this sensor"
             self._report(self.document.key(*path), "KB032", message, "add 'range: [0, ...]'")
-        elif sensor.kind == "value" and sensor.unit.dimension != unit.dimension:
+        elif sensor.kind == "value" and not sensor.unit.dimension.fits(unit.dimension):
             message = f"the class '{sensor.name}' is in {sensor.unit.text}, not in {unit.text}"
-            self._report(place(*path, "sensor"), "KB033", message)
+            hint = "take a class for this quantity"
+            self._report(place(*path, "sensor"), "KB033", message, hint)
         return Signal(
             name,
             part["quantity"],
@@ -135,19 +144,30 @@ class _ModuleReader:
             origin_of(self.document, *path, source=part["source"]),
         )
 
-    def _refuse_double_names(self) -> None:
+    def _check_own_names(self) -> None:
+        """Names that equations use: each means one thing, and the equation reader can read it."""
         first: dict[str, Place] = {}
-        for group in ("signals", "parameters", "definitions"):
+        for group in ("signals", "parameters", "definitions", "provides"):
             for name in self.document.data.get(group, {}):
                 place = self.document.key(group, name)
-                if not NAME.fullmatch(name):
-                    self._report(place, "KB024", f"'{name!r}' is not a legal name")
-                if name in first:
+                if keyword.iskeyword(name):
+                    message = f"'{name}' is a reserved word and cannot be a name"
+                    hint = "it could not stand in an equation; use another name"
+                    self._report(place, "KB024", message, hint)
+                    self.reserved.add(name)
+                if name in first and group != "provides":
                     message = f"the name '{name}' means two things"
                     self.found.append(
                         Diagnostic(place, "KB034", message, "rename one", first[name])
                     )
                 first.setdefault(name, place)
+
+    def _expression(self, *path: str) -> Expression:
+        """Read an equation; a reserved word in it is told once, where it is declared."""
+        mistakes: list[Diagnostic] = []
+        expression = read_expression(self.document, path, mistakes)
+        self.found += [m for m in mistakes if m.code != "KB024" or not self.reserved]
+        return expression
 
     def _provides(self, signals: Mapping[str, Signal]) -> dict[str, str]:
         provides: dict[str, str] = self.document.data.get("provides", {})
@@ -174,27 +194,32 @@ class _ModuleReader:
         order: list[str] = []
         state: dict[str, int] = {}
 
-        def visit(name: str) -> None:
+        def visit(name: str, chain: tuple[str, ...]) -> None:
             if state.get(name) == 2:
                 return
+            place = self.document.key("definitions", name)
             if state.get(name) == 1:
-                place = self.document.key("definitions", name)
-                self._report(place, "KB037", f"'{name}' is defined by itself")
+                circle = " -> ".join((*chain[chain.index(name) :], name))
+                self._report(place, "KB037", f"'{name}' is defined by itself", circle)
+                return
+            if len(chain) == MAX_CHAIN:
+                message = f"{MAX_CHAIN} definitions stand on one another before '{name}'"
+                self._report(place, "KB042", message, "write some of them out")
                 return
             state[name] = 1
             for used, _ in expressions[name].names():
                 if used in expressions:
-                    visit(used)
+                    visit(used, (*chain, name))
             state[name] = 2
             order.append(name)
 
         for name in expressions:
-            visit(name)
+            visit(name, ())
         return order
 
     def _observer(self, name: str, part: Mapping[str, Any], known: set[str]) -> Observer:
         path = ("observers", name)
-        expression = read_expression(self.document, (*path, "Q"), self.found)
+        expression = self._expression(*path, "Q")
         self._check_names(expression, known, (*path, "Q"))
         origin = origin_of(self.document, *path, source=part["source"])
         return Observer(name, part["component"], expression, part.get("reference", False), origin)
@@ -205,6 +230,24 @@ class _ModuleReader:
     ) -> Iterable[Expression]:
         yield from definitions.values()
         yield from (o.expression for o in observers.values())
+
+    def _check_constants(
+        self, definitions: Mapping[str, Definition], observers: Mapping[str, Observer]
+    ) -> None:
+        """Refuse numbers that only appear when definitions are put together, as 1/zero."""
+        known: dict[str, float] = {}
+        parts = [(("definitions", d.name, "is"), d.expression) for d in definitions.values()]
+        parts += [(("observers", o.name, "Q"), o.expression) for o in observers.values()]
+        for path, expression in parts:
+            try:
+                value = constant(expression, known)
+            except Rejected as error:
+                place = self.document.place(*path)
+                spot = within(place, error.column, error.length, expression.text)
+                self._report(spot, error.code, error.message, error.hint)
+                return
+            if value is not None:
+                known[path[1]] = value
 
     def _check_used(
         self,
@@ -250,13 +293,19 @@ class _ModuleReader:
             return tuple(itertools.combinations(observers, 2))
         pairs = []
         for i, text in enumerate(listed):
+            place = self.document.place("residuals", i)
             first, second = text.split("-")
-            for name in (first, second):
+            for name, column in ((first, 0), (second, len(first) + 1)):
                 if name not in observers:
-                    place = self.document.place("residuals", i)
+                    spot = within(place, column, len(name), text)
                     hint = did_you_mean(name, observers)
                     message = f"there is no observer '{name}' in this module"
-                    self._report(place, "KB046", message, hint)
+                    self._report(spot, "KB046", message, hint)
+            if first == second:
+                self._report(place, "KB059", f"'{text}' compares an observer with itself")
+            elif (first, second) in pairs or (second, first) in pairs:
+                hint = "keep one; the other way round it is the same"
+                self._report(place, "KB049", f"the pair '{text}' stands twice", hint)
             pairs.append((first, second))
         return tuple(p for p in pairs if p[0] in observers and p[1] in observers)
 
@@ -275,17 +324,19 @@ class _ModuleReader:
         for i, text in enumerate(self.document.data.get("faults", ())):
             name, target = text.rstrip(")").split("(")
             place = self.document.place("faults", i)
+            spot = within(place, len(name) + 1, len(target), text)
             fault = self.faults.get(name)
             if fault is None:
                 hint = did_you_mean(name, self.faults)
-                self._report(place, "KB047", f"there is no fault '{name}'", hint)
+                where = within(place, 0, len(name), text)
+                self._report(where, "KB047", f"there is no fault '{name}'", hint)
                 continue
             known = targets[fault.acts_on]
             if target not in known:
                 kind = {"flow": "component"}.get(fault.acts_on, fault.acts_on)
                 hint = did_you_mean(target, known)
                 message = f"'{name}' acts on a {kind}; '{target}' is none of this module"
-                self._report(place, "KB048", message, hint)
+                self._report(spot, "KB048", message, hint)
                 continue
             use = FaultUse(name, target, place)
             if use in uses:

@@ -192,9 +192,10 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
     if name != GATHER and name not in ARITY:
         hint = did_you_mean(name, [*ARITY, GATHER])
         raise _at(node, "KB044", f"there is no function '{name[:50]}'", hint, len(name))
-    odd: list[ast.expr | ast.keyword] = [*node.keywords, *(a for a in node.args if isinstance(a, ast.Starred))]
-    if odd:
-        raise _at(odd[0], "KB041", f"{name}() takes plain values only")
+    starred = (a for a in node.args if isinstance(a, ast.Starred))
+    odd: ast.expr | ast.keyword | None = next(iter([*node.keywords, *starred]), None)
+    if odd is not None:
+        raise _at(odd, "KB041", f"{name}() takes plain values only")
     if name == GATHER:
         if len(node.args) != 1 or not isinstance(node.args[0], ast.Name):
             message = f"{GATHER}() takes the one name that modules provide"

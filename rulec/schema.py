@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -48,7 +49,14 @@ def check_schema(document: Document, kind: str, schema_folder: Path) -> list[Dia
 @functools.cache
 def _validator(path: Path) -> Any:
     schema = json.loads(path.read_text(encoding="utf-8"))
-    return jsonschema.Draft202012Validator(schema)
+    kind = jsonschema.validators.extend(jsonschema.Draft202012Validator, {"pattern": _pattern})
+    return kind(schema)
+
+
+def _pattern(_: Any, pattern: str, value: Any, __: Any) -> Iterable[jsonschema.ValidationError]:
+    """As in JSON Schema, but `$` in Python also matches before a line end, which no name has."""
+    if isinstance(value, str) and ("\n" in value or not re.search(pattern, value)):
+        yield jsonschema.ValidationError(f"{value!r} does not match {pattern!r}")
 
 
 def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]:

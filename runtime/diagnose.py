@@ -15,7 +15,7 @@ from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.runs import COVERAGE
 from runtime.stationary import find_stretches, noise_of
-from runtime.verdict import verdict_at
+from runtime.verdict import Verdict, verdict_at
 
 
 @dataclass(frozen=True)
@@ -113,19 +113,30 @@ class Trace:
 
 
 def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
-    """Judge every sample on its own, moving or not; for files and plots."""
+    """Judge every sample of the settled stretches on its own; the others are ``moving``."""
     noise = {name: noise_of(values) for name, values in recording.values.items()}
+    stretches = find_stretches(recording, ruleset, noise)
+    settled = np.zeros(len(recording), dtype=bool)
+    for first, last in zip(stretches.first, stretches.last, strict=True):
+        settled[first:last] = True
     observed = observe(ruleset, points_of_samples(recording, ruleset, noise))
     isolation = isolate(ruleset, observed)
     if mode == "paper":
         isolation = _by_paper(ruleset, observed, isolation)
-    words = []
-    for i in range(len(recording)):
-        verdict = verdict_at(ruleset, observed, isolation, i)
-        name = ruleset.faults[verdict.fault].id if verdict.kind == "fault" else verdict.kind
-        words.append({"blind": "cannot judge", "outside": "unknown"}.get(name, name))
-    fits = isolation.probability > 0
-    degree = np.where(fits, isolation.degree, 0.0)
-    half = np.where(fits, COVERAGE * isolation.u, 0.0)
-    lower = np.maximum(degree - half, 0.0)
-    return Trace(recording.time, tuple(words), degree, lower, degree + half)
+    words = [
+        _word(ruleset, verdict_at(ruleset, observed, isolation, i)) if settled[i] else "moving"
+        for i in range(len(recording))
+    ]
+    shown = (isolation.probability > 0) & settled
+    degree = np.where(shown, isolation.degree, 0.0)
+    half = np.where(shown, COVERAGE * isolation.u, 0.0)
+    return Trace(
+        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
+    )
+
+
+def _word(ruleset: Ruleset, verdict: Verdict) -> str:
+    """A verdict as it stands in the trace: a fault's id, or what else is to be said."""
+    if verdict.kind == "fault":
+        return ruleset.faults[verdict.fault].id
+    return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)

@@ -46,17 +46,20 @@ def test_no_faults_coincide() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "named", "degree", "own"),
-    [("A.dp.low", "A.widening", 0.23, 0.19), ("C.dp.high", "C.clogging", 0.21, 0.20)],
+    [("A.dp.low", "A.widening", 0.241, 0.188), ("C.dp.high", "C.clogging", 0.208, 0.197)],
 )
 def test_literal_rule_mislabels(fault: str, named: str, degree: float, own: float) -> None:
-    """A noise-free sensor error of 20 % is taken for a change of the line (method.md, 2)."""
+    """A noise-free sensor error of 20 % is taken for a change of the line.
+
+    method.md, section 2 has 0.23 in place of 0.241: there the static part counts as loss.
+    """
     rules = ruleset("abc")
     observed = observe(rules, points(rules, noise_free("abc", fault, 0.2)))
     result = judge_by_paper(rules, observed)
     names = [f.id for f in rules.faults]
     assert named == names[result.winner()[0]]
     found = [result.degree[names.index(name), 0] for name in (named, fault)]
-    assert [degree, own] == pytest.approx(found, abs=0.011)
+    assert [degree, own] == pytest.approx(found, abs=5e-4)
 
 
 @pytest.mark.parametrize(
