@@ -8,6 +8,7 @@ which noise may hide.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,8 +94,9 @@ def _nested(rules: Rules, faults: list[str], effects: sparse.csr_matrix) -> list
         for i, j, common in zip(agree.row, agree.col, agree.data, strict=True)
         if i != j and common == size[i] < size[j]
     )
+    shown = _by_detectability(rules)
     return [
-        Group((faults[i], faults[j]), "nested", _telling(rules, faults[i], faults[j]))
+        Group((faults[i], faults[j]), "nested", _telling(shown, faults[i], faults[j]))
         for i, j in pairs
     ]
 
@@ -114,11 +116,16 @@ def _advice(rules: Rules, names: tuple[str, ...]) -> str:
     return "no further flow reading separates them; compare several operating points"
 
 
-def _telling(rules: Rules, inner: str, outer: str) -> str:
-    """Residuals that only the outer fault moves, and from which degree on they show it."""
-    cells = {(c.fault, c.residual): c for c in rules.signatures.cells}
-    only = sorted(
-        (cells[f, r].detectable, r) for f, r in cells if f == outer and (inner, r) not in cells
-    )
-    degree, residual = only[0]
+def _by_detectability(rules: Rules) -> dict[str, list[tuple[float, str]]]:
+    """Residuals of each fault with the degree from which on they show it, smallest first."""
+    table: dict[str, list[tuple[float, str]]] = {}
+    for cell in rules.signatures.cells:
+        table.setdefault(cell.fault, []).append((cell.detectable, cell.residual))
+    return {fault: sorted(cells) for fault, cells in table.items()}
+
+
+def _telling(shown: Mapping[str, list[tuple[float, str]]], inner: str, outer: str) -> str:
+    """The residual that only the outer fault moves, and from which degree on it shows it."""
+    common = {residual for _, residual in shown[inner]}
+    degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
     return f"{residual} tells them apart from a degree of {degree:.2g} on"

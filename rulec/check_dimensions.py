@@ -8,21 +8,22 @@ from rulec.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.document import Document
 from rulec.expression import Expression, Rejected, dimension
 from rulec.knowledge import ModuleType
-from rulec.part_readers import within
-from rulec.units import UNKNOWN, VOLUME_FLOW, Dimension
+from rulec.part_readers import read_unit, within
+from rulec.units import UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
 
 def provided_names(
-    documents: Iterable[Document], modules: Mapping[str, ModuleType], found: list[Diagnostic]
+    documents: Iterable[Document], units: UnitTable, found: list[Diagnostic]
 ) -> dict[str, Dimension]:
     """Dimension of each name that some module type provides; they must agree on it."""
     result: dict[str, Dimension] = {}
     first: dict[str, Place] = {}
     for document in documents:
-        module = modules[document.data["module"]]
-        for name, signal in module.provides.items():
+        for name, signal in document.data.get("provides", {}).items():
+            if signal not in document.data["signals"]:
+                continue
             place = document.key("provides", name)
-            own = module.signals[signal].unit.dimension
+            own = read_unit(document, ("signals", signal, "unit"), units, []).dimension
             if not own.fits(result.get(name, own)):
                 message = f"'{name}' is {own} here, but {result[name]} in another module"
                 hint = "what is summed must be of one kind"

@@ -30,7 +30,8 @@ def check_knowledge(sources: Sources) -> Knowledge:
     modules = {
         d.data["module"]: check_module(d, units, sensors, faults, found) for d in table["module"]
     }
-    provided = provided_names(table["module"], modules, found)
+    elsewhere = provided_names(sources.by_kind.get("provider", ()), units, [])
+    provided = {**elsewhere, **provided_names(table["module"], units, found)}
     for document in table["module"]:
         check_dimensions(document, modules[document.data["module"]], provided, found)
     if found:
@@ -78,5 +79,6 @@ def _fluid(document: Document, units: UnitTable, found: list[Diagnostic]) -> Non
         wanted = Dimension.of(exponents)
         if not unit.dimension.fits(wanted):
             message = f"'{unit.text}' is not a unit of {key}"
-            hint = f"its dimension is {wanted}"
-            found.append(Diagnostic(document.place(key, "unit"), "KB053", message, hint))
+            found.append(
+                Diagnostic(document.place(key, "unit"), "KB053", message, units.like(wanted))
+            )

@@ -24,7 +24,6 @@ from rulec.knowledge import (
 from rulec.part_readers import origin_of, read_expression, read_unit, within
 from rulec.units import Unit, UnitTable
 
-
 MAX_CHAIN = 50
 """Definitions that stand on one another; a longer chain is a mistake or an attack."""
 
@@ -69,7 +68,7 @@ class _ModuleReader:
             n: Definition(n, expressions[n], data["definitions"][n].get("title", n)) for n in order
         }
         observers = {n: self._observer(n, o, known) for n, o in data.get("observers", {}).items()}
-        if len(self.found) == before:
+        if len(self.found) == before and not self.reserved:
             self._check_constants(definitions, observers)
             self._check_used(signals, parameters, expressions, observers)
         gathers = {n for e in self._expressions(expressions, observers) for n, _ in e.gathered()}
@@ -102,7 +101,7 @@ class _ModuleReader:
             self._report(place(*path, "quantity"), "KB054", message, hint)
         elif not wanted.fits(unit.dimension):
             message = f"'{unit.text}' is not a unit of {part['quantity']}"
-            self._report(place(*path, "unit"), "KB053", message, f"its dimension is {wanted}")
+            self._report(place(*path, "unit"), "KB053", message, self.units.like(wanted))
         low, high = part.get("range", (None, None))
         if low is not None and not low < high:
             self._report(place(*path, "range"), "KB055", "the range is empty", "lower end first")
@@ -302,7 +301,8 @@ class _ModuleReader:
                     message = f"there is no observer '{name}' in this module"
                     self._report(spot, "KB046", message, hint)
             if first == second:
-                self._report(place, "KB059", f"'{text}' compares an observer with itself")
+                message = f"'{text}' compares an observer with itself"
+                self._report(place, "KB059", message, "that is always zero; name two observers")
             elif (first, second) in pairs or (second, first) in pairs:
                 hint = "keep one; the other way round it is the same"
                 self._report(place, "KB049", f"the pair '{text}' stands twice", hint)

@@ -6,18 +6,19 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rulec.check_knowledge import check_knowledge
 from rulec.diagnostics import Diagnostic, Place, Refused, did_you_mean
-from rulec.document import Document
+from rulec.document import Document, Path_
 from rulec.knowledge import Knowledge, ModuleType, Parameter
-from rulec.part_readers import origin_of, read_unit
+from rulec.part_readers import origin_of, read_unit, within
 from rulec.plant import Block, Column, Module, Plant
 from rulec.read import Sources
-from rulec.units import Unit
+from rulec.units import VOLUME_FLOW, Dimension, Unit
 
 
 def check(sources: Sources) -> Plant:
@@ -29,11 +30,11 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     """Check a plant against checked knowledge."""
     document = sources.plant
     assert document is not None
-    reader = _PlantReader(document, knowledge)
+    reader = _PlantReader(document, knowledge, sources.module_types())
     modules = reader.modules()
     for calibration in sources.calibrations:
         modules = reader.calibrate(modules, calibration)
-    connections = reader.connections(modules, sources.adjacency)
+    connections = reader.connections(sources.adjacency)
     columns, time_column = reader.columns(modules, sources.columns)
     if reader.found:
         raise Refused(reader.found)
@@ -50,11 +51,26 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     )
 
 
+_SECOND = Dimension.of({"s": 1})
+
+
 @dataclass
 class _PlantReader:
+    """Reads a plant document and what belongs to it; mistakes go to `found`."""
+
     document: Document
     knowledge: Knowledge
+    types: set[str]
     found: list[Diagnostic] = field(default_factory=list)
+
+    @property
+    def _names(self) -> Mapping[str, Any]:
+        """Modules by name, also those of an unknown type, which are reported once."""
+        names: Mapping[str, Any] = self.document.data["modules"]
+        return names
+
+    def _hint(self, name: str) -> str:
+        return did_you_mean(name, self._names)
 
     def _report(
         self, place: Place, code: str, message: str, hint: str = "", second: Place | None = None
@@ -67,7 +83,7 @@ class _PlantReader:
             kind = self.knowledge.modules.get(part["type"])
             if kind is None:
                 place = self.document.place("modules", name, "type")
-                hint = did_you_mean(part["type"], self.knowledge.modules)
+                hint = did_you_mean(part["type"], self.types)
                 self._report(place, "KB070", f"there is no module type '{part['type']}'", hint)
                 continue
             result[name] = self._module(name, part, kind)
@@ -113,7 +129,7 @@ class _PlantReader:
             )
             return None
         unit = read_unit(document, (*path, "unit"), self.knowledge.units, self.found)
-        if unit.dimension != known.unit.dimension:
+        if not unit.dimension.fits(known.unit.dimension):
             message = f"'{key}' is in {known.unit.text}; '{unit.text}' does not fit"
             hint = f"declared in {known.origin.file}:{known.origin.line}"
             self._report(document.place(*path, "unit"), "KB073", message, hint)
@@ -126,10 +142,10 @@ class _PlantReader:
         result = dict(modules)
         for name, part in document.data["modules"].items():
             path = ("modules", name)
-            if name not in modules:
-                hint = did_you_mean(name, modules)
+            if name not in self._names:
                 message = f"this plant has no module '{name}'"
-                self._report(document.key(*path), "KB074", message, hint)
+                self._report(document.key(*path), "KB074", message, self._hint(name))
+            if name not in modules:
                 continue
             kind = modules[name].type
             if part["type"] != kind.name:
@@ -165,6 +181,9 @@ class _PlantReader:
                 document, (*path, "misfit", key, "unit"), self.knowledge.units, self.found
             )
             misfit[key] = value["value"] * unit.factor
+            if not unit.dimension.fits(VOLUME_FLOW):
+                message = f"a misfit is a volume flow; '{unit.text}' does not fit"
+                self._report(document.place(*path, "misfit", key, "unit"), "KB073", message)
             if key not in module.type.observers:
                 hint = did_you_mean(key, module.type.observers)
                 place = document.key(*path, "misfit", key)
@@ -175,7 +194,13 @@ class _PlantReader:
                 document, (*path, "range", key, "unit"), self.knowledge.units, self.found
             )
             valid[key] = (unit.to_si(value["from"]), unit.to_si(value["to"]))
-            if key not in module.type.signals:
+            if not value["from"] <= value["to"]:
+                spot = document.place(*path, "range", key, "to")
+                self._report(spot, "KB055", "the range is empty", "lower end first")
+            if key in module.type.signals:
+                where = (*path, "range", key, "unit")
+                self._check_unit(document, where, unit, module.type.signals[key].unit, "KB073")
+            else:
                 hint = did_you_mean(key, module.type.signals)
                 place = document.key(*path, "range", key)
                 self._report(place, "KB071", f"'{module.type.name}' has no signal '{key}'", hint)
@@ -193,15 +218,18 @@ class _PlantReader:
         place = document.place(*path, "matrix")
         names = tuple(block["of"])
         for i, name in enumerate(names):
+            spot = document.place(*path, "of", i)
             if name not in parameters:
-                spot = document.place(*path, "of", i)
                 hint = did_you_mean(name, parameters)
                 self._report(spot, "KB072", f"there is no parameter '{name}'", hint)
                 return None
+            if name in names[:i]:
+                self._report(spot, "KB049", f"'{name}' stands twice", "keep one")
+                return None
         rows = block["matrix"]
         if len(rows) != len(names) or any(len(row) != len(names) for row in rows):
-            message = f"a covariance of {len(names)} parameters has {len(names)} rows and columns"
-            self._report(place, "KB077", message)
+            size = f"{len(names)} row{'s' * (len(names) > 1)} of {len(names)}"
+            self._report(place, "KB077", f"this covariance is not {size}", "one for each of 'of'")
             return None
         scale = np.array([parameters[n].unit.factor for n in names])
         matrix = np.array(rows, dtype=float)
@@ -209,65 +237,82 @@ class _PlantReader:
         spread[spread == 0] = 1.0
         normal = matrix / np.outer(spread, spread)
         if not np.all(np.isfinite(normal)) or np.max(np.abs(normal - normal.T)) > 1e-6:
-            self._report(place, "KB078", "this covariance is not symmetric")
+            hint = "row i, entry j is row j, entry i"
+            self._report(place, "KB078", "this covariance is not symmetric", hint)
             return None
         try:
             factor = np.linalg.cholesky(normal + 1e-12 * np.eye(len(names)))
         except np.linalg.LinAlgError:
-            self._report(
-                place, "KB079", "this covariance is not positive", "a variance is below 0?"
-            )
+            hint = "is a variance below 0, or a correlation beyond 1?"
+            self._report(place, "KB079", "this covariance is not positive", hint)
             return None
         factor = factor * (spread * scale)[:, None]
         return Block(names, tuple(tuple(float(f"{v:.12g}") for v in row) for row in factor))
 
-    def connections(
-        self, modules: Mapping[str, Module], adjacency: tuple[str, str] | None
-    ) -> tuple[tuple[str, str], ...]:
+    def connections(self, adjacency: tuple[str, str] | None) -> tuple[tuple[str, str], ...]:
         if adjacency is not None:
             if "connections" in self.document.data:
                 second = self.document.key("connections")
                 message = "connections are given twice: here and as a list"
                 self._report(self.document.key("adjacency"), "KB084", message, "keep one", second)
-            return self._adjacency(modules, adjacency[1])
+            return self._adjacency(*adjacency)
         result: list[tuple[str, str]] = []
         for i, text in enumerate(self.document.data.get("connections", ())):
             place = self.document.place("connections", i)
             source, target = text.split(" -> ")
-            for name in (source, target):
-                if name not in self.document.data["modules"]:
-                    hint = did_you_mean(name, modules)
-                    self._report(place, "KB080", f"this plant has no module '{name}'", hint)
+            for name, column in ((source, 0), (target, len(source) + 4)):
+                if name not in self._names:
+                    spot, hint = within(place, column, len(name), text), self._hint(name)
+                    self._report(spot, "KB080", f"this plant has no module '{name}'", hint)
             if source == target:
-                self._report(place, "KB081", f"'{source}' cannot feed itself directly")
+                message = f"'{source}' cannot feed itself directly"
+                self._report(place, "KB081", message, "a return needs a module in between")
             elif (source, target) in result:
                 second = self.document.place("connections", result.index((source, target)))
                 self._report(place, "KB082", f"'{text}' stands twice", "keep one", second)
             result.append((source, target))
         return tuple(result)
 
-    def _adjacency(self, modules: Mapping[str, Module], text: str) -> tuple[tuple[str, str], ...]:
+    def _adjacency(self, name: str, text: str) -> tuple[tuple[str, str], ...]:
         """Row feeds column where the entry is 1."""
-        place = self.document.place("adjacency")
-        rows = [row for row in csv.reader(io.StringIO(text)) if any(c.strip() for c in row)]
-        names = [c.strip() for c in rows[0][1:]] if rows else []
-        result = []
-        wrong = sorted(set(names) ^ set(modules))
-        if wrong:
-            message = f"the adjacency matrix and the modules differ in '{wrong[0]}'"
-            self._report(place, "KB083", message, did_you_mean(wrong[0], modules))
+        file = (Path(self.document.path).parent / name).as_posix()
+        reader = csv.reader(io.StringIO(text))
+        try:
+            rows = [(reader.line_num, [c.strip() for c in row]) for row in reader]
+        except csv.Error as error:
+            self._report(Place(file, reader.line_num), "KB083", f"not a table: {error}")
             return ()
-        for row in rows[1:]:
-            source, entries = row[0].strip(), [c.strip() for c in row[1:]]
-            legal = source in modules and len(entries) == len(names)
-            if not legal or any(e not in ("", "0", "1") for e in entries):
-                message = (
-                    f"the adjacency matrix row '{source[:40]}' is not {len(names)} times 0 or 1"
-                )
-                self._report(place, "KB083", message)
+        table = [(line, row) for line, row in rows if any(row)]
+        if ";" in text and "," not in text:
+            hint = "separate the cells by commas, not by semicolons"
+            self._report(Place(file), "KB083", "this table has one column", hint)
+            return ()
+        first, names = (table[0][0], table[0][1][1:]) if table else (1, [])
+        result: list[tuple[str, str]] = []
+        self._compare(Place(file, first), names, "column")
+        self._compare(Place(file, first), [row[0] for _, row in table[1:]], "row")
+        for line, (source, *entries) in table[1:]:
+            if len(entries) != len(names) or any(e not in ("", "0", "1") for e in entries):
+                message = f"the row of '{source[:40]}' is not {len(names)} times 0 or 1"
+                self._report(Place(file, line), "KB083", message)
                 continue
-            result += [(source, n) for n, e in zip(names, entries, strict=True) if e == "1"]
+            fed = [n for n, e in zip(names, entries, strict=True) if e == "1"]
+            if source in fed:
+                message = f"'{source}' cannot feed itself directly"
+                self._report(Place(file, line), "KB081", message, "write 0 on the diagonal")
+            result += [(source, n) for n in fed]
         return tuple(result)
+
+    def _compare(self, place: Place, names: list[str], side: str) -> None:
+        """Each module has one row and one column, and nothing else has."""
+        for name in sorted({*names, *self._names}):
+            if name not in self._names:
+                message = f"the {side} '{name[:40]}' is not a module of this plant"
+                self._report(place, "KB083", message, self._hint(name))
+            elif names.count(name) != 1:
+                count = f"{names.count(name)} {side}s" if name in names else f"no {side}"
+                message = f"the module '{name}' has {count}"
+                self._report(place, "KB083", message)
 
     def columns(
         self, modules: Mapping[str, Module], document: Document | None
@@ -280,21 +325,28 @@ class _PlantReader:
             unit = read_unit(document, (*path, "unit"), self.knowledge.units, self.found)
             if key == "time":
                 time_column = part["from"]
+                if unit.dimension.fits(_SECOND) and unit.factor != 1:
+                    place = document.place(*path, "unit")
+                    message, hint = f"time is read in s, not in {unit.text}", "convert the column"
+                    self._report(place, "KB086", message, hint)
+                self._check_unit(document, (*path, "unit"), unit, Unit("s", 1, _SECOND), "KB086")
                 continue
             module, signal = key.split(".")
+            if module in self._names and module not in modules:
+                continue
             signals = modules[module].type.signals if module in modules else {}
             if signal not in signals:
                 known = [f"{m.name}.{s}" for m in modules.values() for s in m.type.signals]
                 message = f"this plant has no signal '{key}'"
                 self._report(document.key(*path), "KB085", message, did_you_mean(key, known))
                 continue
-            self._check_column(document, (*path, "unit"), unit, signals[signal].unit)
+            self._check_unit(document, (*path, "unit"), unit, signals[signal].unit, "KB086")
             result.append(Column(key, part["from"], unit.factor, unit.offset))
         return tuple(result), time_column
 
-    def _check_column(
-        self, document: Document, path: tuple[str | int, ...], unit: Unit, wanted: Unit
+    def _check_unit(
+        self, document: Document, path: Path_, unit: Unit, wanted: Unit, code: str
     ) -> None:
-        if unit.dimension != wanted.dimension:
-            message = f"the signal is in {wanted.text}; '{unit.text}' does not fit"
-            self._report(document.place(*path), "KB086", message)
+        if not unit.dimension.fits(wanted.dimension):
+            message = f"'{path[-2]}' is in {wanted.text}; '{unit.text}' does not fit"
+            self._report(document.place(*path), code, message)

@@ -13,15 +13,17 @@ For leakage and power readings the linear rule is exact already.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import sympy
 
-from rulec.assemble import Assembly, Gradient, Hypothesis, covariance
+from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signature, Signatures
-from rulec.differentiate import FLOW
+from rulec.differentiate import EXCESS, FLOW, G
 from rulec.graph import Graph, Node
+from rulec.moments import Moments
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,8 @@ def derive_rules(signatures: Signatures) -> Rules:
     assembly = signatures.assembly
     _basic_outputs(assembly)
     hypotheses = {h.id: h for h in assembly.hypotheses}
-    rules = tuple(_rule(assembly, hypotheses[c.fault], c) for c in signatures.cells)
+    moments = Moments(assembly)
+    rules = tuple(_rule(assembly, moments, hypotheses[c.fault], c) for c in signatures.cells)
     return Rules(signatures, rules)
 
 
@@ -64,17 +67,17 @@ def _basic_outputs(assembly: Assembly) -> None:
         outputs[f"u:{residual}"] = graph.apply("sqrt", assembly.residual_variances[residual])
 
 
-def _rule(assembly: Assembly, hypothesis: Hypothesis, cell: Signature) -> Rule:
+def _rule(assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Signature) -> Rule:
     graph, outputs = assembly.graph, assembly.graph.outputs
     key = f"{cell.fault}:{cell.residual}"
     R = assembly.residual_nodes[cell.residual]
-    degree = hypothesis.fault.degree
-    g, D = sympy.symbols("g D", real=True)
+    degree = hypothesis.fault.rule.degree
+    spread = _spread(assembly, moments, hypothesis, cell)
 
     def rule(mu: Node, form: str) -> None:
         excess = graph.div(R, mu)
-        outputs[f"x:{form}:{key}"] = graph.lower(degree, {g: cell.scaled, D: excess})
-        outputs[f"ux:{form}:{key}"] = _uncertainty(assembly, hypothesis, cell, mu, excess)
+        outputs[f"x:{form}:{key}"] = graph.lower(degree, {G: cell.scaled, EXCESS: excess})
+        outputs[f"ux:{form}:{key}"] = _uncertainty(graph, hypothesis, cell, spread, mu, excess)
 
     rule(cell.slope, "linear")
     forms = ["linear"]
@@ -86,7 +89,7 @@ def _rule(assembly: Assembly, hypothesis: Hypothesis, cell: Signature) -> Rule:
         forms.append("paper")
     exact = _exact_excess(assembly, hypothesis, cell, R)
     if exact is not None:
-        outputs[f"x:exact:{key}"] = graph.lower(degree, {g: cell.scaled, D: exact})
+        outputs[f"x:exact:{key}"] = graph.lower(degree, {G: cell.scaled, EXCESS: exact})
         forms.append("exact")
     return Rule(cell, tuple(forms), _text(hypothesis, cell))
 
@@ -107,8 +110,55 @@ def _exact_excess(
     return graph.sub(cell.scaled, graph.lower(expression, {**nodes, flow: should}))
 
 
+@dataclass(frozen=True)
+class _Spread:
+    """Variances and doubled covariances of R, g and mu, and dmu/dg."""
+
+    residual: Node
+    scaled: Node
+    residual_scaled: Node
+    slope: Node
+    residual_slope: Node
+    scaled_slope: Node
+    curvature: Node
+
+
+def _spread(
+    assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Signature
+) -> _Spread:
+    graph, zero = assembly.graph, assembly.graph.zero
+    variance = assembly.residual_variances[cell.residual]
+    if hypothesis.fault.fault.acts_on == "flow":
+        scaled = moments.gathered([(s, assembly.gradients[o]) for s, o in cell.faulty])
+        with_residual = _twice(graph, moments.with_residual(cell.residual, scaled))
+        return _Spread(
+            variance, moments.between(scaled, scaled), with_residual, zero, zero, zero, zero
+        )
+    target = assembly.targets[hypothesis.target]
+    scaled = [(1, target.gradient)]
+    slope = moments.gathered([(s, target.slope_gradients[o]) for s, o in cell.faulty])
+    return _Spread(
+        variance,
+        moments.between(scaled, scaled),
+        _twice(graph, moments.with_residual(cell.residual, scaled)),
+        moments.between(slope, slope),
+        _twice(graph, moments.with_residual(cell.residual, slope)),
+        _twice(graph, moments.between(scaled, slope)),
+        graph.signed_sum((s, target.curvatures[o]) for s, o in cell.faulty),
+    )
+
+
+def _twice(graph: Graph, node: Node) -> Node:
+    return graph.mul(graph.constant(2.0), node)
+
+
 def _uncertainty(
-    assembly: Assembly, hypothesis: Hypothesis, cell: Signature, mu: Node, excess: Node
+    graph: Graph,
+    hypothesis: Hypothesis,
+    cell: Signature,
+    spread: _Spread,
+    mu: Node,
+    excess: Node,
 ) -> Node:
     """Standard uncertainty of a degree: first order in R, g and mu with all correlations.
 
@@ -116,97 +166,16 @@ def _uncertainty(
     ``r = X_g mu / X_D``. To this the linearisation adds how much mu itself differs between the
     measured and the fault-free g.
     """
-    graph = assembly.graph
-    g, D = sympy.symbols("g D", real=True)
-    degree = hypothesis.fault.degree
-    by_excess = sympy.diff(degree, D)
-    at = {g: cell.scaled, D: excess}
-    ratio = graph.mul(mu, graph.lower(sympy.cancel(sympy.diff(degree, g) / by_excess), at))
-    scaled = _scaled_covariances(assembly, hypothesis, cell)
-    with_scaled = scaled.twice_with_residual
-    slope_part = graph.zero
-    if hypothesis.fault.fault.acts_on != "flow":
-        slope = _slope_covariances(assembly, hypothesis, cell)
-        with_scaled = graph.sub(with_scaled, graph.mul(excess, slope.twice_with_scaled))
-        change = graph.square(graph.mul(slope.curvature, excess))
-        spread = graph.mul(excess, graph.add(slope.variance, change))
-        slope_part = graph.mul(excess, graph.sub(spread, slope.twice_with_residual))
-    scaled_part = graph.mul(ratio, graph.add(graph.mul(ratio, scaled.variance), with_scaled))
-    variance = graph.sum([assembly.residual_variances[cell.residual], slope_part, scaled_part])
-    outer = graph.apply("abs", graph.div(graph.lower(by_excess, at), mu))
+    rule, at = hypothesis.fault.rule, {G: cell.scaled, EXCESS: excess}
+    ratio = graph.mul(mu, graph.lower(rule.ratio, at))
+    change = graph.square(graph.mul(spread.curvature, excess))
+    of_slope = graph.mul(excess, graph.add(spread.slope, change))
+    slope_part = graph.mul(excess, graph.sub(of_slope, spread.residual_slope))
+    crossed = graph.sub(spread.residual_scaled, graph.mul(excess, spread.scaled_slope))
+    scaled_part = graph.mul(ratio, graph.add(graph.mul(ratio, spread.scaled), crossed))
+    variance = graph.sum([spread.residual, slope_part, scaled_part])
+    outer = graph.apply("abs", graph.div(graph.lower(rule.by_excess, at), mu))
     return graph.mul(outer, graph.apply("sqrt", variance))
-
-
-@dataclass(frozen=True)
-class _Scaled:
-    """Second moments of what a fault scales."""
-
-    variance: Node
-    twice_with_residual: Node
-
-
-@dataclass(frozen=True)
-class _Slope:
-    """Second moments of mu, and dmu/dg."""
-
-    variance: Node
-    twice_with_residual: Node
-    twice_with_scaled: Node
-    curvature: Node
-
-
-def _scaled_covariances(assembly: Assembly, hypothesis: Hypothesis, cell: Signature) -> _Scaled:
-    graph, gradients = assembly.graph, assembly.gradients
-    if hypothesis.fault.fault.acts_on == "flow":
-        variance = _double(graph, cell.faulty, cell.faulty, gradients, gradients)
-        terms = _terms(assembly, cell)
-        twice = _double(graph, terms, cell.faulty, gradients, gradients, 2.0)
-        return _Scaled(variance, twice)
-    gradient = assembly.targets[hypothesis.target].gradient
-    twice = graph.signed_sum(
-        (s, _times(graph, 2.0, covariance(graph, gradients[o], gradient)))
-        for s, o in _terms(assembly, cell)
-    )
-    return _Scaled(covariance(graph, gradient, gradient), twice)
-
-
-def _slope_covariances(assembly: Assembly, hypothesis: Hypothesis, cell: Signature) -> _Slope:
-    graph, target = assembly.graph, assembly.targets[hypothesis.target]
-    slopes = target.slope_gradients
-    return _Slope(
-        _double(graph, cell.faulty, cell.faulty, slopes, slopes),
-        _double(graph, _terms(assembly, cell), cell.faulty, assembly.gradients, slopes, 2.0),
-        graph.signed_sum(
-            (s, _times(graph, 2.0, covariance(graph, slopes[o], target.gradient)))
-            for s, o in cell.faulty
-        ),
-        graph.signed_sum((s, target.curvatures[o]) for s, o in cell.faulty),
-    )
-
-
-def _terms(assembly: Assembly, cell: Signature) -> tuple[tuple[int, str], ...]:
-    residuals = assembly.residuals.by_id
-    return residuals[cell.residual].terms
-
-
-def _double(
-    graph: Graph,
-    first: tuple[tuple[int, str], ...],
-    second: tuple[tuple[int, str], ...],
-    a: Mapping[str, Gradient],
-    b: Mapping[str, Gradient],
-    factor: float = 1.0,
-) -> Node:
-    """`factor` times the covariance of two signed sums, term by term: equal terms are shared."""
-    return graph.signed_sum(
-        (s * t, _times(graph, factor, covariance(graph, a[o], b[p])))
-        for s, o in first
-        for t, p in second
-    )
-
-
-def _times(graph: Graph, factor: float, node: Node) -> Node:
-    return graph.mul(graph.constant(factor), node)
 
 
 def _text(hypothesis: Hypothesis, cell: Signature) -> str:
@@ -214,15 +183,15 @@ def _text(hypothesis: Hypothesis, cell: Signature) -> str:
     if hypothesis.fault.fault.acts_on == "flow":
         signed = [f"{'-' if s < 0 else '+'} {o}" for s, o in cell.faulty]
         flow = " ".join(signed).removeprefix("+ ")
-        degree = _with(hypothesis.fault.degree, {"g": flow, "D": "R"})
+        degree = _with(hypothesis.fault.rule.text, {"g": flow, "D": "R"})
         return f"x = {degree}, R = {cell.residual}"
     name = hypothesis.target
     slopes = [f"{'-' if s < 0 else '+'} d({o})/d({name})" for s, o in cell.faulty]
     mu = " ".join(slopes).removeprefix("+ ")
-    degree = _with(hypothesis.fault.degree, {"g": name})
+    degree = _with(hypothesis.fault.rule.text, {"g": name})
     return f"x = {degree}, D = R/mu, mu = {mu}, R = {cell.residual}"
 
 
-def _with(expression: sympy.Expr, names: Mapping[str, str]) -> str:
-    table = {sympy.Symbol(k, real=True): sympy.Symbol(v) for k, v in names.items()}
-    return str(expression.xreplace(table))
+def _with(text: str, names: Mapping[str, str]) -> str:
+    """Put names in the place of g and D."""
+    return re.sub(r"\b[gD]\b", lambda m: names.get(m[0], m[0]), text)

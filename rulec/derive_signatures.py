@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import sympy
-
 from rulec.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
-from rulec.differentiate import law_of
+from rulec.differentiate import G
 from rulec.graph import Node
 from rulec.reference import solve_reference
 
@@ -131,12 +129,7 @@ def _residuals_by_observer(assembly: Assembly) -> dict[str, list[int]]:
 
 def _per_degree(assembly: Assembly, hypothesis: Hypothesis, scaled: Node) -> Node:
     """d(what is there too much)/d(degree) at degree 0."""
-    g, x = sympy.symbols("g x", real=True)
-    slope = sympy.diff(law_of(hypothesis.fault.variant, g, x), x).subs(x, 0)
-    node = assembly.graph.lower(slope, {g: scaled})
-    if hypothesis.fault.fault.acts_on == "flow":
-        return assembly.graph.apply("neg", node)
-    return node
+    return assembly.graph.lower(hypothesis.fault.rule.onset, {G: scaled})
 
 
 def _inputs(assembly: Assembly, reference: Mapping[str, float]) -> dict[str, float]:

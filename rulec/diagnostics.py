@@ -11,6 +11,7 @@ from pathlib import Path
 MAX_SHOWN = 100
 MAX_TEXT = 300
 MAX_READ = 4_000_000
+WIDTH = 96
 
 _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
@@ -116,7 +117,9 @@ def _excerpt(place: Place, hint: str) -> list[str]:
     source = text[place.line - 1]
     start = min(place.column - 1, len(source))
     shift = max(0, start - 60)
-    shown = source[shift : shift + 96].replace("\t", " ")
+    shown = source[shift : shift + WIDTH].replace("\t", " ")
+    shown = "..." * bool(shift) + shown[3 * bool(shift) :]
+    shown += "..." * (shift + WIDTH < len(source))
     length = max(1, min(place.length, len(shown) - (start - shift)))
     gutter = f"{place.line:>5} | "
     caret = " " * (len(gutter) - 2) + "| " + " " * (start - shift) + "^" * length

@@ -19,6 +19,10 @@ from rulec.knowledge import FaultType, Knowledge, ModuleType, Variant
 
 GATHERED = "downstream."
 FLOW = "target.flow"
+G = sympy.Symbol("g", real=True)
+EXCESS = sympy.Symbol("D", real=True)
+"""What is there, and what is there too much, in the rule of a degree."""
+
 Gradient = Mapping[str, sympy.Expr]
 
 
@@ -44,11 +48,24 @@ class Target:
 
 
 @dataclass(frozen=True)
+class DegreeRule:
+    """The degree X from what is there (``g``) and what is there too much (``D``).
+
+    `by_excess` is dX/dD, `ratio` (dX/dg)/(dX/dD), `onset` dD/dx at degree 0.
+    """
+
+    degree: sympy.Expr
+    by_excess: sympy.Expr
+    ratio: sympy.Expr
+    onset: sympy.Expr
+    text: str
+
+
+@dataclass(frozen=True)
 class TypeFault:
     """A fault variant of a module type.
 
-    `id` is local (``leakage``, ``dp.high``). `degree` is the rule that gives the degree from
-    what is there (``g``) and what is there too much (``D``); `affects` the observers made wrong.
+    `id` is local (``leakage``, ``dp.high``), `affects` the observers made wrong.
     """
 
     id: str
@@ -56,7 +73,7 @@ class TypeFault:
     variant: Variant
     target: str
     affects: tuple[str, ...]
-    degree: sympy.Expr
+    rule: DegreeRule
 
 
 @dataclass(frozen=True)
@@ -248,7 +265,7 @@ def _faults(
             stem = f"{use.target}.{fault.name}"
         for variant in fault.variants:
             name = f"{stem}.{variant.name}" if variant.name else stem
-            yield TypeFault(name, fault, variant, use.target, affects, _degree(fault, variant))
+            yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
 
 
 def _affected(
@@ -274,19 +291,23 @@ def law_of(variant: Variant, g: sympy.Expr, x: sympy.Expr) -> sympy.Expr:
     return to_sympy(variant.law, {"g": g, "x": x})
 
 
-def _degree(fault: FaultType, variant: Variant) -> sympy.Expr:
-    """Degree from what is there (`g`) and what is there too much (`D`).
+def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
+    """Solve the law of a fault for its degree.
 
     A flow fault takes away after the observer, so the observer's flow is what should be there;
     any other fault distorts what the observer reads.
     """
-    g, D, x = _symbol("g"), _symbol("D"), _symbol("x")
+    g, D, x = G, EXCESS, _symbol("x")
+    onset = sympy.diff(law_of(variant, g, x), x).subs(x, 0)
     if fault.acts_on == "flow":
-        solved = invert(law_of(variant, g, x), x, g - D)
+        solved, onset = invert(law_of(variant, g, x), x, g - D), -onset
     else:
         solved = invert(law_of(variant, g - D, x), x, g)
     assert solved is not None, "checked when the fault was read"
-    return sympy.cancel(solved)
+    degree = sympy.cancel(solved)
+    by_excess = sympy.cancel(sympy.diff(degree, D))
+    ratio = sympy.cancel(sympy.diff(degree, g) / by_excess)
+    return DegreeRule(degree, by_excess, ratio, onset, str(degree))
 
 
 def _undone(

@@ -7,6 +7,7 @@ numbers beyond reason and more than one document are refused.
 from __future__ import annotations
 
 import codecs
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -71,7 +72,7 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
         reason = getattr(error, "strerror", None) or str(error)
         return None, [Diagnostic(Place(name), "KB001", f"cannot read this file: {reason}")]
     if len(raw) > MAX_BYTES:
-        message = f"the file has more than {MAX_BYTES} bytes"
+        message = f"the file has more than {MAX_BYTES / 1e6:g} MB"
         return None, [Diagnostic(Place(name), "KB002", message, "is this really a YAML file?")]
     raw = raw.removeprefix(codecs.BOM_UTF8)
     try:
@@ -148,15 +149,24 @@ def _refuse_events(text: str) -> None:
             depth -= 1
 
 
-_REMEDIES = {
-    "mapping values are not allowed": "text with a colon in it needs quotes",
-    "could not find expected ':'": "a key is followed by a colon and a space",
-    "cannot start any token": "text that starts with this character needs quotes",
-    "did not find expected ','": "is a comma or a closing bracket missing?",
-    "did not find expected key": "keys of one group start in the same column",
-    "block sequence entries": "a list starts on its own line",
-    "unexpected end of stream": "is a closing quote missing?",
-    "escape character": "use single quotes, or write each \\ twice",
+_SYNTAX = {
+    "mapping values are not allowed": ("a second colon", "text with a colon in it needs quotes"),
+    "could not find expected ':'": ("this line is no key", "write 'key: value'"),
+    "cannot start any token": (
+        "no text can start with this character",
+        "text that starts with it needs quotes",
+    ),
+    "did not find expected ','": ("a comma or a closing bracket is missing before this", ""),
+    "did not find expected key": (
+        "this does not belong to the group above",
+        "keys of one group start in the same column",
+    ),
+    "block sequence entries": (
+        "a list cannot start here",
+        "start it on its own line, or use [...]",
+    ),
+    "unexpected end of stream": ("what starts here never ends", "is a closing quote missing?"),
+    "escape character": ("a backslash in double quotes", "use single quotes"),
 }
 
 
@@ -170,11 +180,12 @@ def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
     second = None
     if mark is not None and context is not None and context.line != mark.line:
         second = _at(name, context) if "," in problem else None
-    hint = next((h for part, h in _REMEDIES.items() if part in problem), "check indent and quotes")
+    plain = (text for part, text in _SYNTAX.items() if part in problem)
+    message, hint = next(plain, (problem, "check indent and quotes"))
     if mark is not None and lines[mark.line][mark.column : mark.column + 1] == "\t":
-        hint = "indent with spaces, not with tabs"
+        message, hint = "there is a tab", "indent with spaces, not with tabs"
     place = Place(name) if mark is None else _at(name, mark)
-    return Diagnostic(place, "KB004", f"not YAML: {problem}", hint, second)
+    return Diagnostic(place, "KB004", f"not YAML: {message}", hint, second)
 
 
 def _at(name: str, mark: Any, length: int = 1) -> Place:
@@ -258,6 +269,6 @@ def _label(path: str) -> str:
 def _display(path: Path) -> str:
     """Path as shown to the user: relative to the working folder where possible."""
     try:
-        return path.resolve().relative_to(Path.cwd()).as_posix()
-    except (ValueError, OSError, RuntimeError):  # elsewhere, or a loop of links
+        return Path(os.path.realpath(path)).relative_to(Path.cwd()).as_posix()
+    except ValueError:
         return path.as_posix()

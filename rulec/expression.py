@@ -174,9 +174,9 @@ def _check(node: ast.expr, depth: int, power: Fraction) -> None:
             _check(left, depth + 1, total)
         case ast.Call():
             _check_call(node, depth, power)
-        case ast.Tuple():
-            hint = "a decimal point, not a comma, and no list"
-            raise _at(node, "KB041", "a comma is not allowed here", hint)
+        case ast.Tuple(elts=parts):
+            column = (parts[0].end_col_offset if parts else None) or node.col_offset
+            raise Rejected("KB041", column, "a comma is not allowed here", "write a decimal point")
         case ast.Attribute(value=value):
             column = value.end_col_offset or 0
             hint = "write names without a dot, and * between factors"
@@ -192,17 +192,18 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
     if name != GATHER and name not in ARITY:
         hint = did_you_mean(name, [*ARITY, GATHER])
         raise _at(node, "KB044", f"there is no function '{name[:50]}'", hint, len(name))
-    starred = (a for a in node.args if isinstance(a, ast.Starred))
-    odd: ast.expr | ast.keyword | None = next(iter([*node.keywords, *starred]), None)
-    if odd is not None:
+    starred = [a for a in node.args if isinstance(a, ast.Starred)]
+    if node.keywords or starred:
+        odd = node.keywords[0] if node.keywords else starred[0]
         raise _at(odd, "KB041", f"{name}() takes plain values only")
     if name == GATHER:
         if len(node.args) != 1 or not isinstance(node.args[0], ast.Name):
             message = f"{GATHER}() takes the one name that modules provide"
             raise _at(node, "KB045", message, f"as in {GATHER}(dp_mix)")
     elif len(node.args) != ARITY[name]:
-        wanted = f"{ARITY[name]} value{'s' * (ARITY[name] > 1)}"
-        raise _at(node, "KB045", f"{name}() takes {wanted}, not {len(node.args)}")
+        wanted, example = ("2 values", "a, b") if ARITY[name] == 2 else ("1 value", "a")
+        message = f"{name}() takes {wanted}, not {len(node.args)}"
+        raise _at(node, "KB045", message, f"as in {name}({example})")
     for argument in node.args:
         _check(argument, depth + 1, power)
 

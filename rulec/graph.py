@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import sympy
 
+from rulec.recipe import recipe_of
 from runtime.plan import OPERATIONS, UNARY, Operation, Plan
 
 Node = int
@@ -147,75 +148,22 @@ class Graph:
 
     def lower(self, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:
         """Build the node of a sympy expression; `symbols` gives the nodes of its symbols."""
-        memo: dict[sympy.Expr, Node] = dict(symbols)
-        return self._lower(expression, memo)
+        return self.lower_all((expression,), symbols)[0]
 
     def lower_all(
         self, expressions: Iterable[sympy.Expr], symbols: Mapping[sympy.Symbol, Node]
     ) -> list[Node]:
         """Build several expressions over the same symbols."""
-        memo: dict[sympy.Expr, Node] = dict(symbols)
-        return [self._lower(e, memo) for e in expressions]
-
-    def _lower(self, expression: sympy.Expr, memo: dict[sympy.Expr, Node]) -> Node:
-        node = memo.get(expression)
-        if node is None:
-            node = self._lower_new(expression, memo)
-            memo[expression] = node
-        return node
-
-    def _lower_new(self, expression: sympy.Expr, memo: dict[sympy.Expr, Node]) -> Node:
-        if expression.is_Number or expression.is_NumberSymbol:
-            return self.constant(float(expression))
-        if isinstance(expression, sympy.Add):
-            return self._lower_sum(expression, memo)
-        if isinstance(expression, sympy.Mul):
-            return self._lower_product(expression, memo)
-        if isinstance(expression, sympy.Pow):
-            return self._power(self._lower(expression.base, memo), expression.exp)
-        name = _NAMES.get(expression.func)
-        if name is None:
-            raise TypeError(f"no operation for {expression.func}")
-        nodes = [self._lower(a, memo) for a in expression.args]
-        if name in UNARY:
-            return self.apply(name, nodes[0])
-        result = nodes[0]
-        for node in nodes[1:]:
-            result = self.apply(name, result, node)
-        return result
-
-    def _lower_sum(self, expression: sympy.Add, memo: dict[sympy.Expr, Node]) -> Node:
-        terms = []
-        for argument in expression.args:
-            if argument.could_extract_minus_sign():
-                terms.append((-1, self._lower(-argument, memo)))
+        recipe, results = recipe_of(tuple(expressions))
+        nodes: list[Node] = []
+        for kind, a, b in recipe:
+            if kind == "symbol":
+                nodes.append(symbols[a])
+            elif kind == "constant":
+                nodes.append(self.constant(a))
             else:
-                terms.append((1, self._lower(argument, memo)))
-        return self.signed_sum(terms)
-
-    def _lower_product(self, expression: sympy.Mul, memo: dict[sympy.Expr, Node]) -> Node:
-        top, bottom = self.one, self.one
-        for argument in expression.args:
-            if isinstance(argument, sympy.Pow) and argument.exp.is_negative:
-                bottom = self.mul(bottom, self._lower(argument.base**-argument.exp, memo))
-            else:
-                top = self.mul(top, self._lower(argument, memo))
-        return self.div(top, bottom)
-
-    def _power(self, base: Node, exponent: sympy.Expr) -> Node:
-        if exponent.is_negative:
-            return self.div(self.one, self._power(base, -exponent))
-        if exponent.is_Integer and int(exponent) <= 8:
-            result = base
-            for _ in range(int(exponent) - 1):
-                result = self.mul(result, base)
-            return result
-        if exponent == sympy.Rational(1, 2):
-            return self.apply("sqrt", base)
-        if (2 * exponent).is_Integer:
-            root = self.apply("sqrt", base)
-            return self.mul(self._power(base, exponent - sympy.Rational(1, 2)), root)
-        return self.apply("pow", base, self.constant(float(exponent)))
+                nodes.append(self.apply(kind, nodes[a], nodes[b]))
+        return [nodes[i] for i in results]
 
     def plan(self) -> Plan:
         """Freeze: keep what the outputs need, numbered inputs, constants, operations."""
@@ -252,14 +200,3 @@ class Graph:
             if name not in ("input", "constant"):
                 stack.extend((a,) if name in UNARY else (a, b))
         return seen
-
-
-_NAMES = {
-    sympy.Abs: "abs",
-    sympy.sign: "sign",
-    sympy.exp: "exp",
-    sympy.log: "log",
-    sympy.tanh: "tanh",
-    sympy.Min: "min",
-    sympy.Max: "max",
-}

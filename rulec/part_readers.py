@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rulec.diagnostics import Diagnostic, Place, did_you_mean
+from rulec.diagnostics import Diagnostic, Place, nearest
 from rulec.document import Document
 from rulec.expression import Expression, Rejected, parse
 from rulec.knowledge import Origin
@@ -26,7 +26,8 @@ def read_unit(
         return units.parse(part)
     except ValueError as error:
         name = str(error)
-        hint = did_you_mean(name, units.units)
+        near = nearest(name, units.units)
+        hint = f"did you mean '{near}'?" if near else "the spellings are in kb/units.yaml"
         if "^" in name:
             hint = "write a power as in 'l/h/bar**2'"
         message = f"there is no unit '{name[:40]}'"

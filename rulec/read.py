@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rulec.diagnostics import Diagnostic, Place, Refused, did_you_mean
-from rulec.document import Document, read_document
+from rulec.diagnostics import Diagnostic, Place, Refused, nearest
+from rulec.document import MAX_BYTES, Document, Path_, read_document
 from rulec.schema import KINDS, check_schema, kind_of
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -18,7 +18,11 @@ _ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True)
 class Sources:
-    """All documents that a plant or a check needs, by kind, with the schema already checked."""
+    """All documents that a plant or a check needs, by kind, with the schema already checked.
+
+    Of module types that the plant does not have, the kind ``provider`` holds those whose provided
+    names its modules may ask for, and ``other`` the rest, unchecked, for their names.
+    """
 
     kb: Path
     units: Document
@@ -31,10 +35,16 @@ class Sources:
     def digest(self) -> str:
         """Hash of the content of all documents, independent of layout and order."""
         parts = [self.units, self.plant, self.columns, *self.calibrations]
-        parts += [d for kind in sorted(self.by_kind) for d in self.by_kind[kind]]
+        used = [kind for kind in self.by_kind if kind not in ("provider", "other")]
+        parts += [d for kind in used for d in self.by_kind[kind]]
         texts = sorted(json.dumps(d.data, sort_keys=True) for d in parts if d is not None)
         texts.append(self.adjacency[1] if self.adjacency else "")
         return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16]
+
+    def module_types(self) -> set[str]:
+        """Names of all module types of the knowledge base, for messages."""
+        kinds = ("module", "provider", "other")
+        return {str(d.data["module"]) for kind in kinds for d in self.by_kind.get(kind, ())}
 
 
 def find_kb(near: Path) -> Path:
@@ -63,27 +73,32 @@ def read_plant(path: Path) -> Sources:
     """
     file = path / "plant.yaml" if path.is_dir() else path
     found: list[Diagnostic] = []
-    plant = _read(file, "plant", found, find_kb(file.parent))
+    plant = _read(file, "plant", found)
     if plant is None:
         raise Refused(found)
     kb = find_kb(file.parent)
     if plant.data.get("kb"):
         kb = file.parent / plant.data["kb"]
-        if not (kb / "units.yaml").is_file():
+        if not os.path.isfile(kb / "units.yaml"):
             message = f"there is no knowledge base in '{plant.data['kb']}'"
-            raise Refused([Diagnostic(plant.place("kb"), "KB001", message)])
+            hint = "a folder with a units.yaml, as seen from this file"
+            raise Refused([Diagnostic(plant.place("kb"), "KB001", message, hint)])
     wanted = {str(m["type"]) for m in plant.data["modules"].values()}
-    units, by_kind = _read_kb(kb, found, wanted)
-    columns = _read_attached(plant, file, kb, "columns", "columns", found)
+    by_kind = _read_kb(kb, found, wanted)
+    columns = None
+    if "columns" in plant.data:
+        columns = _read_attached(plant, file, "columns", ("columns",), found)
     calibrations = [
-        _read_listed(plant, file, kb, i, found)
+        _read_attached(plant, file, "calibration", ("calibration", i), found)
         for i in range(len(plant.data.get("calibration", ())))
     ]
     adjacency = _read_adjacency(plant, file, found)
-    if found or units is None:
+    if not found and "units" not in by_kind:
+        found.append(_no_units(kb))
+    if found:
         raise Refused(found)
     kept = tuple(d for d in calibrations if d is not None)
-    return Sources(kb, units, by_kind, plant, columns, kept, adjacency)
+    return Sources(kb, by_kind["units"][-1], by_kind, plant, columns, kept, adjacency)
 
 
 def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], list[Diagnostic]]:
@@ -98,110 +113,128 @@ def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], l
     kb = find_kb(files[0].parent)
     given: dict[str, list[Document]] = {kind: [] for kind in KINDS}
     for file in files:
-        document = _read(file, None, found, kb)
+        document = _read(file, None, found)
         if document is not None:
             given[kind_of(document) or ""].append(document)
-    units, around = _read_kb(kb, found, None, skip={f.resolve() for f in files})
-    if units is None and given["units"]:
-        units = given["units"][0]
-    if units is None:
+    around = _read_kb(kb, found, None, frozenset(files))
+    units = [*given["units"], *around.get("units", ())]
+    if not units:
+        found += [] if found else [_no_units(kb)]
         return None, given["plant"], found
     merged = {k: (*around.get(k, ()), *given[k]) for k in ("module", "fault", "sensor", "fluid")}
-    return Sources(kb, units, merged), given["plant"], found
+    return Sources(kb, units[0], merged), given["plant"], found
+
+
+def _no_units(kb: Path) -> Diagnostic:
+    message = "this knowledge base has no list of units"
+    hint = "it needs a units.yaml; is RULEC_KB right?"
+    return Diagnostic(Place(kb.as_posix()), "KB001", message, hint)
 
 
 def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
     if path.is_dir():
-        files = [f for f in path.rglob("*.y*ml") if f.is_file()]
+        files = _yaml_in(path)
         if not files:
-            found.append(Diagnostic(Place(path.as_posix()), "KB001", "no YAML file in this folder"))
-        return sorted(files)
+            message = "there is no YAML file in this folder"
+            hint = "the files of a plant end in .yaml"
+            found.append(Diagnostic(Place(path.as_posix()), "KB001", message, hint))
+        return files
     return [path]
+
+
+def _yaml_in(folder: Path) -> list[Path]:
+    """YAML files of a folder, without those in hidden folders."""
+    files = (f for f in folder.rglob("*") if f.suffix in (".yaml", ".yml") and f.is_file())
+    return sorted(f for f in files if not any(p[0] == "." for p in f.relative_to(folder).parts))
 
 
 def _read_kb(
     kb: Path,
     found: list[Diagnostic],
     wanted: set[str] | None,
-    skip: set[Path] = frozenset(),  # type: ignore[assignment]
-) -> tuple[Document | None, dict[str, tuple[Document, ...]]]:
-    """Read the knowledge base; of modules only the wanted types (None: all)."""
-    units: Document | None = None
+    given: frozenset[Path] = frozenset(),
+) -> dict[str, tuple[Document, ...]]:
+    """Read the knowledge base without the given files; only the wanted modules (None: all)."""
     by_kind: dict[str, list[Document]] = {}
-    for file in sorted(kb.rglob("*.yaml")):
-        if file.resolve() in skip:
-            continue
-        document = _read(file, None, found, kb, wanted)
+    skip = {os.path.realpath(file) for file in given}
+    for file in _yaml_in(kb):
+        document = None if os.path.realpath(file) in skip else _open(file, None, found)
         if document is None:
             continue
         kind = kind_of(document) or ""
-        if kind == "units":
-            units = document
-        by_kind.setdefault(kind, []).append(document)
-    return units, {kind: tuple(documents) for kind, documents in by_kind.items()}
+        mistakes = found
+        if kind == "module" and wanted is not None and str(document.data[kind]) not in wanted:
+            kind, mistakes = "provider", []
+        if kind == "provider" and "provides" not in document.data:
+            by_kind.setdefault("other", []).append(document)
+        elif _conforms(document, mistakes):
+            by_kind.setdefault(kind, []).append(document)
+    return {kind: tuple(documents) for kind, documents in by_kind.items()}
 
 
 def _read(
-    file: Path,
-    kind: str | None,
-    found: list[Diagnostic],
-    kb: Path,
-    wanted: set[str] | None = None,
+    file: Path, kind: str | None, found: list[Diagnostic], asked: Place | None = None
 ) -> Document | None:
     """Read one file and check its schema; mistakes are added to `found`."""
+    document = _open(file, kind, found, asked)
+    return document if document is not None and _conforms(document, found) else None
+
+
+def _open(
+    file: Path, kind: str | None, found: list[Diagnostic], asked: Place | None = None
+) -> Document | None:
+    """Read one file, which must be of the given kind, or of any; `asked` is who wants it."""
     document, mistakes = read_document(file)
     found.extend(mistakes)
     if document is None:
         return None
     actual = kind_of(document)
-    if actual is None or (kind and actual != kind):
-        expected = f"a {kind} file" if kind else "a file of this tool"
-        hint = f"its first key should be '{kind}'" if kind else "first key: " + ", ".join(KINDS)
-        if isinstance(document.data, dict) and document.data and not kind:
-            near = did_you_mean(next(iter(document.data)), KINDS)
-            hint = near if near.startswith("did") else hint
-        found.append(Diagnostic(document.place(), "KB012", f"this is not {expected}", hint))
-        return None
-    if actual == "module" and wanted is not None and document.data["module"] not in wanted:
-        return None
-    mistakes = check_schema(document, actual, shipped("kb") / "schema")
+    if actual is not None and kind in (None, actual):
+        return document
+    expected = f"a {kind} file" if kind else "a file of this tool"
+    hint = f"its first key should be '{kind}'" if kind else "first key: " + ", ".join(KINDS)
+    first = list(document.data)[:1] if isinstance(document.data, dict) else []
+    near = nearest(first[0], [kind] if kind else KINDS) if first else None
+    if near and near != first[0]:
+        hint = f"did you mean '{near}'?"
+    place = document.key(*first)
+    found.append(Diagnostic(place, "KB012", f"this is not {expected}", hint, asked))
+    return None
+
+
+def _conforms(document: Document, found: list[Diagnostic]) -> bool:
+    mistakes = check_schema(document, kind_of(document) or "", shipped("kb") / "schema")
     found.extend(mistakes)
-    return None if mistakes else document
+    return not mistakes
 
 
 def _read_attached(
-    plant: Document, file: Path, kb: Path, key: str, kind: str, found: list[Diagnostic]
+    plant: Document, file: Path, kind: str, path: Path_, found: list[Diagnostic]
 ) -> Document | None:
-    name = plant.data.get(key)
-    if name is None:
+    """Read the file that the plant names at a path."""
+    place, name = plant.place(*path), plant.data
+    for step in path:
+        name = name[step]
+    if not os.path.isfile(file.parent / name):
+        message, hint = f"there is no file '{name}'", "a path as seen from this file"
+        found.append(Diagnostic(place, "KB001", message, hint))
         return None
-    return _read_reference(plant.place(key), file.parent / name, kind, found, kb)
-
-
-def _read_listed(
-    plant: Document, file: Path, kb: Path, index: int, found: list[Diagnostic]
-) -> Document | None:
-    name = plant.data["calibration"][index]
-    place = plant.place("calibration", index)
-    return _read_reference(place, file.parent / name, "calibration", found, kb)
-
-
-def _read_reference(
-    place: Place, path: Path, kind: str, found: list[Diagnostic], kb: Path
-) -> Document | None:
-    if not path.is_file():
-        found.append(Diagnostic(place, "KB001", f"there is no file '{path.name}' beside the plant"))
-        return None
-    return _read(path, kind, found, kb)
+    return _read(file.parent / name, kind, found, place)
 
 
 def _read_adjacency(plant: Document, file: Path, found: list[Diagnostic]) -> tuple[str, str] | None:
     name = plant.data.get("adjacency")
     if name is None:
         return None
+    place = plant.place("adjacency")
     try:
-        return name, (file.parent / name).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        place = plant.place("adjacency")
-        found.append(Diagnostic(place, "KB001", f"cannot read '{name}': {error}"))
+        with (file.parent / name).open("rb") as stream:
+            text = stream.read(MAX_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        found.append(Diagnostic(place, "KB003", f"'{name}' is not UTF-8", "save it as UTF-8"))
         return None
+    except (OSError, ValueError):
+        message, hint = f"there is no file '{name}'", "a path as seen from this file"
+        found.append(Diagnostic(place, "KB001", message, hint))
+        return None
+    return name, text

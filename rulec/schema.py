@@ -49,8 +49,8 @@ def check_schema(document: Document, kind: str, schema_folder: Path) -> list[Dia
 @functools.cache
 def _validator(path: Path) -> Any:
     schema = json.loads(path.read_text(encoding="utf-8"))
-    kind = jsonschema.validators.extend(jsonschema.Draft202012Validator, {"pattern": _pattern})
-    return kind(schema)
+    extend: Any = jsonschema.validators.extend
+    return extend(jsonschema.Draft202012Validator, {"pattern": _pattern})(schema)
 
 
 def _pattern(_: Any, pattern: str, value: Any, __: Any) -> Iterable[jsonschema.ValidationError]:
@@ -89,12 +89,13 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             message = f"{part} must be {words[bound]} {limit}, not {_show(value)}"
             yield Diagnostic(where, "KB026", message)
         case "minItems" | "maxItems":
-            message = f"{part} has {len(value)} entries"
             words = {"minItems": "at least", "maxItems": "at most"}
-            yield Diagnostic(where, "KB027", message, f"{words[error.validator]} {limit}")
+            entries = f"{limit} entr{'ies' if limit > 1 else 'y'}"
+            message = f"{part} must have {words[error.validator]} {entries}, not {len(value)}"
+            yield Diagnostic(where, "KB027", message)
         case "minProperties" | "minLength":
-            message = f"{part} is empty"
-            yield Diagnostic(where, "KB027", message, "fill it in, or leave the key out")
+            hint = "fill it in" if error.validator == "minLength" else "fill it in, or leave it out"
+            yield Diagnostic(where, "KB027", f"{part} is empty", hint)
         case "oneOf":
             yield from _law(document, value)
         case _:
@@ -125,16 +126,21 @@ def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable
     message = f"{part} needs the key{'s' * (len(missing) > 1)} {names}"
     about = known.get(missing[0], {})
     text = about.get("description", about.get("title", "")).rstrip(".")
-    hint = f"{missing[0]}: {text}" if len(missing) == 1 else "add them"
+    hint = f"add '{missing[0]}: ...' ({text})" if len(missing) == 1 else "add them"
     yield Diagnostic(document.key(*spot), "KB021", message, hint)
 
 
 def _law(document: Document, value: dict[str, Any]) -> Iterable[Diagnostic]:
     """A fault has a law and a degree, or variants that have them."""
-    given = [key for key in ("law", "degree", "variants") if key in value]
-    spot = given[0] if given else "fault"
-    message = f"this fault has {' and '.join(given) or 'no law'}"
+    law, degree = "law" in value, "degree" in value
+    spot, message = "fault", "this fault has no law"
     hint = "write 'law' and 'degree', or 'variants' that have them"
+    if "variants" in value:
+        spot, message, hint = "variants", "this fault has both a law and variants", "keep one"
+    elif law:
+        spot, message, hint = "law", "this law has no degree", "add 'degree: ...'"
+    elif degree:
+        spot, message, hint = "degree", "this degree has no law", "add 'law: ...'"
     yield Diagnostic(document.key(spot), "KB028", message, hint)
 
 

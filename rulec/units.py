@@ -96,6 +96,11 @@ class UnitTable:
         factor, dimension = self._walk(tree, text)
         return Unit(text, factor, dimension)
 
+    def like(self, dimension: Dimension) -> str:
+        """The units of a dimension for a message, or the dimension where none has a name."""
+        names = [name for name, unit in self.units.items() if unit.dimension == dimension]
+        return f"as in {', '.join(names[:5])}" if names else f"its dimension is {dimension}"
+
     def _walk(self, node: ast.AST, text: str) -> tuple[float, Dimension]:
         match node:
             case ast.Constant(value=int(value)) if value == 1 and value is not True:

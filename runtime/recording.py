@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import csv
-import gzip
-import io
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from runtime.csv_table import Column, RecordingRefused, read_table
+from runtime.header import Header, Target, assign
 from runtime.plan import Array
-from runtime.ruleset import Ruleset, SignalSpec, UnitSpec
+from runtime.ruleset import Ruleset
+from runtime.time_column import read_times
 
-_HEADER = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*(\[(?P<unit>[^\[\]]*)\])?\s*")
-_FACTOR = re.compile(r"([A-Za-z%][A-Za-z%]*\d?|1)(?:\*\*|\^)?(-?\d)?")
+__all__ = ["Recording", "RecordingRefused", "read_recording"]
 
+ABSURD = 1e15
+"""Beyond this (SI) a number is a fill value of some program, not a reading."""
 
-class RecordingRefused(Exception):
-    """The file cannot be used as a recording; the message says why and what to do."""
+SHOWN = 5
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Recording:
 
     Attributes
     ----------
-    time : shape (n,), s.
+    time : shape (n,), s; increasing.
     values : per signal id an array, shape (n,), SI; NaN where there is no usable reading.
     segment : shape (n,); changes where one file ends and the next begins.
     missing : signals of the ruleset that the recording does not have.
@@ -47,30 +48,62 @@ class Recording:
         return len(self.time)
 
 
+@dataclass(frozen=True)
+class _Part:
+    """One file; `start` is the date of time 0 if the file has dates."""
+
+    name: str
+    time: Array
+    values: Mapping[str, Array]
+    dated: bool
+
+
 def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     """Read a CSV file (also .gz) or a folder of them.
 
     Columns are ``time [s]`` and ``<module>.<signal> [unit]``, or foreign names that the plant's
     column map knows. Raises `RecordingRefused` with a message for the operator.
     """
-    files = _files(path)
-    parts = [_read_file(file, ruleset) for file in files]
-    notes = [note for _, _, part_notes in parts for note in part_notes]
-    signals = sorted({name for _, values, _ in parts for name in values})
-    time = np.concatenate([t for t, _, _ in parts])
-    segment = np.concatenate([np.full(len(t), i) for i, (t, _, _) in enumerate(parts)])
-    values = {
-        name: np.concatenate([v.get(name, np.full(len(t), np.nan)) for t, v, _ in parts])
-        for name in signals
-    }
+    notes: list[str] = []
+    strangers: dict[str, None] = {}
+    parts = [_read_file(file, ruleset, notes, strangers) for file in _files(path)]
     used = {s for o in ruleset.observers for s in o.signals}
-    missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in values)
-    if not any(s in values for s in used):
+    signals = sorted({name for part in parts for name in part.values})
+    if not used.intersection(signals):
         raise RecordingRefused(
             f"{path}: no column belongs to this plant. Expected columns such as "
             f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
         )
-    return Recording(time, values, segment, missing, tuple(dict.fromkeys(notes)))
+    parts = _one_behind_the_other(path, parts, notes)
+    missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
+    notes += _strangers(strangers, missing, ruleset)
+    return Recording(
+        np.concatenate([part.time for part in parts]),
+        {
+            name: np.concatenate(
+                [part.values.get(name, np.full(len(part.time), np.nan)) for part in parts]
+            )
+            for name in signals
+        },
+        np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
+        missing,
+        tuple(dict.fromkeys(notes)),
+    )
+
+
+def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Ruleset) -> Iterator[str]:
+    """A remark on columns of no use, where one may be what is missing or of another plant."""
+    names = list(strangers)
+    odd = [name for name in names if name.partition(".")[0] in ruleset.modules]
+    if odd:
+        yield (
+            f"'{odd[0]}' is no signal of this plant's module {odd[0].partition('.')[0]}; "
+            "is this a recording of another plant?"
+        )
+    if names and missing:
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
+        yield f"columns that belong to no signal of this plant: {shown}{more}"
 
 
 def _example(ruleset: Ruleset) -> str:
@@ -81,7 +114,7 @@ def _example(ruleset: Ruleset) -> str:
 
 def _files(path: Path) -> list[Path]:
     if path.is_dir():
-        files = sorted(f for f in path.iterdir() if f.name.endswith((".csv", ".csv.gz")))
+        files = sorted(f for f in path.iterdir() if f.name.lower().endswith((".csv", ".csv.gz")))
         if not files:
             raise RecordingRefused(f"{path}: this folder holds no .csv or .csv.gz file")
         return files
@@ -90,177 +123,100 @@ def _files(path: Path) -> list[Path]:
     return [path]
 
 
-def _read_file(path: Path, ruleset: Ruleset) -> tuple[Array, dict[str, Array], list[str]]:
-    rows = _rows(path)
-    try:
-        header = next(rows)
-    except StopIteration:
-        raise RecordingRefused(f"{path}: the file is empty") from None
-    columns, time_index, notes = _assign(path, header, ruleset)
-    wanted = [time_index, *(index for index, _, _ in columns.values())]
-    cells: list[list[str]] = [[] for _ in wanted]
-    width, short = len(header), 0
-    for row in rows:
-        if len(row) != width:
-            short += 1
-            if len(row) < max(wanted) + 1:
-                continue
-        for store, index in zip(cells, wanted, strict=True):
-            store.append(row[index])
-    if short:
-        notes.append(f"{path.name}: {short} rows have another number of cells than the header")
-    if not cells[0]:
-        raise RecordingRefused(f"{path}: the file has a header but no rows")
-    time = _times(path, cells[0])
-    values = {}
-    for store, (signal, (_, factor, offset)) in zip(cells[1:], columns.items(), strict=True):
-        numbers, bad = _numbers(store)
-        if bad:
-            notes.append(f"{path.name}: {bad} cells of {signal} are not numbers, e.g. not judged")
-        values[signal] = numbers * factor + offset
-    return *_in_order(path, time, values, notes), notes
+def _read_file(path: Path, ruleset: Ruleset, notes: list[str], strangers: dict[str, None]) -> _Part:
+    header = Header()
 
+    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
+        assign(path, titles, ruleset, header, notes)
+        return header.time, [target.index for target in header.targets]
 
-def _rows(path: Path) -> Iterator[list[str]]:
-    """Rows of a CSV file, whatever its separator and decimal sign."""
-    try:
-        raw = path.read_bytes()
-        if raw[:2] == b"\x1f\x8b":
-            raw = gzip.decompress(raw)
-        text = raw.decode("utf-8-sig")
-    except (OSError, EOFError) as error:
-        raise RecordingRefused(f"{path}: cannot be read ({error})") from None
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")
-    if "\0" in text:
-        raise RecordingRefused(f"{path}: this is a binary file, not CSV")
-    first = text.split("\n", 1)[0]
-    separator = max((";", "\t", ","), key=first.count)
-    decimal_comma = separator != "," and "," in text.split("\n", 2)[-1][:2000]
-    csv.field_size_limit(1_000_000)
-    try:
-        for row in csv.reader(io.StringIO(text), delimiter=separator):
-            if row:
-                yield [c.replace(",", ".") for c in row] if decimal_comma else row
-    except csv.Error as error:
-        raise RecordingRefused(f"{path}: not a readable CSV file ({error})") from None
-
-
-def _assign(
-    path: Path, header: Sequence[str], ruleset: Ruleset
-) -> tuple[dict[str, tuple[int, float, float]], int, list[str]]:
-    """Which column is which signal: (index, factor, offset) to SI."""
-    foreign = {c.column.strip(): c for c in ruleset.columns}
-    signals = ruleset.signal_by_id
-    columns: dict[str, tuple[int, float, float]] = {}
-    time_index, notes, seen = None, [], set()
-    for index, title in enumerate(header):
-        title = title.strip()
-        if title in seen and title:
-            raise RecordingRefused(f"{path}: the column '{title}' stands twice")
-        seen.add(title)
-        match = _HEADER.fullmatch(title)
-        name = match["name"] if match else title
-        if title == ruleset.time_column or (time_index is None and name.lower() in _TIMES):
-            time_index = index
-        elif title in foreign:
-            column = foreign[title]
-            columns[column.signal] = (index, column.factor, column.offset)
-        elif name in signals:
-            unit = (match and match["unit"]) or ""
-            columns[name] = (index, *_conversion(path, title, unit, signals[name], ruleset, notes))
-    if time_index is None:
-        raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
-    return columns, time_index, notes
-
-
-_TIMES = ("time", "datetime", "timestamp", "t", "zeit")
-
-
-def _conversion(
-    path: Path,
-    title: str,
-    unit: str,
-    signal: SignalSpec,
-    ruleset: Ruleset,
-    notes: list[str],
-) -> tuple[float, float]:
-    """Factor and offset of a column's unit."""
-    if not unit:
-        notes.append(f"{path.name}: '{title}' names no unit; {signal.unit} is assumed")
-        return signal.factor, signal.offset
-    if unit == signal.unit:
-        return signal.factor, signal.offset
-    found = _parse_unit(unit, ruleset.units)
-    wanted = _parse_unit(signal.unit, ruleset.units)
-    if found is None:
-        raise RecordingRefused(f"{path}: column '{title}': unknown unit '{unit}'")
-    if wanted is not None and found.dimension != wanted.dimension:
-        raise RecordingRefused(
-            f"{path}: column '{title}' is in {unit}, but {signal.id} is measured in {signal.unit}; "
-            "are two columns swapped?"
+    table = read_table(path, choose)
+    strangers.update(dict.fromkeys(header.strangers))
+    if table.left_out:
+        notes.append(
+            f"{path.name}: {table.left_out} rows have another number of cells than the header and "
+            f"are left out (the first is data row {table.first_left_out})"
         )
-    return found.factor, found.offset
+    time, dated = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
+    values = {}
+    for column, target in zip(table.columns, header.targets, strict=True):
+        values[target.signal] = _readings(path, column, target, notes)
+    order = _order(path, time, notes)
+    return _Part(path.name, time[order], {name: v[order] for name, v in values.items()}, dated)
 
 
-def _parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
-    """Look a unit up; products and quotients are put together."""
-    if text in units:
-        return units[text]
-    factor, dimension = 1.0, np.zeros(4)
-    for i, group in enumerate(text.replace("(", "").replace(")", "").split("/")):
-        for part in group.replace("**", "^").split("*"):
-            match = _FACTOR.fullmatch(part.strip())
-            unit = units.get(match[1]) if match else None
-            if match is None or unit is None or unit.offset:
-                return None
-            power = int(match[2] or 1) * (1 if i == 0 else -1)
-            factor *= unit.factor**power
-            dimension = dimension + power * np.array(unit.dimension)
-    return UnitSpec(float(factor), 0.0, tuple(float(d) for d in dimension))
+def _readings(path: Path, column: Column, target: Target, notes: list[str]) -> Array:
+    """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
+    if column.words:
+        assert column.first is not None
+        row, word = column.first
+        notes.append(
+            f"{path.name}: {column.words} cells of {target.signal} are words (the first, in data "
+            f"row {row}: '{word}'); there it has no reading"
+        )
+    with np.errstate(over="ignore"):
+        values = column.numbers() * target.factor + target.offset
+    absurd = np.abs(values) > ABSURD
+    if absurd.any():
+        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
+        notes.append(
+            f"{path.name}: {count} cells of {target.signal} are beyond any sensor (the first in "
+            f"data row {row}); there it has no reading"
+        )
+        values[absurd] = np.nan
+    if not np.isfinite(values).any():
+        notes.append(f"{path.name}: {target.signal} has not one reading")
+    return values
 
 
-def _numbers(cells: Sequence[str]) -> tuple[Array, int]:
-    """Cells as numbers; words and empty cells become NaN. Second: how many words there were."""
-    try:
-        return np.array(cells, dtype=float), 0
-    except ValueError:
-        pass
-    result, bad = np.full(len(cells), np.nan), 0
-    for i, cell in enumerate(cells):
-        try:
-            result[i] = float(cell)
-        except ValueError:
-            bad += cell.strip().lower() not in ("", "nan", "na", "null", "none")
-    return result, bad
+def _order(path: Path, time: Array, notes: list[str]) -> NDArray[np.intp]:
+    """Indexes of the samples in order of time; of equal times the first one is kept."""
+    has_time = np.isfinite(time) & (np.abs(time) < ABSURD)
+    if not has_time.any():
+        raise RecordingRefused(f"{path}: no row has a usable time")
+    kept = np.flatnonzero(has_time)
+    order = kept[np.argsort(time[kept], kind="stable")]
+    if np.any(np.diff(order) < 0):
+        notes.append(f"{path.name}: the rows were not in order of time; they are now")
+    first = np.concatenate([[True], np.diff(time[order]) > 0])
+    for count, what in (
+        (len(time) - len(kept), "have no usable time"),
+        (len(order) - int(first.sum()), "repeat the time of another row"),
+    ):
+        if count:
+            notes.append(f"{path.name}: {count} rows {what} and are left out")
+    result: NDArray[np.intp] = order[first]
+    return result
 
 
-def _times(path: Path, cells: Sequence[str]) -> Array:
-    """Seconds; dates count from the first one."""
-    numbers, bad = _numbers(cells)
-    if bad == 0:
-        return numbers
-    try:
-        stamps = [datetime.fromisoformat(c.strip()).timestamp() for c in cells]
-    except ValueError:
+def _one_behind_the_other(path: Path, parts: list[_Part], notes: list[str]) -> list[_Part]:
+    """Files in order of time; where their times overlap, in order of name, one after the other."""
+    if len({part.dated for part in parts}) > 1:
         raise RecordingRefused(
-            f"{path}: the time column holds '{cells[0][:30]}'; expected seconds or ISO dates"
-        ) from None
-    return np.array(stamps) - stamps[0]
+            f"{path}: some files of this folder have dates, others plain seconds; "
+            "diagnose them apart"
+        )
+    ordered = sorted(parts, key=lambda p: float(p.time[0]))
+    if parts[0].dated:
+        start = float(ordered[0].time[0])
+        shown = datetime.fromtimestamp(start, UTC).isoformat(" ").removesuffix("+00:00")
+        notes.append(f"time 0 s is {shown}")
+        ordered = [replace(part, time=part.time - start) for part in ordered]
+        parts = [replace(part, time=part.time - start) for part in parts]
+    if _follow(ordered):
+        return ordered
+    result: list[_Part] = []
+    names, end = [], 0.0
+    for part in parts:
+        step = float(np.median(np.diff(part.time))) if len(part.time) > 1 else 1.0
+        begin = end + step if result else float(part.time[0])
+        result.append(replace(part, time=part.time - part.time[0] + begin))
+        end = float(result[-1].time[-1])
+        names.append(f"{part.name} from {begin:g} s")
+    shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
+    notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
+    return result
 
 
-def _in_order(
-    path: Path, time: Array, values: dict[str, Array], notes: list[str]
-) -> tuple[Array, dict[str, Array]]:
-    """Drop samples without a time, sort by time, keep the first of equal times."""
-    kept = np.isfinite(time)
-    if not kept.any():
-        raise RecordingRefused(f"{path}: no row has a time")
-    order = np.flatnonzero(kept)[np.argsort(time[kept], kind="stable")]
-    sorted_time = time[order]
-    first = np.concatenate([[True], np.diff(sorted_time) > 0])
-    if len(order) < len(time) or not first.all() or np.any(np.diff(order) < 0):
-        dropped = len(time) - int(first.sum())
-        notes.append(f"{path.name}: rows put in order of time, {dropped} without own time dropped")
-    order = order[first]
-    return time[order], {name: v[order] for name, v in values.items()}
+def _follow(parts: Iterable[_Part]) -> bool:
+    return all(a.time[-1] < b.time[0] for a, b in pairwise(parts))

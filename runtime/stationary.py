@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.plan import Array
 from runtime.recording import Recording
@@ -33,14 +35,14 @@ GAP = 3.0
 class Stretches:
     """Settled parts of a recording: samples ``first[i] : last[i]`` (last excluded)."""
 
-    first: np.ndarray
-    last: np.ndarray
+    first: NDArray[np.intp]
+    last: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.first)
 
     @property
-    def lengths(self) -> np.ndarray:
+    def lengths(self) -> NDArray[np.intp]:
         """Samples of each stretch."""
         return self.last - self.first
 
@@ -51,8 +53,7 @@ def noise_of(values: Array) -> float:
     A second difference of white noise has the variance 6 sigma^2; 1.4826 turns the median of
     absolute values into a standard deviation of normal noise.
     """
-    second = np.diff(values, 2)
-    second = second[np.isfinite(second)]
+    second = np.diff(values[np.isfinite(values)], 2)
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if len(second) else 0.0
 
 
@@ -84,11 +85,19 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
         level = np.nanmedian(np.abs(values)) if np.isfinite(values).any() else 0.0
         floor = float(systematic_u(signal, level))
         limit = max(JUMP * np.sqrt(2.0) * noise[signal.id], floor)
+        readable = np.isfinite(values)
+        latest = np.maximum.accumulate(np.where(readable, np.arange(n), 0))
         with np.errstate(invalid="ignore"):
-            jumps[1:] |= np.abs(np.diff(values)) > limit
-        blank = ~np.isfinite(values)
-        breaks[1:] |= blank[1:] != blank[:-1]
+            jumps[1:] |= np.abs(np.diff(values[latest])) > limit
+        breaks[_edges_of_long(~readable)] = True
     return _cut(breaks | jumps, jumps)
+
+
+def _edges_of_long(blank: np.ndarray) -> np.ndarray:
+    """First samples of, and behind, runs without reading; shorter ones do not end a stretch."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
+    long = edges.reshape(-1, 2)[edges[1::2] - edges[::2] >= SHORTEST].ravel()
+    return long[long < len(blank)]
 
 
 def _cut(ends: np.ndarray, jumps: np.ndarray) -> Stretches:
@@ -100,7 +109,7 @@ def _cut(ends: np.ndarray, jumps: np.ndarray) -> Stretches:
         begin = start + 1 if jumps[start] else start
         pieces = max(1, -(-(stop - begin) // LONGEST))
         edges = np.linspace(begin, stop, pieces + 1).astype(int)
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for low, high in pairwise(edges):
             if high - low >= SHORTEST:
                 first.append(low)
                 last.append(high)

@@ -84,7 +84,7 @@ def _models(models: Models) -> Iterator[str]:
             for observer, slope in target.slopes.items():
                 yield f"  d Q_{observer} / d {target.name} = {slope}"
         for fault in model.faults:
-            yield f"  {fault.id}: degree = {fault.degree}, wrong: {', '.join(fault.affects)}"
+            yield f"  {fault.id}: degree = {fault.rule.degree}, wrong: {', '.join(fault.affects)}"
 
 
 def _assembly(assembly: Assembly) -> Iterator[str]:

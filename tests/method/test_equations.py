@@ -95,7 +95,7 @@ def by_pressure(m: TypeModel, observer: str) -> sympy.Expr:
 
 def degree_of(m: TypeModel, fault: str, g: sympy.Expr, excess: sympy.Expr) -> sympy.Expr:
     """The degree rule of a fault with what it scales and the excess put in."""
-    (rule,) = (f.degree for f in m.faults if f.id == fault)
+    (rule,) = (f.rule.degree for f in m.faults if f.id == fault)
     return rule.xreplace({_real("g"): g, _real("D"): excess})
 
 

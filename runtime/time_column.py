@@ -1,0 +1,75 @@
+"""The time column of a recording: seconds in any unit of time, or dates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from runtime.csv_table import RecordingRefused
+from runtime.plan import Array
+from runtime.reading_unit import fitting, parse_unit
+from runtime.ruleset import UnitSpec
+
+NAMES = ("time", "datetime", "timestamp", "date", "t", "zeit")
+"""Names of the time column, in lower case."""
+
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
+
+
+def read_times(
+    path: Path, cells: Sequence[str], title: str, unit: str, units: Mapping[str, UnitSpec]
+) -> tuple[Array, bool]:
+    """Seconds, NaN where there is no time; second: whether they are dates (since 1970)."""
+    numbers = _plain_times(cells)
+    if np.isfinite(numbers).any():
+        return numbers * _factor(path, title, unit, units), False
+    dates = np.array([_date(cell) for cell in cells])
+    if not np.isfinite(dates).any():
+        raise RecordingRefused(
+            f"{path}: the time column '{title}' holds '{cells[0].strip()[:30]}'; expected seconds, "
+            "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
+        )
+    return dates, True
+
+
+def _plain_times(cells: Sequence[str]) -> Array:
+    try:
+        return np.array(cells, dtype=float)
+    except ValueError:
+        pass
+    result = np.full(len(cells), np.nan)
+    for i, cell in enumerate(cells):
+        try:
+            result[i] = float(cell.replace(",", "."))
+        except ValueError:
+            continue
+    return result
+
+
+def _factor(path: Path, title: str, text: str, units: Mapping[str, UnitSpec]) -> float:
+    """Seconds per unit of the time column."""
+    unit, second = parse_unit(text or "s", units), units["s"]
+    if unit is None or unit.dimension != second.dimension:
+        known = ", ".join(fitting(second, units))
+        raise RecordingRefused(
+            f"{path}: the time column '{title}' is in '{text[:40]}'; expected {known}, or dates"
+        )
+    return unit.factor
+
+
+def _date(cell: str) -> float:
+    """Seconds since 1970; a date without a zone counts as UTC, so no hour is lost or doubled."""
+    text = cell.strip()
+    day_first = _DAY_FIRST.match(text)
+    if day_first:
+        day, month, year = day_first.groups()
+        text = f"{year}-{month:0>2}-{day:0>2}" + text[day_first.end() :]
+    try:
+        date = datetime.fromisoformat(text)
+    except ValueError:
+        return float("nan")
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

@@ -1,0 +1,85 @@
+"""The rules in the plan equal those of method.md, section 3, at readings that fit nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from runtime.plan import Array
+from tests.method import by_hand
+from tests.method.readings import PUMPS, evaluate, noise_free, ruleset
+
+KINDS = {
+    plant: {"A": plant.removeprefix("abc-") if "-" in plant else "pcp", "B": "pcp"}
+    for plant in PUMPS
+}
+EACH_PUMP = pytest.mark.parametrize("plant", PUMPS)
+
+
+SCATTER = {"n": 0.001, "dp": 0.003, "P_el": 0.1}
+"""So far that no two observers agree, and every square root exists."""
+
+
+def arbitrary(plant: str, points: int = 50) -> dict[str, Array]:
+    """Readings that fit together in no plant."""
+    random = np.random.default_rng(16)
+    result = {}
+    for name, healthy in noise_free(plant).items():
+        reach = SCATTER.get(name.split(".")[1], 0.0)
+        result[name] = healthy[0] * random.uniform(1 - reach, 1 + reach, points)
+    return result
+
+
+def compare(plant: str, form: str, expected: Mapping[str, Array], values: dict[str, Array]) -> None:
+    """Assert that all cells of a form are those expected, with the expected values."""
+    rules = ruleset(plant)
+    found = evaluate(rules, values)
+    cells = {f"{c.fault}:{c.residual}" for c in rules.cells if form in c.forms}
+    assert set(expected) == cells
+    for cell, x in expected.items():
+        assert np.isfinite(x).any()
+        assert x == pytest.approx(found[f"x:{form}:{cell}"], rel=1e-7, abs=1e-8, nan_ok=True), cell
+
+
+@EACH_PUMP
+def test_residuals(plant: str) -> None:
+    """All nine residuals, first minus second, in l/h."""
+    values = arbitrary(plant)
+    found = evaluate(ruleset(plant), values)
+    for name, R in by_hand.residuals(KINDS[plant], values).items():
+        assert R == pytest.approx(found[f"R:{name}"] * 3.6e6, rel=1e-8, abs=1e-7), name
+
+
+@EACH_PUMP
+def test_same_flow_rules(plant: str) -> None:
+    """All cells of the table of section 3, clogging and widening at the same flow."""
+    values = arbitrary(plant)
+    compare(plant, "linear", by_hand.rules(KINDS[plant], values, paper=False), values)
+
+
+@EACH_PUMP
+def test_paper_rules(plant: str) -> None:
+    """Eq. 16 for the lines; for the mixer sum of m_eff less m_resis."""
+    values = arbitrary(plant)
+    expected = by_hand.rules(KINDS[plant], values, paper=True)
+    changed = {c: x for c, x in expected.items() if c.split(":")[0][1:] in (".clogging", ".widening")}
+    compare(plant, "paper", changed, values)
+
+
+@EACH_PUMP
+def test_exact_rules(plant: str) -> None:
+    """Forms without linearisation; no value where no reading could be right."""
+    values = arbitrary(plant)
+    compare(plant, "exact", by_hand.exact(KINDS[plant], values), values)
+
+
+def test_written_rules_read_like_the_paper() -> None:
+    """The rule shown for a leakage is Eq. 12."""
+    equations = {(c.fault, c.residual): c.equation for c in ruleset("abc").cells}
+    assert "x = R/A.pump, R = A.pump-plant" == equations["A.leakage", "A.pump-plant"]
+    assert (
+        "x = D/(A.loss - D), D = R/mu, mu = - d(A.plant)/d(A.loss), R = A.pump-plant"
+        == equations["A.clogging", "A.pump-plant"]
+    )

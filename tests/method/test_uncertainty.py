@@ -1,0 +1,59 @@
+"""Uncertainties of residuals and rules against Monte Carlo (method.md, claims 10 and 12)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.observe import observe
+from runtime.paper_mode import judge_by_paper
+from tests.method.readings import PUMPS, evaluate, noise_free, noisy, points, ruleset
+
+SEEDS = 20_000
+
+
+@pytest.mark.parametrize("plant", PUMPS)
+def test_residuals_scatter_as_propagated(plant: str) -> None:
+    """Claim 12: propagation from raw inputs, sensors alone, within 5 %."""
+    rules, values = ruleset(plant), noise_free(plant)
+    scattered = evaluate(rules, noisy(rules, values, SEEDS, np.random.default_rng(12)))
+    expected = evaluate(rules, values, parameters=0.0)
+    for residual in rules.residuals:
+        found = np.std(scattered[f"R:{residual.id}"])
+        assert expected[f"u:{residual.id}"][0] == pytest.approx(found, rel=0.05), residual.id
+
+
+@pytest.mark.parametrize("plant", PUMPS)
+@pytest.mark.parametrize(("fault", "degree"), [("A.leakage", 0.3), ("A.P_el.high", 0.3)])
+def test_exact_rules_scatter_as_propagated(plant: str, fault: str, degree: float) -> None:
+    """Degrees of rules without linearisation, sensors alone, within 5 %."""
+    rules, values = ruleset(plant), noise_free(plant, fault, degree)
+    scattered = evaluate(rules, noisy(rules, values, SEEDS, np.random.default_rng(12)))
+    expected = evaluate(rules, values, parameters=0.0)
+    for cell in rules.cells_of_fault[fault]:
+        key = f"linear:{fault}:{cell.residual}"
+        found = np.std(scattered[f"x:{key}"])
+        assert expected[f"ux:{key}"][0] == pytest.approx(found, rel=0.05), cell.residual
+
+
+@pytest.mark.parametrize("fault", ["A.clogging", "A.widening", "A.dp.high", "C.dp.low"])
+def test_linear_rules_are_not_overconfident(fault: str) -> None:
+    """The error of a linearised degree is within its bounds, the model's part included."""
+    rules, values = ruleset("abc"), noise_free("abc", fault, 0.2)
+    found = evaluate(rules, noisy(rules, values, SEEDS, np.random.default_rng(12)))
+    for cell in rules.cells_of_fault[fault]:
+        key = f"linear:{fault}:{cell.residual}"
+        inside = np.abs(found[f"x:{key}"] - 0.2) <= 2 * found[f"ux:{key}"]
+        assert 0.93 < np.mean(inside), cell.residual
+
+
+def test_lower_bound_is_never_narrower_than_upper_bound() -> None:
+    """Claim 10: minima of degree and bounds, with every rule triggered."""
+    rules = ruleset("abc")
+    for fault in ("A.leakage", "C.clogging", "A.dp.low", "B.P_el.high"):
+        values = noisy(rules, noise_free("abc", fault, 0.3), 500, np.random.default_rng(10))
+        result = judge_by_paper(rules, observe(rules, points(rules, values)))
+        whole = result.lower > 0
+        below, above = result.degree - result.lower, result.upper - result.degree
+        assert np.all(below[whole] >= above[whole] - 1e-12)
+        assert whole.any()
