@@ -1,0 +1,86 @@
+"""Each fault of kb/ on recordings made by the independent truth: what must be said, and what not.
+
+A case with `known_gap` says what the tool cannot do today; the test fails once it can. Gaps are
+counted and printed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from rulec.pipeline import compile_plant
+from runtime.diagnose import Diagnosis, diagnose
+from runtime.recording import read_recording
+from tests.conftest import ROOT
+from tests.truth import RIGS, fault_replay, record, write_csv
+
+FOLDER = Path(__file__).parent / "faults"
+PUMPS = {
+    "abc": "dosing-pcp",
+    "abc-membrane": "dosing-membrane",
+    "abc-centrifugal": "dosing-centrifugal",
+}
+SEED = 7
+
+
+def _cases() -> Iterator[Any]:
+    for file in sorted(FOLDER.glob("*.yaml")):
+        for case in yaml.safe_load(file.read_text(encoding="utf-8"))["cases"]:
+            yield pytest.param(case, id=f"{file.stem}: {case['title']}")
+
+
+def _diagnosed(given: dict[str, Any], folder: Path) -> Diagnosis:
+    """Simulate the fault, compile the plant of the same modules, diagnose."""
+    run = fault_replay(RIGS[given["rig"]](), given["fault"], degrees=(0.0, given["degree"]))
+    write_csv(folder / "recording.csv", record(run, seed=SEED).readings)
+    lines = [
+        "plant: case",
+        "title: case",
+        f"kb: {ROOT / 'kb'}",
+        "modules:",
+        f"  A: {{type: {PUMPS[given['rig']]}}}",
+        "  B: {type: dosing-pcp}",
+        "  C: {type: static-mixer}",
+        "connections: [A -> C, B -> C]",
+    ]
+    (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    ruleset = compile_plant(folder)
+    return diagnose(read_recording(folder / "recording.csv", ruleset), ruleset)
+
+
+@pytest.mark.parametrize("case", list(_cases()))
+def test_case(case: dict[str, Any], tmp_path: Path) -> None:
+    """Given a fault, expect the finding and none of the excluded ones."""
+    diagnosis = _diagnosed(case["given"], tmp_path)
+    problem = _problem(case, diagnosis)
+    if "known_gap" in case:
+        assert problem, "this gap is closed: turn it into an expectation"
+        pytest.skip(f"known gap: {case['known_gap']}")
+    assert not problem, problem
+
+
+def _problem(case: dict[str, Any], diagnosis: Diagnosis) -> str:
+    """What is wrong with a diagnosis; empty if nothing is."""
+    expect, found = case["expect"], diagnosis.findings
+    if not expect:
+        return f"said {[f.fault.id for f in found]}" if found else ""
+    if len(found) != 1:
+        return f"{len(found)} findings, {diagnosis.unknown}"
+    (finding,) = found
+    named = [finding.fault.id, *(name for name, _ in finding.alternatives)]
+    wanted = expect.get("fault") or expect["among"]
+    if wanted not in (named[:1] if "fault" in expect else named):
+        return f"said {named}"
+    excluded = set(named) & set(case.get("expect_not", ()))
+    if excluded:
+        return f"also said {excluded}"
+    error = finding.degree - case["given"]["degree"]
+    if finding.fault.id == wanted and not np.abs(error) <= expect["within"]:
+        return f"degree {finding.degree:.3f}"
+    return ""

@@ -1,0 +1,85 @@
+"""Calibration finds the parameters of the independent truth, and says when it cannot."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rulec.cli import main
+from tests.conftest import ROOT
+from tests.truth import NOISE_FREE, abc, calibration_run, record, write_csv
+
+TRUTH = {"C0": 6.0, "C2": 2.0, "P0": 25.0, "P1": 0.095, "eta": 0.70, "k0": 0.05, "k2": 5.2e-6}
+"""Parameters of the truth's dosing module, docs of tests/truth, in the units of the kb."""
+
+
+def _calibrate(recording: Path, folder: Path) -> dict[str, Any]:
+    target = folder / "found.json"
+    arguments = ["calibrate", str(ROOT / "plants" / "abc"), str(recording)]
+    assert main([*arguments, "-o", str(folder / "found.yaml"), "--json", str(target)]) == 0
+    found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))["modules"]
+    return found
+
+
+def test_noise_free_calibration_is_exact(tmp_path: Path) -> None:
+    """Without noise every parameter comes back to 0.1 %."""
+    recording = tmp_path / "recording.csv"
+    write_csv(recording, record(calibration_run(abc()), NOISE_FREE).readings, digits=12)
+    found = _calibrate(recording, tmp_path)
+    for name, value in TRUTH.items():
+        assert found["A"]["parameters"][name]["value"] == pytest.approx(value, rel=1e-3)
+
+
+def test_calibration_covers_the_truth(tmp_path: Path) -> None:
+    """With noise and systematic errors, over five makers, nearly all parameters are within 3 u."""
+    distances = []
+    for seed in range(11, 16):
+        recording = tmp_path / f"{seed}.csv"
+        write_csv(recording, record(calibration_run(abc()), seed=seed).readings)
+        found = _calibrate(recording, tmp_path)
+        for module in "AB":
+            for name, value in TRUTH.items():
+                entry = found[module]["parameters"][name]
+                distances.append(abs(entry["value"] - value) / entry["u"])
+    assert np.mean(np.array(distances) < 3.0) > 0.95
+    assert 0.2 < np.sqrt(np.mean(np.square(distances))) < 1.5
+
+
+def test_calibrated_plant_compiles_and_finds_the_leak(tmp_path: Path) -> None:
+    """The file can be named in plant.yaml; the diagnosis then rests on it."""
+    _calibrate(ROOT / "plants" / "abc" / "examples" / "calibration.csv", tmp_path)
+    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
+    text += f"calibration: [found.yaml]\nkb: {ROOT / 'kb'}\n"
+    (tmp_path / "plant.yaml").write_text(text, encoding="utf-8")
+    recording = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
+    target = tmp_path / "diagnosis.json"
+    assert main(["diagnose", str(tmp_path), str(recording), "--json", str(target)]) == 0
+    findings = json.loads(target.read_text(encoding="utf-8"))["findings"]
+    assert ["A.leakage"] * 3 == [f["fault"] for f in findings]
+    assert [0.2, 0.4, 0.6] == pytest.approx([f["degree"] for f in findings], abs=0.02)
+
+
+def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:
+    """A tenth of the points with a wrong flow does not bend the fit."""
+    readings = record(calibration_run(abc()), NOISE_FREE).readings
+    flow = readings["A.Q [l/h]"].copy()
+    flow[:30] *= 0.6
+    write_csv(tmp_path / "r.csv", {**readings, "A.Q [l/h]": flow}, digits=12)
+    found = _calibrate(tmp_path / "r.csv", tmp_path)
+    assert 3 == found["A"]["misfit"]["pump"]["set_aside"]
+    assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-2)
+
+
+def test_a_recording_that_cannot_calibrate_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One operating point determines nothing: the message names the parameters, no file appears."""
+    arguments = ["calibrate", str(ROOT / "plants" / "abc")]
+    recording = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
+    assert main([*arguments, str(recording), "-o", str(tmp_path / "no.yaml")]) == 1
+    assert "settled points" in capsys.readouterr().err
+    assert not (tmp_path / "no.yaml").exists()
