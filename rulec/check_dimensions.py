@@ -1,13 +1,15 @@
-"""Check the dimensions of all equations of a module type, as written."""
+"""Check the dimensions and comparisons of all equations of a module type, as written."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import sympy
+
 from rulec.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.document import Document
-from rulec.expression import Expression, Rejected, dimension
-from rulec.knowledge import ModuleType
+from rulec.expression import Expression, Rejected, dimension, to_sympy
+from rulec.knowledge import Definition, ModuleType, Observer
 from rulec.part_readers import read_unit, within
 from rulec.units import UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
@@ -58,6 +60,27 @@ def check_dimensions(
         if not result.fits(VOLUME_FLOW):
             message = f"an observer gives a volume flow ({VOLUME_FLOW}), but this is {result}"
             found.append(Diagnostic(document.place(*path), "KB057", message, "check each factor"))
+
+
+def check_comparisons(document: Document, module: ModuleType, found: list[Diagnostic]) -> None:
+    """Refuse min and max of something that is no real number, as sympy would not compare it."""
+    parts: list[tuple[tuple[str, str, str], Definition | Observer]] = []
+    parts += [(("definitions", d.name, "is"), d) for d in module.definitions.values()]
+    parts += [(("observers", o.name, "Q"), o) for o in module.observers.values()]
+    compares = any(word in part.expression.text for _, part in parts for word in ("min", "max"))
+    if not compares or any(d.place.file == document.path for d in found):
+        return
+    names = (*module.signals, *module.parameters)
+    table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
+    gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
+    for path, part in parts:
+        try:
+            table[part.name] = to_sympy(part.expression, table, gathered)
+        except ValueError:
+            message = "min() or max() gets something that is no real number"
+            hint = "is there a root of something below 0, or a division by 0?"
+            found.append(Diagnostic(document.place(*path), "KB041", message, hint))
+            return
 
 
 def _check_gathered(

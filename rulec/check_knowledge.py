@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rulec.check_dimensions import check_dimensions, provided_names
+from rulec.check_dimensions import check_comparisons, check_dimensions, provided_names
 from rulec.check_fault import check_fault
 from rulec.check_module import check_module
 from rulec.diagnostics import Diagnostic, Refused
@@ -34,6 +34,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
     provided = {**elsewhere, **provided_names(table["module"], units, found)}
     for document in table["module"]:
         check_dimensions(document, modules[document.data["module"]], provided, found)
+        check_comparisons(document, modules[document.data["module"]], found)
     if found:
         raise Refused(found)
     return Knowledge(units, sensors, faults, modules)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -106,10 +107,12 @@ def _excerpt(place: Place, hint: str) -> list[str]:
     """Quote the line of a place with a caret under the offending part."""
     hint = hint if len(hint) <= MAX_TEXT else hint[:MAX_TEXT] + "..."
     bare = [f"  {hint}"] if hint else []
+    if not os.path.isfile(place.file):  # a pipe can be read only once
+        return bare
     try:
         with Path(place.file).open("rb") as stream:
-            raw = stream.read(MAX_READ) if Path(place.file).is_file() else b""
-    except (OSError, ValueError):
+            raw = stream.read(MAX_READ)
+    except OSError:
         return bare
     text = split_lines(raw.decode("utf-8-sig", "replace"))
     if not 1 <= place.line <= len(text) or not any(text):

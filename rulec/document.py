@@ -150,7 +150,10 @@ def _refuse_events(text: str) -> None:
 
 
 _SYNTAX = {
-    "mapping values are not allowed": ("a second colon", "text with a colon in it needs quotes"),
+    "mapping values are not allowed": (
+        "a colon where no key can be",
+        "text with a colon needs quotes; keys of one group start in the same column",
+    ),
     "could not find expected ':'": ("this line is no key", "write 'key: value'"),
     "cannot start any token": (
         "no text can start with this character",
@@ -158,8 +161,8 @@ _SYNTAX = {
     ),
     "did not find expected ','": ("a comma or a closing bracket is missing before this", ""),
     "did not find expected key": (
-        "this does not belong to the group above",
-        "keys of one group start in the same column",
+        "this does not belong here",
+        "keys of one group start in the same column; is a quote or bracket too many?",
     ),
     "block sequence entries": (
         "a list cannot start here",
@@ -174,17 +177,19 @@ def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
     """What the YAML reader says, at its place, with a remedy for the usual slips."""
     problem = getattr(error, "problem", None) or str(error).split("\n")[0]
     mark, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
-    lines = split_lines(text)
-    if context is not None and (mark is None or not "".join(lines[mark.line :]).strip()):
-        mark, context = context, None
+    lines = split_lines(text.rstrip())
+    end = Place(name, len(lines), len(lines[-1]) + 1)
+    place = end if mark is None else min(_at(name, mark), end)
     second = None
-    if mark is not None and context is not None and context.line != mark.line:
-        second = _at(name, context) if "," in problem else None
+    if context is not None and context.line + 1 != place.line:
+        if place == end:
+            place = _at(name, context)
+        elif "," in problem:
+            second = _at(name, context)
     plain = (text for part, text in _SYNTAX.items() if part in problem)
     message, hint = next(plain, (problem, "check indent and quotes"))
-    if mark is not None and lines[mark.line][mark.column : mark.column + 1] == "\t":
+    if lines[place.line - 1][place.column - 1 : place.column] == "\t":
         message, hint = "there is a tab", "indent with spaces, not with tabs"
-    place = Place(name) if mark is None else _at(name, mark)
     return Diagnostic(place, "KB004", f"not YAML: {message}", hint, second)
 
 

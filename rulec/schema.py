@@ -122,7 +122,7 @@ def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable
     if not missing:
         return
     spot = path or (next(iter(value), ""),)
-    names = " and ".join(f"'{key}'" for key in missing)
+    names = ", ".join(f"'{key}'" for key in missing)
     message = f"{part} needs the key{'s' * (len(missing) > 1)} {names}"
     about = known.get(missing[0], {})
     text = about.get("description", about.get("title", "")).rstrip(".")

@@ -41,7 +41,7 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     )
     _summary(out, diagnosis)
     for finding in _worst_first(diagnosis):
-        out.print(_tree(diagnosis.ruleset, finding))
+        out.print(_tree(diagnosis, finding))
     _periods(out, "Unknown", "yellow", diagnosis.unknown)
     _periods(out, "Not judged", "dim", diagnosis.not_judged)
     for note in diagnosis.notes[:SHOWN]:
@@ -97,8 +97,9 @@ def _worst_first(diagnosis: Diagnosis) -> list[Finding]:
     return sorted(largest.values(), key=lambda f: -f.degree)[:SHOWN]
 
 
-def _tree(ruleset: Ruleset, finding: Finding) -> Tree:
+def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     """Finding, what to do, residuals, estimates, readings, rules, doubt, sources."""
+    ruleset = diagnosis.ruleset
     symbol, colour, _ = _STATUS[finding.fault.status]
     headline = f"{symbol} {escape(finding.text)}"
     for name, probability in finding.alternatives:
@@ -116,7 +117,7 @@ def _tree(ruleset: Ruleset, finding: Finding) -> Tree:
     flows = why.add("estimates and the readings behind them")
     for line in _estimates(ruleset, finding):
         flows.add(line)
-    _doubt(ruleset, finding, tree)
+    _doubt(diagnosis, finding, tree)
     rules = tree.add("rules and sources")
     for cell in ruleset.cells_of_fault[finding.fault.id][:SHOWN]:
         rules.add(f"[dim]{escape(cell.equation)}[/]")
@@ -193,13 +194,15 @@ def _observers(ruleset: Ruleset, residual: str) -> list[str]:
     return []
 
 
-def _doubt(ruleset: Ruleset, finding: Finding, tree: Tree) -> None:
+def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
     """What else fits, and what would tell the causes apart."""
     if finding.alternatives:
         names = ", ".join(f"{name} ({100 * p:.0f} %)" for name, p in finding.alternatives[:SHOWN])
         doubt = tree.add(f"[yellow]also possible:[/] {names}")
-        for text in _advice(ruleset, finding):
+        for text in _advice(diagnosis.ruleset, finding):
             doubt.add(escape(text))
+    elif diagnosis.mode == "paper":
+        tree.add("paper mode names the fault with the largest degree and weighs no other")
     else:
         tree.add(f"no other known fault fits; probability {100 * finding.probability:.0f} %")
 

@@ -22,12 +22,13 @@ MENTION = 0.02
 class Evidence:
     """A residual at the strongest point of a finding; flows in m3/s.
 
-    `verdict` is ``+``, ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
+    `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``, ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
     """
 
     residual: str
     value: float
     u: float
+    u_systematic: float
     threshold: float
     verdict: str
     expected: str
@@ -144,13 +145,14 @@ def _evidence(
     for i, residual in enumerate(ruleset.residuals):
         expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
         value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
+        shared = float(observed.residual_systematic[i, point])
         usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
         verdict = "invalid"
         if usable and np.isfinite(value) and np.isfinite(u):
             verdict = "0" if abs(value) <= THRESHOLD * u else ("+" if value > 0 else "-")
         else:
-            value, u = 0.0, 0.0
-        rows.append(Evidence(residual.id, value, u, THRESHOLD * u, verdict, expected))
+            value, u, shared = 0.0, 0.0, 0.0
+        rows.append(Evidence(residual.id, value, u, shared, THRESHOLD * u, verdict, expected))
     return tuple(rows)
 
 

@@ -41,6 +41,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
                 "residual": e.residual,
                 "value": e.value,
                 "u": e.u,
+                "u_systematic": e.u_systematic,
                 "threshold": e.threshold,
                 "verdict": e.verdict,
                 "expected": e.expected,

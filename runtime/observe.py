@@ -24,11 +24,13 @@ class Points:
     """Operating points to judge: one per stretch or one per sample.
 
     `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
-    systematic together; `bad` per signal (n,) flags with a reason in `why`.
+    systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
+    flags with a reason in `why`.
     """
 
     values: Mapping[str, Array]
     u: Mapping[str, Array]
+    systematic: Mapping[str, Array]
     bad: Mapping[str, np.ndarray]
     why: Mapping[str, str]
 
@@ -43,6 +45,8 @@ class Observed:
     gradients : shape (observers, inputs, n): derivative times standard uncertainty, m3/s.
     valid : shape (observers, n).
     residuals, residual_u : shape (residuals, n), m3/s.
+    residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
+        sensors' systematic errors and the calibration.
     extrapolated : shape (signals out of range, n) as table signal -> flags.
     """
 
@@ -52,6 +56,7 @@ class Observed:
     valid: np.ndarray
     residuals: Array
     residual_u: Array
+    residual_systematic: Array
     extrapolated: Mapping[str, np.ndarray]
 
     def __len__(self) -> int:
@@ -110,7 +115,7 @@ def points_of_stretches(
 ) -> Points:
     """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
     bad, why = check_readings(recording, ruleset)
-    values, u, flags = {}, {}, {}
+    values, u, systematic, flags = {}, {}, {}, {}
     for signal in ruleset.signals:
         readings = recording.values.get(signal.id)
         if readings is None:
@@ -125,27 +130,29 @@ def points_of_stretches(
             statistical = noise[signal.id] / np.sqrt(number)
         flags[signal.id] = number < 0.5 * stretches.lengths
         values[signal.id] = np.where(flags[signal.id], np.nan, mean)
-        u[signal.id] = np.hypot(systematic_u(signal, values[signal.id]), statistical)
-    return Points(values, u, flags, why)
+        systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
+        u[signal.id] = np.hypot(systematic[signal.id], statistical)
+    return Points(values, u, systematic, flags, why)
 
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
     """Every sample a point of its own."""
     bad, why = check_readings(recording, ruleset)
-    values, u = {}, {}
+    values, u, systematic = {}, {}, {}
     for signal in ruleset.signals:
         readings = recording.values.get(signal.id)
         if readings is None:
             continue
         values[signal.id] = np.where(bad[signal.id], np.nan, readings)
-        u[signal.id] = np.hypot(systematic_u(signal, readings), noise[signal.id])
-    return Points(values, u, bad, why)
+        systematic[signal.id] = systematic_u(signal, readings) + np.zeros(len(readings))
+        u[signal.id] = np.hypot(systematic[signal.id], noise[signal.id])
+    return Points(values, u, systematic, bad, why)
 
 
-def plan_inputs(points: Points) -> dict[str, Array | float]:
-    """Inputs of the plan: readings, their uncertainties, and all calibration uncertainty."""
+def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
+    """Inputs of the plan: readings, uncertainties (by default in full), all of the calibration."""
     inputs: dict[str, Array | float] = {**points.values}
-    inputs.update({f"u:{name}": u for name, u in points.u.items()})
+    inputs.update({f"u:{name}": part for name, part in (u or points.u).items()})
     inputs["u:parameters"] = 1.0
     inputs["u:model"] = 1.0
     return inputs
@@ -157,6 +164,8 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     n = max((len(v) for v in points.values.values()), default=0)
     inputs = plan_inputs(points)
     results = ruleset.plan.select(names).run(inputs)
+    spreads = [f"u:{r.id}" for r in ruleset.residuals]
+    shared = ruleset.plan.select(spreads).run(plan_inputs(points, points.systematic))
     out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
     observers = ruleset.observers
     flows = np.array([out[f"q:{o.id}"] for o in observers])
@@ -169,7 +178,8 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         _gradients(ruleset, out, n),
         valid,
         np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
-        np.array([out[f"u:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
+        np.array([out[name] for name in spreads]).reshape(-1, n),
+        np.array([np.broadcast_to(shared[name], (n,)) for name in spreads]).reshape(-1, n),
         _extrapolated(ruleset, points),
     )
 

@@ -205,6 +205,6 @@ def _run_steps(
             values[i] = results[name][low:high]
         for function, a, b, i in schedule.steps:
             if b < 0:
-                function(values[a], values[i])
+                function(values[a], out=values[i])
             else:
-                function(values[a], values[b], values[i])
+                function(values[a], values[b], out=values[i])

@@ -13,7 +13,8 @@ from rulec.commands.output import console, write_json
 from rulec.pipeline import compile_plant
 from runtime.ruleset import Cell, Ruleset
 
-WIDEST = 24
+NARROW = 7
+"""Characters a column of the matrix takes."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -58,8 +59,10 @@ def show(out: Console, ruleset: Ruleset) -> None:
     """Draw the matrix: sign and smallest detectable degree of each cell."""
     out.print(f"\n[bold]{ruleset.title}[/]: how each fault moves each residual\n")
     residuals = [r.id for r in ruleset.residuals]
-    for start in range(0, len(residuals), WIDEST):
-        out.print(_table(ruleset, residuals[start : start + WIDEST]))
+    longest = max(len(f.id) for f in ruleset.faults) if ruleset.faults else 0
+    fitting = max(3, (out.width - longest - 2) // NARROW)
+    for start in range(0, len(residuals), fitting):
+        out.print(_table(ruleset, residuals[start : start + fitting]))
     out.print(
         "[dim]+ residual rises, - residual falls, · no effect; below the sign the smallest degree "
         "that leaves the residual's threshold at the reference point[/]"

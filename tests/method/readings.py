@@ -23,7 +23,7 @@ from runtime.stationary import systematic_u
 from tests import truth
 from tests.conftest import ROOT
 from tests.truth.plant import DosingModule, Line, Mixer
-from tests.truth.pumps import centrifugal, progressive_cavity
+from tests.truth.pumps import centrifugal
 from tests.truth.units import BAR, LITRE_PER_HOUR, RPM
 
 HERE = Path(__file__).parent
@@ -60,9 +60,7 @@ def large_centrifugal() -> truth.Plant:
         "A": DosingModule(centrifugal(1.0), line, *speeds),
         "B": truth.abc().modules["B"],
     }
-    return truth.Plant(
-        modules, {"C": Mixer(2e-8 * BAR / flow**2)}, {"A": "C", "B": "C", "C": None}
-    )
+    return truth.Plant(modules, {"C": Mixer(2e-8 * BAR / flow**2)}, {"A": "C", "B": "C", "C": None})
 
 
 LIFTS = {"1": -0.4, "2": 0.0, "3": 0.4, "4": 0.8}
@@ -124,24 +122,30 @@ def evaluate(
 
 def points(rules: Ruleset, values: Mapping[str, Array]) -> Points:
     """Operating points whose readings are as uncertain as their sensors."""
-    spread = {s.id: systematic_u(s, values[s.id]) for s in rules.signals if s.id in values}
-    return Points(
-        values,
-        {n: np.broadcast_to(u, values[n].shape) for n, u in spread.items()},
-        {n: ~np.isfinite(v) for n, v in values.items()},
-        {},
-    )
+    spread = {
+        s.id: np.broadcast_to(systematic_u(s, values[s.id]), values[s.id].shape)
+        for s in rules.signals
+        if s.id in values
+    }
+    bad = {name: ~np.isfinite(v) for name, v in values.items()}
+    return Points(values=values, u=spread, systematic=spread, bad=bad, why={})
 
 
 def noisy(
-    rules: Ruleset, values: Mapping[str, Array], seeds: int, random: np.random.Generator
+    rules: Ruleset,
+    values: Mapping[str, Array],
+    seeds: int,
+    random: np.random.Generator,
+    share: float = 1.0,
 ) -> dict[str, Array]:
-    """Each point `seeds` times, each with new sensor errors of half their bound."""
+    """Each point `seeds` times, each with new sensor errors, a share of half their bound."""
     result = {}
     for signal in rules.signals:
         if signal.id in values:
             true = np.repeat(values[signal.id], seeds)
-            result[signal.id] = true + systematic_u(signal, true) * random.normal(size=true.size)
+            result[signal.id] = true + share * systematic_u(signal, true) * random.normal(
+                size=true.size
+            )
     return result
 
 
@@ -161,9 +165,3 @@ def row_of(matrix: Mapping[str, Any], fault: str) -> list[str]:
     """A row of the derived matrix as signs."""
     row = matrix["signs"][matrix["faults"].index(fault)]
     return [{1: "+", -1: "-", 0: "0"}[s] for s in row]
-
-
-__all__ = [
-    "BUILT", "LIFTS", "PLANTS", "PUMPS", "built", "data", "evaluate", "model", "noise_free",
-    "noisy", "points", "progressive_cavity", "recording", "row_of", "ruleset", "signs", "to_si",
-]
