@@ -35,6 +35,8 @@ class TargetNodes:
     slope_gradients: Mapping[str, Gradient]
     curvatures: Mapping[str, Node]
     inverse: Mapping[str, tuple[sympy.Expr, Mapping[sympy.Symbol, Node]]]
+    whole: Node
+    whole_gradient: Gradient
     reaction: Node
 
 
@@ -201,6 +203,8 @@ class _Instance:
                 {self.id(o): self.gradient(g) for o, g in target.slope_gradients.items()},
                 {self.id(o): self.lower(e) for o, e in target.curvatures.items()},
                 {self.id(o): (e, self.nodes) for o, e in target.inverse.items()},
+                self.lower(target.whole),
+                self.gradient(target.whole_gradient),
                 self.graph.zero,
             )
 

@@ -23,7 +23,7 @@ from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signature, Signatures
 from rulec.differentiate import EXCESS, FLOW, G
 from rulec.graph import Graph, Node
-from rulec.moments import Moments
+from rulec.moments import Moments, Signed
 
 
 @dataclass(frozen=True)
@@ -72,20 +72,21 @@ def _rule(assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Si
     key = f"{cell.fault}:{cell.residual}"
     R = assembly.residual_nodes[cell.residual]
     degree = hypothesis.fault.rule.degree
-    spread = _spread(assembly, moments, hypothesis, cell)
 
-    def rule(mu: Node, form: str) -> None:
-        excess = graph.div(R, mu)
-        outputs[f"x:{form}:{key}"] = graph.lower(degree, {G: cell.scaled, EXCESS: excess})
-        outputs[f"ux:{form}:{key}"] = _uncertainty(graph, hypothesis, cell, spread, mu, excess)
+    def rule(form: str, mu: Node, scaled: Node, gradients: Signed) -> None:
+        at = {G: scaled, EXCESS: graph.div(R, mu)}
+        spread = _spread(assembly, moments, hypothesis, cell, gradients)
+        outputs[f"x:{form}:{key}"] = graph.lower(degree, at)
+        outputs[f"ux:{form}:{key}"] = _uncertainty(graph, hypothesis, spread, mu, at)
 
-    rule(cell.slope, "linear")
+    rule("linear", cell.slope, cell.scaled, _scaled_gradients(assembly, hypothesis, cell))
     forms = ["linear"]
     if hypothesis.fault.fault.acts_on == "definition":
         target = assembly.targets[hypothesis.target]
         count = sum(sign for sign, _ in cell.faulty)
         reaction = graph.mul(graph.constant(count), target.reaction)
-        rule(graph.sub(cell.slope, reaction), "paper")
+        mu = graph.sub(cell.slope, reaction)
+        rule("paper", mu, target.whole, [(1, target.whole_gradient)])
         forms.append("paper")
     exact = _exact_excess(assembly, hypothesis, cell, R)
     if exact is not None:
@@ -123,24 +124,33 @@ class _Spread:
     curvature: Node
 
 
+def _scaled_gradients(assembly: Assembly, hypothesis: Hypothesis, cell: Signature) -> Signed:
+    """Gradients whose signed sum is that of g."""
+    if hypothesis.fault.fault.acts_on == "flow":
+        return [(s, assembly.gradients[o]) for s, o in cell.faulty]
+    return [(1, assembly.targets[hypothesis.target].gradient)]
+
+
 def _spread(
-    assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Signature
+    assembly: Assembly,
+    moments: Moments,
+    hypothesis: Hypothesis,
+    cell: Signature,
+    scaled: Signed,
 ) -> _Spread:
     graph, zero = assembly.graph, assembly.graph.zero
+    scaled = moments.gathered(scaled)
     variance = assembly.residual_variances[cell.residual]
+    own = moments.between(scaled, scaled)
+    with_residual = _twice(graph, moments.with_residual(cell.residual, scaled))
     if hypothesis.fault.fault.acts_on == "flow":
-        scaled = moments.gathered([(s, assembly.gradients[o]) for s, o in cell.faulty])
-        with_residual = _twice(graph, moments.with_residual(cell.residual, scaled))
-        return _Spread(
-            variance, moments.between(scaled, scaled), with_residual, zero, zero, zero, zero
-        )
+        return _Spread(variance, own, with_residual, zero, zero, zero, zero)
     target = assembly.targets[hypothesis.target]
-    scaled = [(1, target.gradient)]
     slope = moments.gathered([(s, target.slope_gradients[o]) for s, o in cell.faulty])
     return _Spread(
         variance,
-        moments.between(scaled, scaled),
-        _twice(graph, moments.with_residual(cell.residual, scaled)),
+        own,
+        with_residual,
         moments.between(slope, slope),
         _twice(graph, moments.with_residual(cell.residual, slope)),
         _twice(graph, moments.between(scaled, slope)),
@@ -155,10 +165,9 @@ def _twice(graph: Graph, node: Node) -> Node:
 def _uncertainty(
     graph: Graph,
     hypothesis: Hypothesis,
-    cell: Signature,
     spread: _Spread,
     mu: Node,
-    excess: Node,
+    at: Mapping[sympy.Symbol, Node],
 ) -> Node:
     """Standard uncertainty of a degree: first order in R, g and mu with all correlations.
 
@@ -166,7 +175,7 @@ def _uncertainty(
     ``r = X_g mu / X_D``. To this the linearisation adds how much mu itself differs between the
     measured and the fault-free g.
     """
-    rule, at = hypothesis.fault.rule, {G: cell.scaled, EXCESS: excess}
+    rule, excess = hypothesis.fault.rule, at[EXCESS]
     ratio = graph.mul(mu, graph.lower(rule.ratio, at))
     change = graph.square(graph.mul(spread.curvature, excess))
     of_slope = graph.mul(excess, graph.add(spread.slope, change))

@@ -34,7 +34,8 @@ class Target:
     d(observer)/d(target), `slope_gradients` their derivatives by local variables, `curvatures`
     by the target itself; observers that do not read the target are absent. `inverse` gives the
     target from an observer's flow (symbol `FLOW`), where sympy can. `driver` is the own signal
-    through which the target moves.
+    through which the target moves. `whole` is the value without the constants in it: Eq. 16 of
+    the seed paper relates to the whole pressure difference, static part included.
     """
 
     name: str
@@ -45,6 +46,8 @@ class Target:
     curvatures: Mapping[str, sympy.Expr]
     inverse: Mapping[str, sympy.Expr]
     driver: str | None
+    whole: sympy.Expr
+    whole_gradient: Gradient
 
 
 @dataclass(frozen=True)
@@ -225,6 +228,8 @@ def _target(
         opened = _observers(kind, symbols, {name: own})
         driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
     back = {own: value}
+    measured = {s for n, s in symbols.items() if n not in kind.parameters}
+    whole = sympy.Add(*(t for t in sympy.Add.make_args(value) if t.free_symbols & measured))
     slopes, curvatures, inverse = {}, {}, {}
     flow = _symbol(FLOW)
     for observer, expression in opened.items():
@@ -245,6 +250,8 @@ def _target(
         curvatures,
         inverse,
         driver,
+        whole,
+        _gradient(whole, symbols),
     )
 
 
@@ -307,7 +314,7 @@ def _rule(fault: FaultType, variant: Variant) -> DegreeRule:
     degree = sympy.cancel(solved)
     by_excess = sympy.cancel(sympy.diff(degree, D))
     ratio = sympy.cancel(sympy.diff(degree, g) / by_excess)
-    return DegreeRule(degree, by_excess, ratio, onset, str(degree))
+    return DegreeRule(degree, by_excess, ratio, onset, sympy.sstr(degree, order="rev-lex"))
 
 
 def _undone(

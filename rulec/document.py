@@ -159,6 +159,7 @@ _SYNTAX = {
         "no text can start with this character",
         "text that starts with it needs quotes",
     ),
+    "expected node content": ("something is missing here", "a value, or a closing bracket"),
     "did not find expected ','": ("a comma or a closing bracket is missing before this", ""),
     "did not find expected key": (
         "this does not belong here",
@@ -183,7 +184,7 @@ def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
     second = None
     if context is not None and context.line + 1 != place.line:
         if place == end:
-            place = _at(name, context)
+            place = min(_at(name, context), end)
         elif "," in problem:
             second = _at(name, context)
     plain = (text for part, text in _SYNTAX.items() if part in problem)

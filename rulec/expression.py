@@ -84,11 +84,12 @@ def parse(text: str) -> Expression:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(line, mode="eval").body
     except SyntaxError as error:
-        column = min((error.offset or 1) - 1 + indent, len(text) - 1)
+        end = indent + len(line) - 1
+        column = min(error.offset - 1 + indent, end) if error.offset else end
         if "nested" in error.msg:
             raise Rejected("KB042", column, _TOO_DEEP, "split it with definitions") from None
-        hint = "is a *, a bracket or a number missing?"
-        raise Rejected("KB040", column, "the equation cannot be read from here on", hint) from None
+        message = f"the equation {'cannot be read from' if error.offset else 'breaks off'} here"
+        raise Rejected("KB040", column, message, "is a *, a bracket or a number missing?") from None
     except (ValueError, RecursionError, MemoryError):
         raise Rejected("KB042", 0, _TOO_DEEP, "split it with definitions") from None
     for node in ast.walk(tree):

@@ -110,7 +110,8 @@ def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], l
     files = sorted({f for path in paths for f in _yaml_files(path, found)})
     if not files:
         return None, [], found
-    kb = find_kb(files[0].parent)
+    own = [file.parent for file in files if file.name == "units.yaml"]
+    kb = own[0] if own else find_kb(files[0].parent)
     given: dict[str, list[Document]] = {kind: [] for kind in KINDS}
     for file in files:
         document = _read(file, None, found)

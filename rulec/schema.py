@@ -17,6 +17,8 @@ from rulec.document import Document, Path_
 
 KINDS = ("module", "fault", "sensor", "fluid", "plant", "columns", "calibration", "units")
 
+MAX_UNKNOWN = 30
+
 _IN_A_PLANT = {"columns": str, "calibration": list}
 """Keys that name a kind of file, but that a plant has too, with another type."""
 
@@ -69,7 +71,7 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
     match error.validator:
         case "additionalProperties":
             known = set(error.schema.get("properties", {})) - set(value)
-            for key in set(value) - set(error.schema.get("properties", {})):
+            for key in _unknown(error):
                 place, hint = document.key(*path, key), did_you_mean(key, known)
                 yield Diagnostic(place, "KB020", f"'{_clip(key)}' is not a key of {part}", hint)
         case "required":
@@ -102,6 +104,12 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             yield Diagnostic(where, "KB025", f"{part}: {_clip(error.message)}")
 
 
+def _unknown(error: Any) -> list[str]:
+    """Keys of a part that do not exist; the first ones, where it is some other file altogether."""
+    known = error.schema.get("properties", {})
+    return [key for key in error.instance if key not in known][:MAX_UNKNOWN]
+
+
 def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
     """A key that names something of the author's, but is no legal name."""
     name, group = error.instance, path[-1] if path else ""
@@ -117,7 +125,7 @@ def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:
 def _missing(document: Document, path: Path_, part: str, error: Any) -> Iterable[Diagnostic]:
     """Missing keys of one part, except those that stand there misspelt."""
     value, known = error.instance, error.schema.get("properties", {})
-    typos = {nearest(key, set(known) - set(value)) for key in set(value) - set(known)}
+    typos = {nearest(key, set(known) - set(value)) for key in _unknown(error)}
     missing = [k for k in error.validator_value if k not in value and k not in typos]
     if not missing:
         return

@@ -87,6 +87,8 @@ def read_table(path: Path, choose: Choice) -> Table:
         for column, index in zip(columns, indexes, strict=True):
             _read(column, [row[index] for row in whole], len(kept), separator != ",")
         kept += [row[text_index] for row in whole]
+    if not count:
+        raise RecordingRefused(f"{path}: the file has a header but no rows below it")
     if not kept:
         hint = "; is the decimal sign also the separator?" if left_out else ""
         raise RecordingRefused(f"{path}: no row below the header has as many cells as it{hint}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from runtime.plan import Array
 from runtime.ruleset import FaultSpec, Ruleset
 from runtime.runs import COVERAGE, runs_of
 from runtime.stationary import LONGEST, Stretches
-from runtime.verdict import THRESHOLD, Verdict
+from runtime.verdict import THRESHOLD, Verdict, partly_blind
 
 MENTION = 0.02
 """Alternatives less probable than this are not mentioned."""
@@ -22,7 +22,8 @@ MENTION = 0.02
 class Evidence:
     """A residual at the strongest point of a finding; flows in m3/s.
 
-    `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``, ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
+    `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``,
+    ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
     """
 
     residual: str
@@ -79,8 +80,30 @@ def findings_of(
             findings.append(_finding(ruleset, observed, isolation, members, since, until))
         elif kind in periods:
             periods[kind].append(Period(since, until, verdicts[members[0]].text))
+    blind = periods["blind"] + _in_part(time, ruleset, stretches, observed, isolation)
     unknown = sorted([*periods["unknown"], *periods["outside"]], key=lambda p: p.since)
-    return sorted(findings, key=lambda f: f.since), unknown, periods["blind"]
+    return sorted(findings, key=lambda f: f.since), unknown, sorted(blind, key=lambda p: p.since)
+
+
+def _in_part(
+    time: Array,
+    ruleset: Ruleset,
+    stretches: Stretches,
+    observed: Observed,
+    isolation: Isolation,
+) -> list[Period]:
+    """Periods in which some estimates were missing, neighbouring ones joined."""
+    found: list[Period] = []
+    last = ""
+    for i in range(len(stretches)):
+        text = partly_blind(ruleset, observed, isolation, i)
+        since, until = float(time[stretches.first[i]]), float(time[stretches.last[i] - 1])
+        if text and text == last:
+            found[-1] = replace(found[-1], until=until)
+        elif text:
+            found.append(Period(since, until, text))
+        last = text
+    return found
 
 
 def _pauses(time: Array, stretches: Stretches) -> set[int]:

@@ -47,7 +47,8 @@ def assign(
     for index, title in enumerate(t.strip() for t in titles):
         match = _TITLE.fullmatch(title)
         name, unit = (match["name"], match["unit"] or "") if match else (title, "")
-        if title == ruleset.time_column or (header.time < 0 and name.lower() in NAMES):
+        named = title != "" and title == ruleset.time_column
+        if named or (header.time < 0 and name.lower() in NAMES):
             header.time, header.time_title, header.time_unit = index, title, unit.strip()
             continue
         if title in foreign:

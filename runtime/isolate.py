@@ -10,30 +10,20 @@ Source: own derivation, see docs/method.md; generalised least squares as in any 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.hypothesis import HypothesisTest, covariance_of, distance_of
 from runtime.observe import Observed
 from runtime.plan import Array
-from runtime.ruleset import FaultSpec, Ruleset
+from runtime.ruleset import Ruleset
 
 ALARM = 4.0
 """Normal quantile of the test that something is wrong at all (3e-5 a point)."""
 
 ACCEPT = 3.0
 """Normal quantile up to which a hypothesis counts as fitting (1e-3)."""
-
-NEGLIGIBLE = 1e-6
-"""Share of a fault's own effect below which residuals count as untouched (it cancels)."""
-
-STEPS = 8
-"""Gauss-Newton steps; the linear rule is the first."""
-
-
-Undone = Callable[[Array], tuple[Array, Array]]
-"""Degree, shape (n,), to flows and their slopes by the degree, both (touched observers, n)."""
 
 
 @dataclass(frozen=True)
@@ -127,21 +117,21 @@ def _judge_group(
     result: Isolation,
 ) -> None:
     flows = observed.flows[valid][:, members]
-    covariance = _covariance(observed.gradients[valid][:, :, members], basis)
+    covariance = covariance_of(observed.gradients[valid][:, :, members], basis)
     residuals = np.einsum("ro,on->nr", basis, flows)
-    misfit = _distance(covariance, residuals)
+    misfit = distance_of(covariance, residuals)
     result.judged[members] = True
     result.misfit[members] = misfit
     result.freedom[members] = len(basis)
     deviating = misfit > chi_square_limit(len(basis), ALARM)
     result.deviating[members] = deviating
-    every = _Test(ruleset, observed, valid, basis, members, covariance)
+    every = HypothesisTest(ruleset, observed, valid, basis, members, covariance)
     for i, fault in enumerate(ruleset.faults):
         result.floor[i, members] = every.floor(fault)
     if not deviating.any():
         return
     chosen = members[deviating]
-    test = _Test(ruleset, observed, valid, basis, chosen, covariance[deviating])
+    test = HypothesisTest(ruleset, observed, valid, basis, chosen, covariance[deviating])
     evidence = np.full((len(ruleset.faults), len(chosen)), -np.inf)
     for i, fault in enumerate(ruleset.faults):
         outcome = test.run(fault)
@@ -160,162 +150,3 @@ def _judge_group(
 def _accepted(rank: int) -> float:
     """Limit of the distance with one degree fitted; with one residual alone anything fits."""
     return chi_square_limit(rank - 1, ACCEPT) if rank > 1 else ACCEPT**2
-
-
-def _covariance(gradients: Array, basis: Array) -> Array:
-    """Covariance of the residual basis, shape (n, rank, rank)."""
-    spread = np.einsum("ro,ovn->nrv", basis, gradients)
-    covariance: Array = spread @ np.swapaxes(spread, 1, 2)
-    return covariance
-
-
-def _solve(covariance: Array, vectors: Array) -> Array:
-    """Apply the inverse of each covariance, shape (n, rank, rank), to its vector (n, rank).
-
-    A trace of ridge keeps residuals without any uncertainty of their own solvable; points whose
-    covariance is not finite give NaN.
-    """
-    rank = covariance.shape[1]
-    size = np.einsum("nrr->n", covariance)
-    sound = np.isfinite(covariance).all(axis=(1, 2)) & (size > 0)
-    regular = np.where(sound[:, None, None], covariance, np.eye(rank))
-    regular = regular + (1e-12 * np.where(sound, size, 1.0))[:, None, None] * np.eye(rank)
-    solved: Array = np.asarray(np.linalg.solve(regular, vectors[..., None])[..., 0], dtype=float)
-    solved[~sound] = np.nan
-    return solved
-
-
-def _distance(covariance: Array, residuals: Array) -> Array:
-    """Chi-square of residuals, shape (n,)."""
-    distance: Array = np.einsum("nr,nr->n", residuals, _solve(covariance, residuals))
-    return distance
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    degree: Array
-    u: Array
-    distance: Array
-    evidence: Array
-
-
-@dataclass(frozen=True)
-class _Test:
-    """Tests hypotheses on a group of points that share their usable observers."""
-
-    ruleset: Ruleset
-    observed: Observed
-    valid: np.ndarray
-    basis: Array
-    members: np.ndarray
-    covariance: Array
-
-    def floor(self, fault: FaultSpec) -> Array:
-        """Standard uncertainty of a small degree at each point; inf where it cannot show."""
-        touched, places = self._touched(fault)
-        if not touched:
-            return np.full(len(self.members), np.inf)
-        _, slopes = self._undone(fault, touched)(np.zeros(len(self.members)))
-        effect = np.einsum("ro,on->nr", self.basis[:, places], slopes)
-        size = np.sqrt(np.einsum("nr,nr->n", effect, effect))
-        visible = size > NEGLIGIBLE * np.max(np.abs(slopes), axis=0)
-        information = np.where(visible, _distance(self.covariance, effect), 0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            floor: Array = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
-        return floor
-
-    def _touched(self, fault: FaultSpec) -> tuple[list[str], list[int]]:
-        """Usable observers that a fault makes wrong, and their places among the usable ones."""
-        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
-        column = np.cumsum(self.valid) - 1
-        touched = [o for o in fault.affects if self.valid[index[o]]]
-        return touched, [int(column[index[o]]) for o in touched]
-
-    def run(self, fault: FaultSpec) -> _Outcome | None:
-        """Fit the degree of one fault; None where it touches no usable observer."""
-        touched, places = self._touched(fault)
-        if not touched:
-            return None
-        undone = self._undone(fault, touched)
-        degree, effect, _ = self._fit(fault, undone, places, self.covariance)
-        with np.errstate(divide="ignore"):
-            u = 1.0 / np.sqrt(_distance(self.covariance, effect))
-        # Degree and uncertainty are those of the pure law; only the question whether the law
-        # fits at all is asked with its tolerance.
-        widened = self._widened(fault, undone, degree, places)
-        _, _, residuals = self._fit(fault, undone, places, widened, degree)
-        distance = _distance(widened, residuals)
-        distance = np.where(np.isfinite(distance), distance, np.inf)
-        finite = np.where(np.isfinite(widened), widened, 0.0)
-        _, volume = np.linalg.slogdet(finite)
-        evidence = np.where(np.isfinite(volume), -0.5 * (distance + volume), -np.inf)
-        return _Outcome(degree, u, distance, evidence)
-
-    def _undone(self, fault: FaultSpec, touched: list[str]) -> Undone:
-        """Function of the degree: flows and slopes of the touched observers, fault undone."""
-        names = [f"q:{o}" for o in touched] + [f"dq:{o}:{fault.id}" for o in touched]
-        plan = self.ruleset.undo.select(names)
-        needed = plan.used_inputs()
-        inputs: dict[str, Array | float] = {
-            name: values[self.members]
-            for name, values in self.observed.points.values.items()
-            if name in needed
-        }
-        inputs.update({f"x:{f.id}": 0.0 for f in self.ruleset.faults if f"x:{f.id}" in needed})
-        shape = (len(self.members),)
-
-        def evaluate(degree: Array) -> tuple[Array, Array]:
-            out = plan.run({**inputs, f"x:{fault.id}": degree})
-            values = [np.broadcast_to(out[name], shape) for name in names]
-            return np.array(values[: len(touched)]), np.array(values[len(touched) :])
-
-        return evaluate
-
-    def _fit(
-        self,
-        fault: FaultSpec,
-        undone: Undone,
-        places: list[int],
-        covariance: Array,
-        start: Array | None = None,
-    ) -> tuple[Array, Array, Array]:
-        """Gauss-Newton for the degree; returns degree, effect (n, rank), residuals (n, rank)."""
-        flows = self.observed.flows[self.valid][:, self.members].copy()
-        degree = np.zeros(len(self.members)) if start is None else start
-        top = fault.highest * (1.0 - 1e-6)
-        reached = self.basis[:, places]
-        for step in range(STEPS + 1):
-            values, slopes = undone(degree)
-            flows[places] = values
-            residuals = np.einsum("ro,on->nr", self.basis, flows)
-            effect = np.einsum("ro,on->nr", reached, slopes)
-            if step == STEPS:
-                break
-            solved = _solve(covariance, effect)
-            top_part = np.einsum("nr,nr->n", solved, residuals)
-            bottom = np.einsum("nr,nr->n", solved, effect)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                change = -top_part / bottom
-            change = np.where(np.isfinite(change), change, 0.0)
-            limit = 0.5 * (1.0 + np.abs(degree))
-            new = np.clip(degree + np.clip(change, -limit, limit), fault.lowest, top)
-            degree = new
-        return degree, effect, residuals
-
-    def _widened(self, fault: FaultSpec, undone: Undone, degree: Array, places: list[int]) -> Array:
-        """Covariance plus the tolerance of the fault: a real one never looks quite like its law.
-
-        Each observer's own part of the effect may be off by the tolerance, independently.
-        """
-        _, slopes = undone(degree)
-        spread = fault.tolerance * degree * slopes
-        parts = np.einsum("ro,on->nro", self.basis[:, places], spread)
-        widened: Array = self.covariance + parts @ np.swapaxes(parts, 1, 2)
-        return widened
-
-
-def fits_by_fault(ruleset: Ruleset, isolation: Isolation, point: int) -> Mapping[str, float]:
-    """Probabilities of the faults that fit at a point, the most probable first."""
-    chances = isolation.probability[:, point]
-    order = np.argsort(-chances, kind="stable")
-    return {ruleset.faults[i].id: float(chances[i]) for i in order if chances[i] > 0}

@@ -187,9 +187,9 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
 def _usable(
     ruleset: Ruleset, observer: ObserverSpec, points: Points, out: Mapping[str, Array], n: int
 ) -> np.ndarray:
-    """Readings above their minimum, arguments of roots positive."""
-    usable = np.ones(n, dtype=bool)
+    """Readings above their minimum, arguments of roots and the flow itself positive."""
     with np.errstate(invalid="ignore"):
+        usable: np.ndarray = out[f"q:{observer.id}"] > 0
         for guard in observer.guards:
             usable &= out[guard.output] > 0
         for signal in observer.signals:
@@ -230,7 +230,7 @@ def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
 
 
 def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> str:
-    """Why an estimate cannot be used at a point, in words."""
+    """Why an estimate cannot be used at a point, in words without numbers that would vary."""
     spec = ruleset.observers[observer]
     for name in spec.signals:
         signal = ruleset.signal_by_id[name]
@@ -240,9 +240,8 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
         if not np.isfinite(values[point]):
             return f"{name}: {observed.points.why.get(name) or 'no reading'}"
         if signal.minimum is not None and values[point] < signal.minimum:
-            shown = (values[point] - signal.offset) / signal.factor
             limit = (signal.minimum - signal.offset) / signal.factor
-            return f"{name} = {shown:.3g} {signal.unit} is below {limit:.3g} {signal.unit}"
-    if spec.guards:
+            return f"{name} is below {limit:.3g} {signal.unit}"
+    if spec.guards and not np.isfinite(observed.flows[observer, point]):
         return f"{spec.id}: {spec.guards[0].text} is not positive"
-    return f"{spec.id} has no value here"
+    return f"{spec.id} gives no positive flow"

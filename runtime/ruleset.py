@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from runtime.plan import Plan
+from runtime.plan import OPERATIONS, UNARY, Plan
 
 FORMAT_VERSION = 1
 
@@ -271,15 +271,23 @@ def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
 
 def _verify(plan: Plan, name: str) -> None:
     """A plan may only read what stands before it."""
-    from runtime.plan import OPERATIONS, UNARY
-
-    for i, (operation, a, b) in enumerate(plan.operations, plan.first_operation):
-        operands = (a,) if operation in UNARY else (a, b)
-        if operation not in OPERATIONS or not all(0 <= j < i for j in operands):
-            raise RulesetRefused(f"{name}: damaged plan at operation {i}; compile again")
-    end = plan.first_operation + len(plan.operations)
-    if not all(0 <= i < end for i in plan.outputs.values()):
+    start = plan.first_operation
+    for i, operation in enumerate(plan.operations, start):
+        if not _legal(operation, i):
+            raise RulesetRefused(f"{name}: damaged plan at operation {i - start}; compile again")
+    end = start + len(plan.operations)
+    if not all(type(i) is int and 0 <= i < end for i in plan.outputs.values()):
         raise RulesetRefused(f"{name}: damaged plan outputs; compile again")
+    if not all(type(c) in (int, float) for c in plan.constants):
+        raise RulesetRefused(f"{name}: damaged plan constants; compile again")
+
+
+def _legal(operation: Any, number: int) -> bool:
+    """Is this an operation that reads only values with smaller numbers?"""
+    match operation:
+        case (str(name), int(a), int(b)) if name in OPERATIONS:
+            return 0 <= a < number and (name in UNARY or 0 <= b < number)
+    return False
 
 
 def _build(kind: Any, data: Any) -> Any:
@@ -292,17 +300,13 @@ def _build(kind: Any, data: Any) -> Any:
         if arguments[-1] is Ellipsis:
             return tuple(_build(arguments[0], item) for item in data)
         return tuple(data)
-    if origin is not None and issubclass_mapping(origin):
+    if isinstance(origin, type) and issubclass(origin, Mapping):
         return {str(k): _build(arguments[1], v) for k, v in data.items()}
     if origin in (types.UnionType, typing.Union):
         return data
     if kind is float:
         return float(data)
     return data
-
-
-def issubclass_mapping(origin: Any) -> bool:
-    return isinstance(origin, type) and issubclass(origin, Mapping)
 
 
 _HINTS: dict[Any, dict[str, Any]] = {}

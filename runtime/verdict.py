@@ -10,6 +10,9 @@ from runtime.isolate import Isolation
 from runtime.observe import Observed, reason
 from runtime.ruleset import Ruleset
 
+NAMED = 4
+"""Faults named in a remark."""
+
 THRESHOLD = 3.0
 """A residual is shown as non-zero beyond this many standard uncertainties."""
 
@@ -27,7 +30,8 @@ class Verdict:
 def verdict_at(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> Verdict:
     """What one stretch says."""
     if not isolation.judged[point]:
-        return Verdict("blind", -1, _why_blind(ruleset, observed, point))
+        because = why_blind(ruleset, observed, point) or "too few estimates of the same flow"
+        return Verdict("blind", -1, because)
     if not isolation.deviating[point]:
         return Verdict("ok", -1, "")
     outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
@@ -39,13 +43,30 @@ def verdict_at(ruleset: Ruleset, observed: Observed, isolation: Isolation, point
     return Verdict("fault", int(np.argmax(chances)), "")
 
 
-def _why_blind(ruleset: Ruleset, observed: Observed, point: int) -> str:
+def why_blind(ruleset: Ruleset, observed: Observed, point: int) -> str:
+    """Why estimates cannot be used at a point; empty if all can."""
     reasons = [
         reason(ruleset, observed, i, point)
         for i in range(len(ruleset.observers))
         if not observed.valid[i, point]
     ]
-    return "; ".join(dict.fromkeys(reasons)) or "too few estimates of the same flow"
+    return "; ".join(dict.fromkeys(reasons))
+
+
+def partly_blind(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> str:
+    """What a judged point could not see, and why; empty if it saw everything."""
+    if not isolation.judged[point]:
+        return ""
+    because = why_blind(ruleset, observed, point)
+    unseen = [
+        fault.id
+        for fault, floor in zip(ruleset.faults, isolation.floor[:, point], strict=True)
+        if not np.isfinite(floor)
+    ]
+    if not because or not unseen:
+        return ""
+    names = ", ".join(unseen[:NAMED]) + (", ..." if len(unseen) > NAMED else "")
+    return f"in part: {because}; cannot see {names}"
 
 
 def _outside(ruleset: Ruleset, name: str) -> str:

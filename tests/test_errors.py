@@ -9,8 +9,10 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from rulec.commands.check import collect
 from rulec.diagnostics import Refused, render_all
@@ -101,3 +103,125 @@ def _page() -> str:
                 text = (ERRORS / name / "expected.txt").read_text(encoding="utf-8")
                 lines += ["", "```text", *text.splitlines()[:-1], "```"]
     return "\n".join(lines) + "\n"
+
+
+def _kb(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the knowledge base to spoil, and a working folder beside it."""
+    monkeypatch.chdir(folder)
+    return Path(shutil.copytree(ROOT / "kb", folder / "kb")).relative_to(folder)
+
+
+SPOILT = [
+    ("sensors/piezoresistive.yaml", "title:", "titel:"),
+    ("faults/leakage.yaml", "law: (1 - x)*g", "law: (1 - x)*g)"),
+    ("faults/leakage.yaml", "fault: leakage", "fault: [leakage"),
+    ("modules/static-mixer.yaml", "unit: bar,", "unit: Bar,"),
+    ("modules/static-mixer.yaml", "Q: sqrt(loss/k2)", "Q: sqrt(loss/k2"),
+    ("modules/static-mixer.yaml", "module: static-mixer", "module: static mixer"),
+    ("units.yaml", "units:", "unit:"),
+]
+
+
+@pytest.mark.parametrize(("file", "old", "new"), SPOILT)
+def test_one_mistake_in_the_knowledge_base_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, old: str, new: str
+) -> None:
+    """What leans on a spoilt file is not blamed, in the knowledge base or in a plant."""
+    kb = _kb(tmp_path, monkeypatch)
+    shutil.copytree(ROOT / "plants", "plants")
+    text = (kb / file).read_text(encoding="utf-8")
+    (kb / file).write_text(text.replace(old, new, 1), encoding="utf-8")
+    found = collect([kb, Path("plants")])
+    assert [d.place.file for d in found] == [f"kb/{file}"], render_all(found)
+
+
+PLANT = """\
+plant: p
+title: t
+modules:
+  A: {type: dosing-pcp}
+"""
+
+
+def test_plant_without_the_modules_downstream_is_legal(tmp_path: Path) -> None:
+    """A name that only other module types provide sums to nothing; it is no mistake."""
+    (tmp_path / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    assert collect([tmp_path]) == []
+
+
+def test_unknown_module_type_is_told_once(tmp_path: Path) -> None:
+    """Its connections, columns and calibration say nothing more."""
+    text = (
+        PLANT.replace("pcp", "pcq")
+        + "connections: [A -> C]\ncolumns: c.yaml\ncalibration: [k.yaml]"
+    )
+    (tmp_path / "plant.yaml").write_text(
+        text.replace("connections", "  C: {type: static-mixer}\nconnections")
+    )
+    (tmp_path / "c.yaml").write_text("columns: {A.dp: {from: x, unit: bar}}\n")
+    (tmp_path / "k.yaml").write_text("calibration: p\nmodules: {A: {type: dosing-pcp}}\n")
+    assert [d.code for d in collect([tmp_path])] == ["KB070"]
+
+
+def test_wrong_folder_of_the_knowledge_base_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A check without a knowledge base must not pass."""
+    monkeypatch.setenv("RULEC_KB", str(tmp_path / "none"))
+    (tmp_path / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    assert [d.code for d in collect([tmp_path])] == ["KB001"]
+
+
+SHIPPED = sorted([*(ROOT / "kb").rglob("*.yaml"), *(ROOT / "plants").rglob("*.yaml")])
+ODD: list[Any] = [None, True, -1, 1e308, 10**40, "", "a\n", "ü", "lambda", "1/0", "A" * 999, {}, []]
+ODD += ["m**9", "degC/s", "../x", "\u2028", [[]], {"a": {}}, "A -> B", [1, 2], "x*g", "slope(dp)"]
+BYTES = b"{}[]:,-#&*!|>'\"%@` \t\n\r.0e\x85\xc2\xff\x00?~"
+
+
+def _mutant(rng: random.Random, raw: bytes) -> bytes:
+    """A file with some bytes, lines, keys or values changed."""
+    kind = rng.randrange(3)
+    if kind == 0:
+        text = bytearray(raw)
+        for _ in range(rng.randint(1, 6)):
+            at = rng.randrange(len(text))
+            text[at : at + rng.choice([0, 1, 9])] = bytes(rng.choices(BYTES, k=rng.randint(0, 2)))
+        return bytes(text)
+    if kind == 1:
+        lines = raw.splitlines(keepends=True)
+        del lines[rng.randrange(len(lines))]
+        return b"".join(rng.sample(lines, len(lines)) if rng.random() < 0.3 else lines)
+    data = yaml.safe_load(raw)
+    for _ in range(rng.randint(1, 3)):
+        part, key = rng.choice(list(_parts(data)) or [(data, "x")])
+        if rng.random() < 0.4:
+            del part[key]
+        else:
+            part[key] = rng.choice(ODD)
+    return yaml.dump(data, sort_keys=False).encode()
+
+
+def _parts(data: Any) -> Iterator[tuple[Any, Any]]:
+    """Every group or list with each of its keys."""
+    keys = (
+        list(data) if isinstance(data, dict) else range(len(data)) if isinstance(data, list) else ()
+    )
+    for key in keys:
+        yield data, key
+        yield from _parts(data[key])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mutated_files_give_diagnostics_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """No change of a shipped file leads to anything but messages."""
+    _kb(tmp_path, monkeypatch)
+    rng = random.Random(seed)
+    for _ in range(15):
+        source = rng.choice(SHIPPED)
+        file = Path("plant.yaml" if "plants" in source.parts else "module.yaml")
+        file.write_bytes(_mutant(rng, source.read_bytes()))
+        text = render_all(collect([file]))
+        assert all(c.isprintable() or c == "\n" for c in text)
+        file.unlink()

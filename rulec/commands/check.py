@@ -13,9 +13,9 @@ from rulec.commands.output import console
 from rulec.diagnostics import Diagnostic, Refused, render_all
 from rulec.document import Document
 from rulec.link import link
-from rulec.read import read_files, read_plant
+from rulec.read import Sources, read_files, read_plant
 
-_LACKING = ("KB031", "KB047", "KB056")
+_LACKING = ("KB031", "KB047", "KB056", "KB070")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,19 +32,23 @@ def run(options: argparse.Namespace) -> int:
 def collect(paths: list[Path]) -> list[Diagnostic]:
     """All diagnostics of the given files, sorted by place."""
     sources, plants, found = read_files(paths)
-    if sources is not None:
-        # A file that cannot be read may hold what others then seem to lack.
-        muted = _LACKING if found else ()
-        try:
-            check_knowledge(sources)
-        except Refused as refused:
-            found += [d for d in refused.diagnostics if d.code not in muted]
+    # A file that cannot be read may hold what others then seem to lack.
+    muted = _LACKING if found else ()
+    meaning = _knowledge(sources) if sources is not None else []
     for plant in plants:
-        found += _check_plant(plant)
-    return sorted(set(found))
+        meaning += _plant(plant)
+    return sorted({*found, *(d for d in meaning if d.code not in muted)})
 
 
-def _check_plant(document: Document) -> list[Diagnostic]:
+def _knowledge(sources: Sources) -> list[Diagnostic]:
+    try:
+        check_knowledge(sources)
+    except Refused as refused:
+        return list(refused.diagnostics)
+    return []
+
+
+def _plant(document: Document) -> list[Diagnostic]:
     try:
         link(check(read_plant(Path(document.path))))
     except Refused as refused:

@@ -78,13 +78,19 @@ def dosing(kind: str, n: Array, dp: Array, power_reading: Array, mixer: Array) -
     )  # fmt: skip
 
 
-def observe(kinds: Mapping[str, str], values: Mapping[str, Array]) -> tuple[dict[str, Dosing], Array]:
+def observe(
+    kinds: Mapping[str, str], values: Mapping[str, Array]
+) -> tuple[dict[str, Dosing], Array]:
     """Both modules, and the mixer's flow, from SI readings."""
     bar, rpm = 1e5, 1 / 60
     mixer = values["C.dp"] / bar
     modules = {
         name: dosing(
-            kind, values[f"{name}.n"] / rpm, values[f"{name}.dp"] / bar, values[f"{name}.P_el"], mixer
+            kind,
+            values[f"{name}.n"] / rpm,
+            values[f"{name}.dp"] / bar,
+            values[f"{name}.P_el"],
+            mixer,
         )
         for name, kind in kinds.items()
     }
@@ -116,7 +122,8 @@ def rules(kinds: Mapping[str, str], values: Mapping[str, Array], paper: bool) ->
         found |= _two_ways(f"{name}.clogging", f"{name}.widening", m.loss, _line(name, m, paper), R)
         found |= _two_ways(f"{name}.dp.high", f"{name}.dp.low", m.dp, _pump_pressure(name, m), R)
         slopes = dict.fromkeys(
-            (f"{name}.power-plant", f"{name}.power-pump", "C.power-resis"), m.power / m.power_reading
+            (f"{name}.power-plant", f"{name}.power-pump", "C.power-resis"),
+            m.power / m.power_reading,
         )
         high, low = f"{name}.P_el.high", f"{name}.P_el.low"
         found |= _two_ways(high, low, m.power_reading, slopes, R)
@@ -183,7 +190,7 @@ def _mixer_pressure(modules: Mapping[str, Dosing], resis: Array) -> dict[str, Ar
 
 
 def exact(kinds: Mapping[str, str], values: Mapping[str, Array]) -> dict[str, Array]:
-    """Degrees without linearisation: the measured quantity over what the other observers ask for."""
+    """Degrees without linearisation: what is measured over what the other observers ask for."""
     modules, resis = observe(kinds, values)
     pressure, found = values["C.dp"] / 1e5, {}
 
@@ -192,7 +199,10 @@ def exact(kinds: Mapping[str, str], values: Mapping[str, Array]) -> dict[str, Ar
 
     for name, m in modules.items():
         rest = resis - sum(o.plant for other, o in modules.items() if other != name)
-        clogging, high = (f"{name}.clogging", f"{name}.widening"), (f"{name}.dp.high", f"{name}.dp.low")
+        clogging, high = (
+            (f"{name}.clogging", f"{name}.widening"),
+            (f"{name}.dp.high", f"{name}.dp.low"),
+        )
         put(*clogging, f"{name}.pump-plant", m.loss / (K2 * m.pump**2))
         put(*clogging, f"{name}.power-plant", m.loss / (K2 * m.power**2))
         put(*clogging, "C.plant-resis", m.loss / (K2 * rest**2))

@@ -109,7 +109,7 @@ def test_equation_16_of_the_whole_pressure(plant: str, printed: list[float]) -> 
 
 @pytest.mark.xfail(
     strict=True,
-    reason="the paper form takes Eq. 16 of the friction loss (dp_mod - k0), not of dp_mod as printed",
+    reason="the paper form takes Eq. 16 of the friction loss dp_mod - k0, printed is dp_mod",
 )
 def test_equation_16_as_printed() -> None:
     """Claim 6 in paper mode: 0.19, 0.40, 0.86 for a progressive cavity pump."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
-from runtime.isolate import Isolation, isolate
+from runtime.isolate import isolate
 from runtime.observe import Observed, observe
 from runtime.paper_mode import judge_by_paper
 from runtime.plan import Array
@@ -29,24 +31,24 @@ FAULTS = (
 SWEEPS = [(plant, fault) for plant in PUMPS for fault in FAULTS]
 
 
-def sweep(plant: str, fault: str, points: int = 40) -> Array:
+def sweep(plant: str, fault: str, points: int = 25) -> Array:
     """True degrees from small to large."""
     top = SHORTER.get((plant, fault), REACH[fault.rsplit(".", 1)[1]])
     return np.linspace(0.0, top, points)[1:]
 
 
-def watched(plant: str, fault: str, true: Array) -> Observed:
-    """Observers at each degree, without noise."""
+@functools.cache
+def watched(plant: str, fault: str) -> Observed:
+    """Observers at each degree of a sweep, without noise."""
     rules = ruleset(plant)
-    observed = observe(rules, points(rules, noise_free(plant, fault, true)))
+    observed = observe(rules, points(rules, noise_free(plant, fault, sweep(plant, fault))))
     assert observed.valid.all()
     return observed
 
 
-def fitted(plant: str, fault: str, true: Array) -> tuple[Isolation, int]:
-    """Default mode at each degree, and the row of the fault."""
-    isolation = isolate(ruleset(plant), watched(plant, fault, true))
-    return isolation, [f.id for f in ruleset(plant).faults].index(fault)
+def row(plant: str, fault: str) -> int:
+    """Row of a fault in the tables of results."""
+    return [f.id for f in ruleset(plant).faults].index(fault)
 
 
 def grows(x: Array) -> bool:
@@ -68,9 +70,8 @@ def test_every_rule_grows(plant: str, fault: str) -> None:
 @pytest.mark.parametrize(("plant", "fault"), SWEEPS)
 def test_equation_17_grows(plant: str, fault: str) -> None:
     """Eq. 17: the smallest degree of the true fault, and the largest over all faults."""
-    result = judge_by_paper(ruleset(plant), watched(plant, fault, sweep(plant, fault)))
-    index = [f.id for f in ruleset(plant).faults].index(fault)
-    assert grows(result.degree[index])
+    result = judge_by_paper(ruleset(plant), watched(plant, fault))
+    assert grows(result.degree[row(plant, fault)])
     assert grows(result.degree.max(axis=0))
 
 
@@ -90,8 +91,8 @@ STUCK = pytest.mark.xfail(
 )
 def test_default_mode_finds_the_degree(plant: str, fault: str) -> None:
     """Where a deviation is seen, the fitted degree is the true one, so it grows too."""
-    true = sweep(plant, fault)
-    isolation, index = fitted(plant, fault, true)
+    true, index = sweep(plant, fault), row(plant, fault)
+    isolation = isolate(ruleset(plant), watched(plant, fault))
     seen = isolation.deviating
     assert grows(seen.astype(float))
     assert true[seen] == pytest.approx(isolation.degree[index, seen], rel=1e-3)
@@ -106,7 +107,7 @@ def test_default_mode_finds_the_degree(plant: str, fault: str) -> None:
 @pytest.mark.parametrize("fault", ["A.widening", "A.P_el.low", "C.widening", "C.dp.low"])
 def test_default_mode_finds_large_degrees(fault: str) -> None:
     """At 80 and 90 % too."""
-    true = np.array([0.8, 0.9])
-    isolation, index = fitted("abc", fault, true)
+    rules, true, index = ruleset("abc"), np.array([0.8, 0.9]), row("abc", fault)
+    isolation = isolate(rules, observe(rules, points(rules, noise_free("abc", fault, true))))
     assert true == pytest.approx(isolation.degree[index], rel=1e-3)
     assert [index] * 2 == np.argmax(isolation.probability, axis=0).tolist()

@@ -79,18 +79,18 @@ def test_default_mode() -> None:
     found, r = figures(), replay()
     assert r.default_named[r.true > 0].all()
     assert not r.default_alarm[r.true == 0].any()
-    assert 0.01 > found["default mean |error|"]
-    assert 0.005 > abs(found["default bias"])
-    assert 0.9 < found["default in 95 % bounds"]
+    assert found["default mean |error|"] < 0.01
+    assert abs(found["default bias"]) < 0.005
+    assert found["default in 95 % bounds"] > 0.9
 
 
 def test_paper_mode() -> None:
     """The minimum of noisy rules is biased low; its error is that of the publication."""
     found, r = figures(), replay()
-    assert 0.99 < r.paper_named[r.true > 0].mean()
+    assert r.paper_named[r.true > 0].mean() > 0.99
     assert 0.015 < found["paper mean |error|"] < 0.030
     assert -0.030 < found["paper bias"] < -0.015
-    assert 0.9 < found["paper in bounds"]
+    assert found["paper in bounds"] > 0.9
     assert 0.0 == found["paper below lower bound"]
 
 
@@ -102,6 +102,6 @@ def test_whole_recording() -> None:
         found = diagnose(recording(rules, made.readings), rules).findings
         assert [FAULT] * 3 == [f.fault.id for f in found]
         errors = np.array([f.degree for f in found]) - [0.2, 0.4, 0.6]
-        assert 0.015 > np.abs(errors).max()
+        assert np.abs(errors).max() < 0.015
         for finding, true in zip(found, (0.2, 0.4, 0.6), strict=True):
             assert finding.lower - 0.002 <= true <= finding.upper + 0.002

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+import sympy
 
 from runtime.plan import Array
 from tests.method import by_hand
@@ -64,7 +65,9 @@ def test_paper_rules(plant: str) -> None:
     """Eq. 16 for the lines; for the mixer sum of m_eff less m_resis."""
     values = arbitrary(plant)
     expected = by_hand.rules(KINDS[plant], values, paper=True)
-    changed = {c: x for c, x in expected.items() if c.split(":")[0][1:] in (".clogging", ".widening")}
+    changed = {
+        c: x for c, x in expected.items() if c.split(":")[0][1:] in (".clogging", ".widening")
+    }
     compare(plant, "paper", changed, values)
 
 
@@ -76,10 +79,9 @@ def test_exact_rules(plant: str) -> None:
 
 
 def test_written_rules_read_like_the_paper() -> None:
-    """The rule shown for a leakage is Eq. 12."""
+    """The rules shown beside a diagnosis are Eq. 12 and, with its own slope, Eq. 16."""
     equations = {(c.fault, c.residual): c.equation for c in ruleset("abc").cells}
     assert "x = R/A.pump, R = A.pump-plant" == equations["A.leakage", "A.pump-plant"]
-    assert (
-        "x = D/(A.loss - D), D = R/mu, mu = - d(A.plant)/d(A.loss), R = A.pump-plant"
-        == equations["A.clogging", "A.pump-plant"]
-    )
+    rule, meaning = equations["A.clogging", "A.pump-plant"].removeprefix("x = ").split(", ", 1)
+    assert 0.25 == float(sympy.sympify(rule.replace("A.loss", "5")).subs("D", 1))
+    assert "D = R/mu, mu = - d(A.plant)/d(A.loss), R = A.pump-plant" == meaning

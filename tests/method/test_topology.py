@@ -20,7 +20,9 @@ def residuals_of(plant: str) -> list[str]:
     names = []
     for module in TABLE[plant]["blocks"]:
         own = [f"{module}.{name}" for name in dosing]
-        summed = [f"{module}.{k}-{r}" for k, r in zip(("pump", "power", "plant"), mixer, strict=True)]
+        summed = [
+            f"{module}.{k}-{r}" for k, r in zip(("pump", "power", "plant"), mixer, strict=True)
+        ]
         names += own if set(own) <= found else summed
     assert set(names) == found
     return names

@@ -46,7 +46,11 @@ def plant(kind: str, folder: Path) -> Ruleset:
         "plant": "abc",
         "title": "test",
         "kb": str(ROOT / "kb"),
-        "modules": {"A": {"type": kind}, "B": {"type": "dosing-pcp"}, "C": {"type": "static-mixer"}},
+        "modules": {
+            "A": {"type": kind},
+            "B": {"type": "dosing-pcp"},
+            "C": {"type": "static-mixer"},
+        },
         "connections": ["A -> C", "B -> C"],
     }
     if kind == CALIBRATED:
@@ -213,8 +217,8 @@ def test_degrees_against_uncertainties(kind: str, point: str, folder: Path) -> N
 
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("kind", [*KINDS, CALIBRATED])
-def test_residuals_against_gtc(kind: str, point: str, folder: Path) -> None:
-    """The same by GTC, which carries correlations in another way."""
+def test_both_against_gtc(kind: str, point: str, folder: Path) -> None:
+    """Residuals and degrees by GTC, which carries correlations in another way."""
     gtc = pytest.importorskip("GTC", reason="GTC is not installed")
     at = case(kind, point, folder)
     values = {name: gtc.ureal(v, at.u[name]) for name, v in at.readings.items()}
@@ -222,7 +226,9 @@ def test_residuals_against_gtc(kind: str, point: str, folder: Path) -> None:
     if kind == CALIBRATED:
         centres, covariance = at.block()
         spread = np.sqrt(np.diag(covariance))
-        correlated = [gtc.ureal(c, u, independent=False) for c, u in zip(centres, spread)]
+        correlated = [
+            gtc.ureal(c, u, independent=False) for c, u in zip(centres, spread, strict=True)
+        ]
         for i in range(3):
             for j in range(i):
                 r = covariance[i, j] / spread[i] / spread[j]
@@ -241,7 +247,7 @@ def test_residuals_against_gtc(kind: str, point: str, folder: Path) -> None:
         assert whole == pytest.approx(found[f"ux:linear:{key}"], rel=1e-8), key
 
 
-def drawn(at: Case, count: int = 100_000) -> dict[str, Any]:
+def drawn(at: Case, count: int = 40_000) -> dict[str, Any]:
     """Readings and parameters drawn from their distributions."""
     random = np.random.default_rng(12)
     values: dict[str, Any] = {}
@@ -270,57 +276,62 @@ def test_residuals_against_monte_carlo(kind: str, point: str, folder: Path) -> N
         assert spread == pytest.approx(found[f"u:{residual.id}"], rel=0.05), residual.id
 
 
-@pytest.mark.parametrize("kind", [*KINDS, CALIBRATED])
-def test_degrees_against_monte_carlo(kind: str, folder: Path) -> None:
-    """Degrees at the healthy point, where no linearisation term stands, within 5 %.
+@pytest.mark.parametrize(("kind", "point"), CASES)
+def test_degrees_against_monte_carlo(kind: str, point: str, folder: Path) -> None:
+    """Degrees within 5 %, where they are known to better than 0.09.
 
-    Left out: rules that divide by a slope which is itself known to worse than 5 %.
+    A degree is a ratio, D/(g - D): beyond that its distribution has long tails (no standard
+    deviation at all, strictly), so half the width of the middle 68 % is compared.
     """
-    at = case(kind, "healthy", folder)
+    at = case(kind, point, folder)
     found, system = at.results(), Abc(at.kinds(), drawn(at))
     residuals = {r.id: r for r in at.ruleset.residuals}
     compared = 0
     for cell in at.ruleset.cells:
-        key = f"{cell.fault}:{cell.residual}"
-        if found[f"ux:linear:{key}"] > 0.1:
+        key, residual = f"{cell.fault}:{cell.residual}", residuals[cell.residual]
+        extra = linearisation(at, cell, residual)
+        propagated = math.sqrt(max(found[f"ux:linear:{key}"] ** 2 - extra**2, 0.0))
+        if propagated > WELL_KNOWN:
             continue
         compared += 1
-        spread = float(np.std(rule(system, residuals[cell.residual], cell.fault)))
-        assert spread == pytest.approx(found[f"ux:linear:{key}"], rel=0.05), key
+        low, high = np.quantile(rule(system, residual, cell.fault), [0.1587, 0.8413])
+        assert (high - low) / 2 == pytest.approx(propagated, rel=0.05), key
     assert compared > len(at.ruleset.cells) / 2
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_quadrature_of_observers_fails(kind: str, folder: Path) -> None:
-    """Claim 12, second half: treating the observers as independent is wrong by more than 5 %.
+WELL_KNOWN = 0.09
 
-    In the share of the pressure reading, pump and line pull apart, so quadrature is too small;
-    pump and power share speed and pressure, so there it is too large.
+OFF_BY = [
+    ("dosing-centrifugal", "A.pump-plant", "A.dp", 0.85),  # method.md has 153/184 for a larger one
+    ("dosing-centrifugal", "A.pump-plant", "", 0.90),
+    ("dosing-centrifugal", "A.power-pump", "A.dp", 4.30),
+    ("dosing-membrane", "A.power-pump", "A.n", 1.45),
+    ("dosing-pcp", "A.power-plant", "A.dp", 0.76),
+]
+
+
+@pytest.mark.parametrize(("kind", "residual", "share", "factor"), OFF_BY)
+def test_quadrature_of_observers_fails(
+    kind: str, residual: str, share: str, factor: float, folder: Path
+) -> None:
+    """Claim 12, second half: observers treated as independent give u wrong by `factor`.
+
+    `share` names the one reading that is uncertain; empty: all of them, and the parameters.
+    Where the flows of pump and line pull apart with it, quadrature is too small; where both
+    estimates follow it, too large. Monte Carlo agrees with the plan each time.
     """
-    at = case(kind, "healthy", folder)
-    shares = {
-        "pump-plant": {name: (u if name == "A.dp" else 0.0) for name, u in at.u.items()},
-        "power-pump": {name: (u if name == "A.n" else 0.0) for name, u in at.u.items()},
-    }
-    for name, u in shares.items():
-        inputs = {**at.readings, **{f"u:{k}": v for k, v in u.items()}}
-        out = at.ruleset.plan.run({**inputs, "u:parameters": 0.0, "u:model": 0.0})
-        right = float(out[f"u:A.{name}"][0])
-        sums = 0.0
-        for observer in name.split("-"):
-            for key, value in out.items():
-                if key.startswith(f"s:A.{observer}:"):
-                    sums += float(value[0]) ** 2
-        values = {k: v[0] for k, v in at.parameters().items()}
-        random = np.random.default_rng(1)
-        values |= {k: random.normal(v, u[k], 100_000) for k, v in at.readings.items()}
-        observers = Abc(at.kinds(), values).observers()
-        first, second = (observers[f"A.{o}"] for o in name.split("-"))
-        spread = float(np.std(first - second))
-        assert spread == pytest.approx(right, rel=0.05)
-        assert abs(math.sqrt(sums) / spread - 1) > QUADRATURE_OFF[kind, name]
-
-
-QUADRATURE_OFF = {
-    (kind, name): 0.05 for kind in KINDS for name in ("pump-plant", "power-pump")
-}
+    whole = case(kind, "healthy", folder)
+    u = {name: (value if share in ("", name) else 0.0) for name, value in whole.u.items()}
+    at = Case(whole.ruleset, kind, whole.readings, u)
+    inputs = {**at.readings, **{f"u:{name}": value for name, value in u.items()}}
+    parameters = 0.0 if share else 1.0
+    out = at.ruleset.plan.run({**inputs, "u:parameters": parameters, "u:model": 0.0})
+    spec = next(r for r in at.ruleset.residuals if r.id == residual)
+    values = drawn(at)
+    if share:
+        values |= {name: value for name, (value, _) in at.parameters().items()}
+    drawn_u = float(np.std(signed_sum(spec, Abc(at.kinds(), values).observers())))
+    assert drawn_u == pytest.approx(float(out[f"u:{residual}"][0]), rel=0.05)
+    apart = (f"s:{term.observer}:" for term in spec.terms)
+    squares = sum(float(v[0]) ** 2 for s in apart for k, v in out.items() if k.startswith(s))
+    assert factor == pytest.approx(math.sqrt(squares) / drawn_u, rel=0.02)

@@ -1,0 +1,411 @@
+"""`rulec diagnose` on what goes wrong in plants: a message or "cannot judge", never an alarm.
+
+A case is the healthy example with one thing bent. Nothing is wrong with the plant in it, so a
+finding would be an alarm from an invalid reading.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import gzip
+import io
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rulec.cli import main
+from runtime.ruleset import Ruleset
+from tests.conftest import ROOT, compiled
+from tests.runtime.sheets import Sheet, example, write
+
+SHEET = example()
+STANDSTILL = {"A.n": "0", "A.dp": "0.02", "A.P_el": "12", "B.n": "0", "B.dp": "0.02", "C.dp": "0"}
+
+
+@dataclass
+class Outcome:
+    """What a call gave."""
+
+    code: int
+    out: str
+    err: str
+    data: dict[str, Any] = field(default_factory=dict)
+
+    def reasons(self) -> str:
+        return "; ".join(period["because"] for period in self.data["not_judged"])
+
+
+@pytest.fixture(scope="module")
+def ruleset_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The plant abc, compiled."""
+    file = tmp_path_factory.mktemp("ruleset") / "abc.ruleset.json"
+    file.write_text(compiled("abc").to_json(), encoding="utf-8")
+    return file
+
+
+def diagnose(ruleset: Path, recording: Path, *more: str) -> Outcome:
+    """`rulec diagnose`, in this process; its JSON is read strictly."""
+    target = recording.parent / "out.json"
+    target.unlink(missing_ok=True)
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(["diagnose", str(ruleset), str(recording), "--json", str(target), *more])
+    outcome = Outcome(code, out.getvalue(), err.getvalue())
+    if target.is_file():
+        outcome.data = strict(target.read_text(encoding="utf-8"))
+    return outcome
+
+
+def strict(text: str) -> Any:
+    """JSON without NaN and infinity."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def check_form(data: dict[str, Any], ruleset: Ruleset) -> None:
+    """The form that design.md fixes."""
+    wanted = {
+        "plant",
+        "ruleset",
+        "samples",
+        "judged",
+        "status",
+        "findings",
+        "unknown",
+        "not_judged",
+    }
+    assert wanted <= set(data)
+    assert data["status"] in ("F", "C", "S", "M", "ok")
+    assert 0 <= data["judged"] <= data["samples"]
+    faults = {f.id for f in ruleset.faults}
+    residuals = {r.id for r in ruleset.residuals}
+    for finding in data["findings"]:
+        assert finding["fault"] in faults
+        assert finding["module"] == finding["fault"].split(".")[0]
+        assert finding["lower"] <= finding["degree"] <= finding["upper"]
+        assert 0.0 <= finding["probability"] <= 1.0
+        assert finding["since"] <= finding["until"]
+        assert {a["fault"] for a in finding["alternatives"]} <= faults - {finding["fault"]}
+        assert finding["text"]
+        for row in finding["evidence"]:
+            assert {"residual", "value", "u", "threshold", "verdict", "expected"} <= set(row)
+            assert row["residual"] in residuals
+            assert row["verdict"] in ("+", "-", "0", "invalid")
+            assert row["expected"] in ("+", "-", "0")
+    for period in data["unknown"]:
+        assert {"since", "until", "text"} == set(period)
+    for period in data["not_judged"]:
+        assert {"since", "until", "because"} == set(period)
+        assert period["because"]
+
+
+def bent(name: str) -> str | bytes:
+    """The content of a case."""
+    sheet = CASES[name]
+    return sheet.text() if isinstance(sheet, Sheet) else sheet
+
+
+def standstill(sheet: Sheet) -> Sheet:
+    for column, value in STANDSTILL.items():
+        sheet = sheet.filled(column, value)
+    return sheet
+
+
+CASES: dict[str, Sheet | str | bytes] = {
+    "healthy": SHEET,
+    "two samples": Sheet(SHEET.header, SHEET.rows[:2]),
+    "one sample": Sheet(SHEET.header, SHEET.rows[:1]),
+    "column without readings": SHEET.filled("A.dp", ""),
+    "all columns without readings": Sheet(
+        SHEET.header, tuple((row[0], *[""] * 13) for row in SHEET.rows)
+    ),
+    "readings lost in turn": SHEET.mapped("A.dp", lambda k, c: "" if k % 3 == 0 else c),
+    "words between readings": SHEET.mapped("A.dp", lambda k, c: "Bad" if k % 5 == 0 else c),
+    "column missing": SHEET.without("A.dp"),
+    "only time and one column": SHEET.without(
+        *[title.split(" [")[0] for title in SHEET.header if not title.startswith(("time", "A.dp"))]
+    ),
+    "stuck after a while": SHEET.filled("A.dp", SHEET.rows[20][2], 20),
+    "stuck from the start": SHEET.filled("A.dp", SHEET.rows[20][2]),
+    "beyond the range": SHEET.filled("A.dp", "15"),
+    "below the range": SHEET.filled("A.dp", "-3"),
+    "at the upper end": SHEET.filled("C.dp", "2.2"),
+    "speed zero": SHEET.filled("A.n", "0"),
+    "speed below its minimum": SHEET.filled("A.n", "30"),
+    "speed negative": SHEET.filled("A.n", "-900"),
+    "standstill": standstill(SHEET),
+    "pressure zero": SHEET.filled("A.dp", "0"),
+    "pressure zero for a while": SHEET.filled("A.dp", "0", 20, 40),
+    "negative root": SHEET.filled("C.dp", "1.9"),
+    "power infinite": SHEET.filled("A.P_el", "inf"),
+    "power 1e300": SHEET.filled("A.P_el", "1e300"),
+    "power 1e300 once": SHEET.filled("A.P_el", "1e300", 7, 8),
+    "pressure 1e300": SHEET.filled("A.dp", "1e300"),
+    "power -9999": SHEET.filled("A.P_el", "-9999"),
+    "power 65535": SHEET.filled("A.P_el", "65535"),
+    "spike": SHEET.filled("A.dp", "9", 30, 31),
+    "repeated times": SHEET.mapped("time", lambda k, _: str(k // 2)),
+    "one time": SHEET.filled("time", "5"),
+    "backwards": Sheet(SHEET.header, SHEET.rows[::-1]),
+    "gap": SHEET.mapped("time", lambda k, _: str(k + 1000 * (k >= 30))),
+    "times near 1e9": SHEET.mapped("time", lambda k, _: str(1_700_000_000 + k)),
+    "German": SHEET.german(),
+    "gz": gzip.compress(SHEET.text().encode()),
+    "ragged": SHEET.text().replace("\n10,", "\n10,,").replace("\n20,", "\n20\n"),
+}
+
+GUARD = "observe: a failed guard leaves the other observers of its readings valid"
+RANGE = "kb: no range for P_el, so 'unknown' comes from a reading that no sensor shows"
+PAPER = "paper_mode: residuals of observers that are not valid count"
+KNOWN = {
+    "pressure zero": (GUARD, "default paper"),
+    "pressure zero for a while": (GUARD, "default paper"),
+    "negative root": (GUARD, "default"),
+    "power -9999": (RANGE, "default paper"),
+    "power 65535": (RANGE, "default paper"),
+    "speed zero": (PAPER, "paper"),
+    "speed below its minimum": (PAPER, "paper"),
+    "speed negative": (PAPER, "paper"),
+}
+"""Reported; each is an alarm from an invalid reading today, in the modes named."""
+
+
+def known_gap(name: str, mode: str) -> Any:
+    reason, modes = KNOWN.get(name, ("", ""))
+    return pytest.mark.xfail(reason=reason, strict=True) if mode in modes.split() else ()
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    [
+        pytest.param(name, mode, marks=known_gap(name, mode))
+        for name in CASES
+        for mode in ("default", "paper")
+    ],
+)
+def test_never_an_alarm(
+    name: str, mode: str, tmp_path: Path, ruleset_file: Path, abc: Ruleset
+) -> None:
+    """Exit 0, JSON of the fixed form, no finding and nothing unknown."""
+    recording = write(tmp_path, bent(name))
+    outcome = diagnose(ruleset_file, recording, "--mode", mode)
+    assert (0, "") == (outcome.code, outcome.err)
+    check_form(outcome.data, abc)
+    assert [] == outcome.data["findings"]
+    assert [] == outcome.data["unknown"]
+
+
+BECAUSE = {
+    "two samples": "no settled stretch",
+    "one sample": "no settled stretch",
+    "one time": "no settled stretch",
+    "all columns without readings": "A.dp: no reading",
+    "only time and one column": "A.n is not in the recording",
+    "standstill": "A.n = 0 rpm is below 40 rpm",
+    "column without readings": "A.dp: no reading",
+    "column missing": "A.dp is not in the recording",
+    "stuck after a while": "A.dp: stuck at one value",
+    "beyond the range": "A.dp: outside the sensor's range",
+    "below the range": "A.dp: outside the sensor's range",
+    "at the upper end": "C.dp: outside the sensor's range",
+    "speed zero": "A.n = 0 rpm is below 40 rpm",
+    "speed below its minimum": "A.n = 30 rpm is below 40 rpm",
+    "speed negative": "A.n = -900 rpm is below 40 rpm",
+    "pressure zero": "A.dp",
+    "negative root": "C.dp",
+    "power infinite": "A.P_el: no reading",
+    "power 1e300": "A.P_el: no reading",
+    "pressure 1e300": "A.dp: no reading",
+}
+
+IN_PART = "verdict: what cannot be judged beside what can is not said"
+NOT_SAID = {
+    name: IN_PART
+    for name in BECAUSE
+    if name
+    not in ("two samples", "one sample", "one time", "all columns without readings", "standstill",
+            "only time and one column")
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.xfail(reason=NOT_SAID[n], strict=True))
+        if n in NOT_SAID
+        else n
+        for n in BECAUSE
+    ],
+)
+def test_says_why_it_cannot_judge(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+    """`not_judged` holds the reason, with the reading's name, also for one module alone."""
+    outcome = diagnose(ruleset_file, write(tmp_path, bent(name)))
+    assert BECAUSE[name] in outcome.reasons()
+
+
+@pytest.mark.parametrize("name", [n for n in BECAUSE if n not in NOT_SAID])
+def test_nothing_judged_is_check_function(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+    """Where nothing at all could be judged the status is C, not ok."""
+    outcome = diagnose(ruleset_file, write(tmp_path, bent(name)))
+    assert ("C", 0) == (outcome.data["status"], outcome.data["judged"])
+
+
+def test_a_real_fault_is_found_beside_a_dead_sensor(tmp_path: Path, ruleset_file: Path) -> None:
+    """B's pressure is lost; the leakage in A is named all the same."""
+    sheet = example("leakage_A").filled("B.dp", "Bad")
+    outcome = diagnose(ruleset_file, write(tmp_path, sheet.text()))
+    assert {"A.leakage"} == {f["fault"] for f in outcome.data["findings"]}
+
+
+@pytest.mark.parametrize("name", ["healthy", "German", "gz", "backwards", "gap", "times near 1e9"])
+def test_all_of_a_healthy_recording_is_judged(
+    name: str, tmp_path: Path, ruleset_file: Path
+) -> None:
+    """Form, order and pauses take nothing away."""
+    outcome = diagnose(ruleset_file, write(tmp_path, bent(name)))
+    assert ("ok", 60, []) == tuple(outcome.data[k] for k in ("status", "judged", "not_judged"))
+
+
+REFUSED = {
+    "empty": ("", "the file is empty"),
+    "header only": (SHEET.text().split("\n")[0], "a header but no rows"),
+    "binary": (bytes(range(256)) * 9, "export the recording as CSV"),
+    "unknown unit": (SHEET.renamed("A.dp", "A.dp [barr]").text(), "did you mean 'bar'"),
+    "swapped": (SHEET.renamed("A.dp", "A.dp [W]").text(), "are two columns swapped?"),
+    "another plant": ("time [s],PS1 [bar]\n0,160\n", "no column belongs to this plant"),
+    "damaged gz": (gzip.compress(SHEET.text().encode())[:99], "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_with_a_message(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+    """Exit 1, one line on standard error that names the file; no JSON is written."""
+    content, message = REFUSED[name]
+    recording = write(tmp_path, content)
+    outcome = diagnose(ruleset_file, recording)
+    assert (1, "", {}) == (outcome.code, outcome.out, outcome.data)
+    assert outcome.err.startswith(f"rulec: {recording}: ")
+    assert message in outcome.err
+    assert 1 == outcome.err.count("\n")
+
+
+def test_recording_of_another_plant_with_the_same_names(tmp_path: Path, ruleset_file: Path) -> None:
+    """Its C is a dosing module, ours a mixer: that is said."""
+    sheet = Sheet((*SHEET.header, "C.n [rpm]"), tuple((*row, "900") for row in SHEET.rows))
+    outcome = diagnose(ruleset_file, write(tmp_path, sheet.text()))
+    assert any("is this a recording of another plant?" in n for n in outcome.data["notes"])
+
+
+def test_folder_of_recordings(tmp_path: Path, ruleset_file: Path, abc: Ruleset) -> None:
+    """Three files one behind the other; a finding knows when it began in that order."""
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    for name, sheet in (("1", SHEET), ("2", example("leakage_A")), ("3", SHEET)):
+        write(folder, sheet.text(), f"{name}.csv")
+    outcome = diagnose(ruleset_file, folder)
+    check_form(outcome.data, abc)
+    assert 200 == outcome.data["samples"]
+    assert {"A.leakage"} == {f["fault"] for f in outcome.data["findings"]}
+    assert all(60 <= f["since"] < f["until"] < 140 for f in outcome.data["findings"])
+
+
+@pytest.mark.parametrize("mode", ["default", "paper"])
+def test_form_of_a_diagnosis_with_findings(
+    mode: str, tmp_path: Path, ruleset_file: Path, abc: Ruleset
+) -> None:
+    """The shipped leakage: findings with evidence, all in the fixed form."""
+    recording = write(tmp_path, example("leakage_A").text())
+    outcome = diagnose(ruleset_file, recording, "--mode", mode)
+    check_form(outcome.data, abc)
+    assert "A.leakage" in {f["fault"] for f in outcome.data["findings"]}
+    assert all(f["evidence"] for f in outcome.data["findings"])
+
+
+def test_trace_has_one_row_per_sample(tmp_path: Path, ruleset_file: Path, abc: Ruleset) -> None:
+    """Time, verdict, and per fault degree and bounds; numbers everywhere."""
+    target = tmp_path / "trace.csv"
+    recording = write(tmp_path, example("leakage_A").text())
+    assert 0 == diagnose(ruleset_file, recording, "--trace", str(target)).code
+    with target.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    assert ["time [s]", "verdict"] == header[:2]
+    assert [c for f in abc.faults for c in (f.id, f"{f.id} lower", f"{f.id} upper")] == header[2:]
+    assert [float(row[0]) for row in rows] == [float(k) for k in range(80)]
+    verdicts = {f.id for f in abc.faults} | {"ok", "unknown", "outside", "moving", "cannot judge"}
+    assert {row[1] for row in rows} <= verdicts
+    for row in rows:
+        numbers = [float(cell) for cell in row[2:]]
+        assert all(n == n and abs(n) < float("inf") for n in numbers)
+        triples = zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True)
+        assert all(lower <= degree <= upper for degree, lower, upper in triples)
+    assert "A.leakage" in {row[1] for row in rows[30:40]}
+
+
+@pytest.mark.parametrize("name", ["pressure 1e300", "column without readings", "one sample"])
+def test_trace_of_bad_readings(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+    """No NaN, no fault."""
+    target = tmp_path / "trace.csv"
+    diagnose(ruleset_file, write(tmp_path, bent(name)), "--trace", str(target))
+    text = target.read_text(encoding="utf-8")
+    assert not {"nan", "inf", "-inf"} & set(text.replace("\n", ",").split(","))
+    assert {row.split(",")[1] for row in text.splitlines()[1:]} <= {"ok", "moving", "cannot judge"}
+
+
+def test_many_rows(tmp_path: Path, ruleset_file: Path) -> None:
+    """2e5 rows in a few seconds, nothing found in them."""
+    bodies = [",".join(row[1:]) for row in SHEET.rows]
+    lines = [f"{k},{bodies[k % 60]}" for k in range(200_000)]
+    content = ",".join(SHEET.header) + "\n" + "\n".join(lines)
+    outcome = diagnose(ruleset_file, write(tmp_path, content))
+    assert ("ok", 200_000) == (outcome.data["status"], outcome.data["samples"])
+
+
+def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+    call = [sys.executable, "-m", "rulec", *arguments]
+    return subprocess.run(call, capture_output=True, text=True, env=environment, check=False)
+
+
+def test_json_on_standard_output_is_alone_there(tmp_path: Path, ruleset_file: Path) -> None:
+    """`--json -`: the story goes to standard error, so that a pipe gets JSON only."""
+    recording = write(tmp_path, example("leakage_A").text())
+    done = command("diagnose", str(ruleset_file), str(recording), "--json", "-")
+    assert 0 == done.returncode
+    assert "A.leakage" in {f["fault"] for f in strict(done.stdout)["findings"]}
+    assert "maintenance required" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("nothing.json", "x.csv"), 1, "nothing.json"),
+        (("{ruleset}", "nothing.csv"), 1, "there is no such file"),
+        (("{ruleset}", "{ruleset}"), 1, "rulec: "),
+        (("{ruleset}", "."), 1, "rulec: "),
+        (("{ruleset}", "/dev/null"), 1, "rulec: /dev/null"),
+        (("x.csv", "x.csv"), 1, ""),
+        (("{ruleset}", "{recording}", "--json", "/nowhere/out.json"), 1, "rulec: /nowhere"),
+        (("{ruleset}", "{recording}", "--trace", "/nowhere/out.csv"), 1, "rulec: /nowhere"),
+        (("{ruleset}",), 2, "usage"),
+        (("{ruleset}", "x.csv", "--mode", "guess"), 2, "usage"),
+    ],
+)
+def test_wrong_calls_give_a_message(
+    arguments: tuple[str, ...], code: int, message: str, tmp_path: Path, ruleset_file: Path
+) -> None:
+    """From a shell: exit code and message, never a traceback."""
+    recording = write(tmp_path, SHEET.text(), "healthy.csv")
+    filled = [a.format(ruleset=ruleset_file, recording=recording) for a in arguments]
+    done = command("diagnose", *filled)
+    assert (code, True) == (done.returncode, message in done.stderr), done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,490 @@
+"""The interpreter of plans, the graph that makes them, and rulesets as files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import random
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+import sympy
+import yaml
+from hypothesis import assume, given, settings
+
+from rulec.graph import Graph
+from rulec.pipeline import compile_plant
+from runtime import plan as plan_module
+from runtime.plan import CHUNK, OPERATIONS, UNARY, Plan
+from runtime.ruleset import FORMAT_VERSION, Ruleset, RulesetRefused, parse_ruleset, read_ruleset
+from tests.conftest import ROOT
+
+NUMPY: Mapping[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "pow": lambda a, b: a**b,
+    "min": np.minimum,
+    "max": np.maximum,
+    "neg": lambda a, _: -a,
+    "sqrt": lambda a, _: np.sqrt(a),
+    "abs": lambda a, _: np.abs(a),
+    "sign": lambda a, _: np.sign(a),
+    "exp": lambda a, _: np.exp(a),
+    "log": lambda a, _: np.log(a),
+    "tanh": lambda a, _: np.tanh(a),
+}
+A = np.array([0.5, 2.0, 0.0, -1.5, np.nan, np.inf, 3.0])
+B = np.array([2.0, 0.5, 0.0, 2.0, 1.0, -1.0, np.nan])
+
+
+def single(name: str) -> Plan:
+    """One operation on the inputs a and b."""
+    return Plan(("a", "b"), (), ((name, 0, 1),), {"y": 2})
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+@pytest.mark.parametrize(("a", "b"), [(A, B), (A, 2.0), (2.0, B), (0.7, 2.0), (A, np.nan)])
+def test_every_operation_is_that_of_numpy(name: str, a: Any, b: Any) -> None:
+    """Arrays, numbers, and both mixed; bad values give NaN or infinity and no warning."""
+    with np.errstate(all="ignore"):
+        expected = np.atleast_1d(np.asarray(NUMPY[name](np.asarray(a), np.asarray(b)), dtype=float))
+    found = single(name).run({"a": a, "b": b})["y"]
+    if name not in UNARY or isinstance(a, np.ndarray):
+        np.testing.assert_array_equal(np.broadcast_to(expected, found.shape), found)
+    else:
+        assert np.all((found == expected) | np.isnan(expected))
+
+
+def test_operations_are_all_named_here() -> None:
+    """A new operation needs its row in this file."""
+    assert set(NUMPY) == set(OPERATIONS)
+    assert set(OPERATIONS) >= UNARY
+
+
+def longer() -> Plan:
+    """y = sqrt(a*b) - 3, z = y/a + y; some outputs are no operation, one has two names."""
+    operations = (("mul", 0, 1), ("sqrt", 4, 0), ("sub", 5, 3), ("div", 6, 0), ("add", 7, 6))
+    outputs = {"y": 6, "z": 8, "again": 8, "a": 0, "three": 3, "scalar": 2}
+    return Plan(("a", "b", "c"), (3.0,), operations, outputs)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK, 3 * CHUNK + 7])
+def test_chunk_borders_leave_no_trace(n: int) -> None:
+    """Results are those of numpy at once, whatever the length."""
+    a, b = np.linspace(1.0, 5.0, n), np.linspace(2.0, 3.0, n) ** 2
+    found = longer().run({"a": a, "b": b, "c": 4.0})
+    y = np.sqrt(a * b) - 3.0
+    for name, expected in {"y": y, "z": y / a + y, "again": y / a + y, "a": a}.items():
+        np.testing.assert_array_equal(expected, found[name])
+    np.testing.assert_array_equal(np.full(n, 3.0), found["three"])
+    np.testing.assert_array_equal(np.full(n, 4.0), found["scalar"])
+
+
+def test_results_do_not_depend_on_the_chunk(abc: Ruleset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All outputs of a real plan, bit for bit, at three chunk sizes and sample by sample."""
+    inputs = readings_of(abc, 40)
+    expected = abc.plan.run(inputs)
+    for chunk in (1, 7, 39):
+        monkeypatch.setattr(plan_module, "CHUNK", chunk)
+        found = abc.plan.run(inputs)
+        for name in expected:
+            np.testing.assert_array_equal(expected[name], found[name], err_msg=name)
+
+
+def readings_of(ruleset: Ruleset, n: int) -> dict[str, Any]:
+    """Readings around the reference point, some of them missing."""
+    generator = np.random.default_rng(5)
+    inputs: dict[str, Any] = {"u:parameters": 1.0, "u:model": 1.0}
+    for signal in ruleset.signals:
+        inputs[signal.id] = signal.reference * (1.0 + 0.1 * generator.standard_normal(n))
+        inputs[signal.id][3] = np.nan
+        inputs[f"u:{signal.id}"] = 0.01 * abs(signal.reference)
+    return inputs
+
+
+def test_writes_into_given_arrays() -> None:
+    """With `out` no memory is made; the arrays given are the results."""
+    a, b = np.arange(1.0, 6.0), np.full(5, 2.0)
+    out = {name: np.full(5, -1.0) for name in longer().outputs}
+    found = longer().run({"a": a, "b": b, "c": 1.0}, out)
+    for name, expected in longer().run({"a": a, "b": b, "c": 1.0}).items():
+        assert found[name] is out[name]
+        np.testing.assert_array_equal(expected, out[name])
+
+
+def test_inputs_stay_as_they_are() -> None:
+    """Running changes no input, also not where an output is an input."""
+    a, b = np.arange(1.0, 6.0), np.full(5, 2.0)
+    found = longer().run({"a": a, "b": b, "c": 1.0})
+    found["a"][:] = 0.0
+    np.testing.assert_array_equal(np.arange(1.0, 6.0), a)
+
+
+def test_absent_inputs_count_as_nan() -> None:
+    """What does not depend on the absent input is there all the same."""
+    plan = Plan(("a", "b"), (), (("add", 0, 0), ("mul", 0, 1)), {"twice": 2, "product": 3})
+    found = plan.run({"a": np.array([1.0, 2.0])})
+    np.testing.assert_array_equal([2.0, 4.0], found["twice"])
+    assert np.isnan(found["product"]).all()
+
+
+@pytest.mark.parametrize("a", [np.array([1, 2]), np.array([1, 2], dtype=np.float32), [1, 2]])
+def test_other_number_types_become_doubles(a: Any) -> None:
+    """Whole numbers, single precision and lists are calculated in double precision."""
+    plan = Plan(("a",), (3.0,), (("div", 0, 1),), {"y": 2})
+    np.testing.assert_array_equal(np.array([1.0, 2.0]) / 3.0, plan.run({"a": a})["y"])
+
+
+def test_different_lengths_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"different length: \[2, 3\]"):
+        single("add").run({"a": np.zeros(2), "b": np.zeros(3)})
+
+
+def test_select_keeps_what_is_needed() -> None:
+    """Same values with fewer operations; unknown names are an error."""
+    plan = longer()
+    chosen = plan.select(["y"])
+    inputs = {"a": np.array([1.0, 4.0]), "b": np.array([9.0, 1.0]), "c": 0.0}
+    assert len(chosen.operations) == 3
+    assert {"y"} == set(chosen.outputs)
+    assert {"a", "b"} == chosen.used_inputs() - {"c"}
+    np.testing.assert_array_equal(plan.run(inputs)["y"], chosen.run(inputs)["y"])
+    with pytest.raises(KeyError):
+        plan.select(["nothing"])
+
+
+def test_select_on_a_real_plan(abc: Ruleset) -> None:
+    """Each output alone equals that output of the whole plan."""
+    inputs = readings_of(abc, 11)
+    expected = abc.plan.run(inputs)
+    for name in abc.plan.outputs:
+        found = abc.plan.select([name]).run(inputs)
+        assert [name] == list(found)
+        np.testing.assert_array_equal(expected[name], found[name], err_msg=name)
+
+
+def damaged(data: dict[str, Any], part: str, how: str) -> dict[str, Any]:
+    """A ruleset's data with one thing wrong in a plan."""
+    plan = data[part]
+    end = len(plan["inputs"]) + len(plan["constants"]) + len(plan["operations"])
+    name = next(iter(plan["outputs"]))
+    match how:
+        case "unknown operation":
+            plan["operations"][5][0] = "eval"
+        case "reads itself":
+            plan["operations"][0][1] = len(plan["inputs"]) + len(plan["constants"])
+        case "reads what comes later":
+            plan["operations"][0][2] = end - 1
+            plan["operations"][0][0] = "add"
+        case "reads before the first":
+            plan["operations"][3][1] = -1
+        case "output beyond the end":
+            plan["outputs"][name] = end
+        case "output before the first":
+            plan["outputs"][name] = -1
+        case "operation too short":
+            plan["operations"][2] = ["neg"]
+        case "operation too long":
+            plan["operations"][2].append(0)
+        case "operand is text":
+            plan["operations"][2][1] = "0"
+        case "operand is a fraction":
+            plan["operations"][2][1] = 0.5
+        case "output is text":
+            plan["outputs"][name] = "x"
+        case "constant is text":
+            plan["constants"][0] = "os.system"
+        case "no operations":
+            del plan["operations"]
+        case "plan is a list":
+            data[part] = []
+        case "plan is null":
+            data[part] = None
+    return data
+
+
+DAMAGES = [
+    "unknown operation",
+    "reads itself",
+    "reads what comes later",
+    "reads before the first",
+    "output beyond the end",
+    "output before the first",
+    "operation too short",
+    "operation too long",
+    "operand is text",
+    "operand is a fraction",
+    "output is text",
+    "constant is text",
+    "no operations",
+    "plan is a list",
+    "plan is null",
+]
+
+
+@pytest.mark.parametrize("part", ["plan", "undo"])
+@pytest.mark.parametrize("how", DAMAGES)
+def test_damaged_plans_are_refused(abc: Ruleset, part: str, how: str) -> None:
+    """Nothing of a damaged plan is run; the message says what to do."""
+    data = damaged(json.loads(abc.to_json()), part, how)
+    with pytest.raises(RulesetRefused, match="compile again"):
+        parse_ruleset(data)
+
+
+REFERENCES = {
+    "a cell of an unknown fault": ("cells", 0, "fault", "A.nothing"),
+    "a cell of an unknown residual": ("cells", 0, "residual", "A.nothing"),
+    "a fault that affects an unknown observer": ("faults", 0, "affects", ["A.nothing"]),
+    "an observer of an unknown signal": ("observers", 0, "signals", ["A.nothing"]),
+    "an observer of an unknown module": ("observers", 0, "module", "Z"),
+    "a guard without output": ("observers", 2, "guards", [{"output": "guard:no", "text": "x"}]),
+    "a residual of an unknown observer": (
+        "residuals", 0, "terms", [{"observer": "A.nothing", "sign": 1}],
+    ),
+    "an unknown kind of uncertainty": ("signals", 0, "kind", "guess"),
+    "a signal twice": ("signals", 1, "id", "A.n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFERENCES)
+def test_dangling_references_are_refused(abc: Ruleset, what: str) -> None:
+    """A ruleset that names what it does not hold is damaged, not a KeyError later."""
+    table, row, key, value = REFERENCES[what]
+    data = json.loads(abc.to_json())
+    data[table][row][key] = value
+    with pytest.raises(RulesetRefused, match="compile again"):
+        parse_ruleset(data)
+
+
+@pytest.mark.parametrize("version", [None, 0, FORMAT_VERSION + 1, "1", [1]])
+def test_other_versions_are_refused(abc: Ruleset, version: object) -> None:
+    """Older and newer formats are named with what to do."""
+    data = json.loads(abc.to_json()) | {"format_version": version}
+    with pytest.raises(RulesetRefused, match=r"format version .* compile the plant again"):
+        parse_ruleset(data)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "null", "3", "{}", '{"format_version": 1}', "{"])
+def test_what_is_no_ruleset_is_refused(content: str, tmp_path: Path) -> None:
+    """Any other file gives a message with its name, no traceback."""
+    file = tmp_path / "x.json"
+    file.write_text(content, encoding="utf-8")
+    with pytest.raises(RulesetRefused, match=r"x\.json"):
+        read_ruleset(file)
+
+
+def test_round_trip_gives_the_same_bytes(abc: Ruleset, tmp_path: Path) -> None:
+    """Written, read and written again; and what is read is equal."""
+    file = tmp_path / "abc.ruleset.json"
+    file.write_text(abc.to_json(), encoding="utf-8")
+    again = read_ruleset(file)
+    assert abc == again
+    assert abc.to_json() == again.to_json()
+    json.loads(abc.to_json(), parse_constant=_no_constant)
+
+
+def _no_constant(name: str) -> float:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_compiling_twice_gives_the_same_bytes(abc: Ruleset) -> None:
+    assert abc.to_json() == compile_plant(ROOT / "plants" / "abc").to_json()
+
+
+@pytest.mark.parametrize("seed", ["0", "1"])
+def test_bytes_depend_neither_on_folder_nor_on_hash_seed(
+    abc: Ruleset, seed: str, tmp_path: Path
+) -> None:
+    """Compiled by another process, from another folder, with another order of sets."""
+    target = tmp_path / "abc.ruleset.json"
+    where = {"0": ROOT, "1": tmp_path}[seed]
+    plant = ROOT / "plants" / "abc"
+    command = [sys.executable, "-m", "rulec", "compile", str(plant), "-o", str(target)]
+    environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
+    subprocess.run(command, cwd=where, env=environment, check=True, capture_output=True)
+    assert abc.to_json() == target.read_text(encoding="utf-8")
+
+
+def test_order_of_yaml_keys_changes_only_order(abc: Ruleset, tmp_path: Path) -> None:
+    """Shuffled keys and connections: the same rows, values and hash, in another order."""
+    data = yaml.safe_load((ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8"))
+    data["connections"].reverse()
+    data["modules"] = dict(reversed(data["modules"].items()))
+    shuffled = dict(reversed(data.items()))
+    shuffled = {"plant": shuffled.pop("plant"), **shuffled, "kb": str(ROOT / "kb")}
+    (tmp_path / "plant.yaml").write_text(yaml.safe_dump(shuffled, sort_keys=False))
+    other = compile_plant(tmp_path)
+    for table in ("signals", "observers", "faults", "cells", "parameters"):
+        expected = {_key(row): _rounded(row) for row in getattr(abc, table)}
+        assert expected == {_key(row): _rounded(row) for row in getattr(other, table)}
+    for ours, theirs in ((abc.plan, other.plan), (abc.undo, other.undo)):
+        inputs = readings_of(abc, 5) | {f"x:{f.id}": 0.1 for f in abc.faults}
+        expected, found = ours.run(inputs), theirs.run(inputs)
+        assert set(expected) == set(found)
+        for name in expected:
+            np.testing.assert_allclose(found[name], expected[name], rtol=1e-9, atol=1e-12)
+
+
+def _key(row: Any) -> Any:
+    return getattr(row, "id", None) or (row.fault, row.residual)
+
+
+def _rounded(row: Any) -> Any:
+    """A row as data, floats to nine digits, sums in one order."""
+    data = dataclasses.asdict(row)
+    return {
+        key: f"{value:.9g}" if isinstance(value, float) else _sorted(value)
+        for key, value in data.items()
+        if key not in ("equation", "origin")
+    }
+
+
+def _sorted(value: Any) -> Any:
+    return (
+        sorted(value)
+        if isinstance(value, tuple) and all(isinstance(v, str) for v in value)
+        else value
+    )
+
+
+# --- the graph ------------------------------------------------------------------------------
+
+SYMBOLS = sympy.symbols("a b c", real=True)
+NUMBERS = st.sampled_from([-2, -1, 0, 1, 2, 3, sympy.Rational(1, 2), sympy.Rational(-7, 4), 0.3])
+POWERS = st.sampled_from(
+    [-3, -2, -1, 2, 3, 8, sympy.Rational(1, 2), sympy.Rational(-3, 2), sympy.Rational(7, 4)]
+)
+
+
+def _grown(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Expressions of the language, with arguments kept where the functions exist."""
+    positive = inner.map(lambda e: e**2 + sympy.Rational(1, 4))
+    return st.one_of(
+        st.tuples(inner, inner).map(lambda p: p[0] + p[1]),
+        st.tuples(inner, inner).map(lambda p: p[0] - p[1]),
+        st.tuples(inner, inner).map(lambda p: p[0] * p[1]),
+        st.tuples(inner, positive).map(lambda p: p[0] / p[1]),
+        st.tuples(positive, POWERS).map(lambda p: p[0] ** p[1]),
+        positive.map(sympy.sqrt),
+        positive.map(sympy.log),
+        inner.map(lambda e: sympy.exp(sympy.tanh(e))),
+        inner.map(sympy.Abs),
+        inner.map(sympy.sign),
+        inner.map(lambda e: -e),
+        st.tuples(inner, inner).map(lambda p: sympy.Min(p[0], p[1])),
+        st.tuples(inner, inner).map(lambda p: sympy.Max(p[0], p[1])),
+    )
+
+
+EXPRESSIONS = st.recursive(
+    st.one_of(st.sampled_from(SYMBOLS), NUMBERS.map(sympy.sympify)), _grown, max_leaves=12
+)
+READINGS = st.tuples(*[st.floats(0.2, 3.0) for _ in SYMBOLS])
+
+
+@settings(max_examples=150, deadline=None)
+@given(EXPRESSIONS, READINGS)
+def test_lowered_expressions_evaluate_like_sympy(expression: sympy.Expr, at: Any) -> None:
+    """A random expression as a plan against sympy with 30 digits, 1e-12 of its largest part."""
+    graph = Graph(["a", "b", "c"])
+    nodes = {symbol: graph.input(symbol.name) for symbol in SYMBOLS}
+    graph.outputs["y"] = graph.lower(expression, nodes)
+    found = float(graph.plan().run(dict(zip("abc", at, strict=True)))["y"][0])
+    point = {s: sympy.Float(v, 30) for s, v in zip(SYMBOLS, at, strict=True)}
+    expected = float(expression.evalf(30, subs=point))
+    parts = [abs(float(e.evalf(30, subs=point))) for e in sympy.preorder_traversal(expression)]
+    assume(all(np.isfinite(parts)) and max(parts) < 1e9)
+    assume(not expression.has(sympy.sign, sympy.Min, sympy.Max) or _apart(expression, point))
+    assert expected == pytest.approx(found, rel=1e-12, abs=1e-12 * max(parts))
+
+
+def _apart(expression: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Float]) -> bool:
+    """No argument of a sign is so near to zero that rounding decides."""
+    return all(
+        abs(float(e.args[0].evalf(30, subs=point))) > 1e-9 or e.args[0].is_number
+        for e in expression.atoms(sympy.sign)
+    )
+
+
+BINARY = [name for name in OPERATIONS if name not in UNARY and name != "pow"]
+STEPS = st.lists(
+    st.tuples(
+        st.sampled_from([*BINARY, "neg", "neg", "abs", "sqrt", "sign"]),
+        st.integers(0, 30),
+        st.integers(0, 30),
+    ),
+    min_size=1,
+    max_size=25,
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(STEPS, st.lists(st.floats(-3, 3), min_size=3, max_size=3))
+def test_folding_and_signs_keep_values(steps: list[tuple[str, int, int]], at: list[float]) -> None:
+    """A graph of random operations, built with and without its shortcuts, gives the same values.
+
+    Constants 0, 1 and -1 and negations stand among the operands, so every shortcut is taken.
+    """
+    assume(all(abs(v) > 1e-3 for v in at))
+    graph = Graph(["a", "b", "c"])
+    nodes = [graph.input(name) for name in "abc"]
+    nodes += [graph.constant(v) for v in (0.0, 1.0, -1.0, 2.5)]
+    plain = [np.float64(v) for v in (*at, 0.0, 1.0, -1.0, 2.5)]
+    with np.errstate(all="ignore"):
+        for name, i, j in steps:
+            i, j = i % len(nodes), j % len(nodes)
+            value = np.float64(NUMPY[name](plain[i], plain[j]))
+            if not np.isfinite(value) or abs(value) > 1e9:
+                continue
+            nodes.append(graph.apply(name, nodes[i], 0 if name in UNARY else nodes[j]))
+            plain.append(value)
+    graph.outputs = {str(i): node for i, node in enumerate(nodes)}
+    found = graph.plan().run(dict(zip("abc", at, strict=True)))
+    for i, expected in enumerate(plain):
+        assert float(expected) == pytest.approx(float(found[str(i)][0]), rel=1e-12, abs=1e-300)
+
+
+def test_equal_values_are_one_node() -> None:
+    """Order of sums and products, signs and neutral numbers make no new operations."""
+    graph = Graph(["a", "b"])
+    a, b = graph.input("a"), graph.input("b")
+    minus_a, minus_b = graph.apply("neg", a), graph.apply("neg", b)
+    assert graph.add(a, b) == graph.add(b, a)
+    assert graph.mul(a, b) == graph.mul(minus_a, minus_b) == graph.mul(b, a)
+    assert graph.apply("neg", graph.mul(a, b)) == graph.mul(minus_a, b)
+    assert graph.sub(a, b) == graph.add(a, minus_b)
+    assert graph.sub(a, minus_b) == graph.add(a, b)
+    assert graph.div(minus_a, minus_b) == graph.div(a, b)
+    assert a == graph.mul(a, graph.one) == graph.add(a, graph.zero) == graph.div(a, graph.one)
+    assert graph.zero == graph.mul(a, graph.zero)
+    assert minus_a == graph.mul(a, graph.constant(-1.0)) == graph.sub(graph.zero, a)
+    assert graph.constant(6.0) == graph.mul(graph.constant(2.0), graph.constant(3.0))
+
+
+def test_plan_of_a_graph_holds_only_what_is_needed() -> None:
+    """Operations, constants and inputs without use are left out."""
+    graph = Graph(["a", "b", "c"])
+    used = graph.mul(graph.input("b"), graph.constant(7.0))
+    graph.add(graph.input("a"), graph.constant(9.0))
+    graph.outputs["y"] = used
+    expected = Plan(("b",), (7.0,), (("mul", 0, 1),), {"y": 2})
+    assert expected == graph.plan()
+
+
+def test_random_plans_survive_shuffled_selection(abc: Ruleset) -> None:
+    """Selecting the outputs of a real plan in any order gives the same numbers."""
+    names = list(abc.plan.outputs)
+    random.Random(3).shuffle(names)
+    inputs = readings_of(abc, 4)
+    expected, found = abc.plan.run(inputs), abc.plan.select(names).run(inputs)
+    for name in names:
+        np.testing.assert_array_equal(expected[name], found[name], err_msg=name)

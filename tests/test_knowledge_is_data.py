@@ -1,0 +1,120 @@
+"""No Python file names a pump, a fault, a fluid, a sensor class or an effect.
+
+What the tool knows about physics stands in kb/ alone, so that it can be read and extended without
+Python. Names are collected from kb/ and looked for in the code: in identifiers and in strings,
+whole words. Comments and docstrings may give examples.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+
+import pytest
+import yaml
+
+from tests.conftest import ROOT
+
+KINDS = ("module", "fault", "fluid", "sensor", "effect")
+FILES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for package in ("rulec", "runtime")
+    for path in (ROOT / package).rglob("*.py")
+)
+WORD = re.compile(r"[A-Za-z][A-Za-z0-9]*(?:[-_][A-Za-z0-9]+)*")
+
+
+def known_names() -> set[str]:
+    """Names of all entries of kb/, of the variants of faults, and of signals and parameters.
+
+    Of the latter only those long enough to mean something: ``P_el`` and ``dp_mix``, not ``n``.
+    """
+    names: set[str] = set()
+    for file in (ROOT / "kb").rglob("*.yaml"):
+        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        kind = next(iter(data))
+        if kind not in KINDS:
+            continue
+        names.add(data[kind])
+        names |= {name for name in data.get("signals", {}) if "_" in name}
+        names |= {name for name in data.get("definitions", {}) if "_" in name}
+        names |= set(data.get("provides", {}))
+    return {name.replace("-", "_").lower() for name in names}
+
+
+NAMES = known_names()
+
+
+def words(file: str) -> Iterator[tuple[int, str]]:
+    """Identifiers and words in strings, with their lines; docstrings left out."""
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    texts = docstrings(tree)
+    for node in ast.walk(tree):
+        line = getattr(node, "lineno", 0)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if id(node) not in texts:
+                for word in WORD.findall(node.value):
+                    yield line, word
+            continue
+        for field in ("id", "attr", "arg", "name"):
+            value = getattr(node, field, None)
+            if isinstance(value, str):
+                yield line, value
+
+
+def docstrings(tree: ast.AST) -> set[int]:
+    """Bare strings: docstrings, and the texts below constants."""
+    return {
+        id(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    }
+
+
+def named(word: str) -> set[str]:
+    """Entries that a word names: as a whole, or as a part of a compound identifier."""
+    plain = word.replace("-", "_").lower()
+    parts = plain.split("_")
+    runs = {"_".join(parts[i:j]) for i in range(len(parts)) for j in range(i + 1, len(parts) + 1)}
+    plural = {run.removesuffix("s") for run in runs}
+    return (runs | plural) & NAMES
+
+
+def test_names_are_collected() -> None:
+    """The test would pass on an empty kb/ too."""
+    assert {"leakage", "dosing_pcp", "piezoresistive", "water", "p_el", "dp_mix"} <= NAMES
+
+
+@pytest.mark.parametrize(
+    ("word", "expected"),
+    [
+        ("leakage", {"leakage"}),
+        ("find_leakages", {"leakage"}),
+        ("dosing-pcp", {"dosing_pcp"}),
+        ("P_el", {"p_el"}),
+        ("slope_gradients", {"slope"}),
+        ("waterfall", set()),
+        ("residual", set()),
+    ],
+)
+def test_words_are_recognised(word: str, expected: set[str]) -> None:
+    assert expected == named(word)
+
+
+ALLOWED = {
+    "slope": "the slope of an observer is mathematics; the fault 'slope' is named after it",
+}
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_no_code_names_knowledge(file: str) -> None:
+    """Whole words in identifiers and strings against the names of kb/."""
+    found = sorted(
+        {
+            f"{file}:{line}: {word}"
+            for line, word in words(file)
+            if (named(word) - set(ALLOWED)) or word == "slope(" or word.startswith("slope-")
+        }
+    )
+    assert [] == found
