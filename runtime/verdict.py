@@ -61,7 +61,7 @@ def partly_blind(ruleset: Ruleset, observed: Observed, isolation: Isolation, poi
     unseen = [
         fault.id
         for fault, floor in zip(ruleset.faults, isolation.floor[:, point], strict=True)
-        if not np.isfinite(floor)
+        if not THRESHOLD * floor < fault.highest
     ]
     if not because or not unseen:
         return ""

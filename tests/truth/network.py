@@ -87,10 +87,13 @@ def _operating_point(plant: Plant, condition: Condition, pump_flow: Array) -> Op
     static = np.array([module.line.static for module in plant.modules.values()])
     line_pressure = static + condition.line_quadratic * flow * np.abs(flow)
     pressure = line_pressure + mixer_pressure @ plant.feeds.T
-    power = np.stack([
-        module.pump.power(condition.speed[:, k], pump_flow[:, k], pressure[:, k])
-        for k, module in enumerate(plant.modules.values())
-    ], 1)
+    power = np.stack(
+        [
+            module.pump.power(condition.speed[:, k], pump_flow[:, k], pressure[:, k])
+            for k, module in enumerate(plant.modules.values())
+        ],
+        1,
+    )
     return OperatingPoint(pump_flow, flow, pressure, power, mixer_flow, mixer_pressure)
 
 

@@ -19,9 +19,7 @@ class Pump(Protocol):
     def free_flow(self, speed: Array) -> Array:
         """Flow without back-pressure, m3/s: where the root search starts."""
 
-    def imbalance(
-        self, speed: Array, flow: Array, pressure: Array
-    ) -> tuple[Array, Array, Array]:
+    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
         """Imbalance of the law, its slope by flow, its slope by pressure."""
 
     def power(self, speed: Array, flow: Array, pressure: Array) -> Array:
@@ -59,9 +57,7 @@ class Displacement:
         """Flow without back-pressure, m3/s."""
         return (self.volume - self.slip_per_speed) * speed - self.slip
 
-    def imbalance(
-        self, speed: Array, flow: Array, pressure: Array
-    ) -> tuple[Array, Array, Array]:
+    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
         """Flow less the law's flow, m3/s, and its slopes."""
         slip = self.slip_linear * pressure + self.slip_quadratic * pressure * np.abs(pressure)
         by_pressure = self.slip_linear + 2.0 * self.slip_quadratic * np.abs(pressure)
@@ -99,9 +95,7 @@ class Centrifugal:
         root = -(h1 + math.sqrt(h1**2 - 4.0 * h0 * h2)) / (2.0 * h2)
         return root * speed / self.reference_speed
 
-    def imbalance(
-        self, speed: Array, flow: Array, pressure: Array
-    ) -> tuple[Array, Array, Array]:
+    def imbalance(self, speed: Array, flow: Array, pressure: Array) -> tuple[Array, Array, Array]:
         """Pressure less the curve's pressure, Pa, and its slopes."""
         ratio = speed / self.reference_speed
         h0, h1, h2 = self.head

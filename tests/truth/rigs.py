@@ -31,7 +31,11 @@ def dosing_module(pump: str = "pcp") -> DosingModule:
             )
         case "centrifugal":
             return DosingModule(
-                centrifugal(), DOSING_LINE, 2650.0 * RPM, 2000.0 * RPM, 3000.0 * RPM,
+                centrifugal(),
+                DOSING_LINE,
+                2650.0 * RPM,
+                2000.0 * RPM,
+                3000.0 * RPM,
                 throttles=(0.0, 2.0, 10.0),
             )
     raise ValueError(f"no pump type '{pump}'; known: pcp, membrane, centrifugal")
@@ -52,9 +56,7 @@ def three() -> Plant:
 def series() -> Plant:
     """A and B feed M1; M1 and C feed M2."""
     downstream = {"A": "M1", "B": "M1", "C": "M2", "M1": "M2", "M2": None}
-    return Plant(
-        {name: dosing_module() for name in "ABC"}, {"M1": MIXER, "M2": MIXER}, downstream
-    )
+    return Plant({name: dosing_module() for name in "ABC"}, {"M1": MIXER, "M2": MIXER}, downstream)
 
 
 def mixing_rig() -> Plant:

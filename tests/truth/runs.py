@@ -42,9 +42,7 @@ def leakage_replay(plant: Plant, module: str = "A") -> Run:
     return fault_replay(plant, f"{module}.leakage")
 
 
-def calibration_run(
-    plant: Plant, speeds: int = 5, mixer_points: int = 15, hold: int = HOLD
-) -> Run:
+def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold: int = HOLD) -> Run:
     """Fault-free run as a maker does it, with the flow meter as reference.
 
     First every module stands alone on a bench, side by side: each speed with each throttle,
