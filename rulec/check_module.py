@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import keyword
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.diagnostics import Diagnostic, Place, did_you_mean
@@ -22,7 +22,7 @@ from rulec.knowledge import (
     Signal,
 )
 from rulec.part_readers import origin_of, read_expression, read_unit, within
-from rulec.units import Unit, UnitTable
+from rulec.units import UNKNOWN, Unit, UnitTable
 
 MAX_CHAIN = 50
 """Definitions that stand on one another; a longer chain is a mistake or an attack."""
@@ -102,6 +102,7 @@ class _ModuleReader:
         elif not wanted.fits(unit.dimension):
             message = f"'{unit.text}' is not a unit of {part['quantity']}"
             self._report(place(*path, "unit"), "KB053", message, self.units.like(wanted))
+            unit = replace(unit, dimension=UNKNOWN)
         low, high = part.get("range", (None, None))
         if low is not None and not low < high:
             self._report(place(*path, "range"), "KB055", "the range is empty", "lower end first")

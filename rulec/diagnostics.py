@@ -6,7 +6,7 @@ import difflib
 import os
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 MAX_SHOWN = 100
@@ -39,7 +39,7 @@ class Diagnostic:
     code: str
     message: str
     hint: str = ""
-    second: Place | None = None
+    second: Place | None = field(default=None, compare=False)
 
 
 class Refused(Exception):

@@ -22,7 +22,7 @@ _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 24
-MAX_NUMBER = 1e60
+MAX_SIZE = 1e60
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -214,9 +214,9 @@ class _Builder:
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*path, i)) for i, item in enumerate(node.value)]
         value = node.value if node.style else _scalar(node.value)
-        if isinstance(value, int | float) and not abs(value) <= MAX_NUMBER:
+        if isinstance(value, int | float) and value and not 1 / MAX_SIZE <= abs(value) <= MAX_SIZE:
             message = f"no value in a plant can be {node.value[:40]}"
-            hint = f"a number of size {MAX_NUMBER:g} at most"
+            hint = f"0, or a number of size {1 / MAX_SIZE:.0e} to {MAX_SIZE:.0e}"
             self.found.append(Diagnostic(self.values[path], "KB013", message, hint))
         return value
 

@@ -192,12 +192,13 @@ def _open(
     actual = kind_of(document)
     if actual is not None and kind in (None, actual):
         return document
-    expected = f"a {kind} file" if kind else "a file of this tool"
-    hint = f"its first key should be '{kind}'" if kind else "first key: " + ", ".join(KINDS)
     first = list(document.data)[:1] if isinstance(document.data, dict) else []
-    near = nearest(first[0], [kind] if kind else KINDS) if first else None
-    if near and near != first[0]:
-        hint = f"did you mean '{near}'?"
+    near = nearest(first[0], KINDS) if first else None
+    if actual is not None:
+        expected, hint = f"a {kind} file", f"its first key should be '{kind}'"
+    else:
+        expected, hint = "a file of this tool", "first key: " + ", ".join(KINDS)
+        hint = f"did you mean '{near}'?" if near and near != first[0] else hint
     place = document.key(*first)
     found.append(Diagnostic(place, "KB012", f"this is not {expected}", hint, asked))
     return None

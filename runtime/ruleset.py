@@ -6,7 +6,7 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,9 @@ from typing import Any
 from runtime.plan import OPERATIONS, UNARY, Plan
 
 FORMAT_VERSION = 1
+
+UNCERTAINTIES = ("full scale", "reading", "value")
+"""What the systematic uncertainty of a sensor is a share of, or a value."""
 
 
 class RulesetRefused(Exception):
@@ -266,7 +269,52 @@ def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
         raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
     _verify(ruleset.plan, name)
     _verify(ruleset.undo, name)
+    missing = next(_dangling(ruleset), None)
+    if missing:
+        raise RulesetRefused(f"{name}: damaged ruleset ({missing}); compile again")
     return ruleset
+
+
+def _dangling(ruleset: Ruleset) -> Iterator[str]:
+    """References to what the ruleset does not hold, and names it holds twice."""
+    tables = {
+        "signal": [s.id for s in ruleset.signals],
+        "observer": [o.id for o in ruleset.observers],
+        "residual": [r.id for r in ruleset.residuals],
+        "fault": [f.id for f in ruleset.faults],
+        "module": list(ruleset.modules),
+        "output": list(ruleset.plan.outputs),
+        "kind of uncertainty": list(UNCERTAINTIES),
+    }
+    for kind, names in tables.items():
+        if len(set(names)) < len(names):
+            yield f"a {kind} stands twice"
+    known = {kind: frozenset(names) for kind, names in tables.items()}
+    for kind, name in _references(ruleset):
+        if name not in known[kind]:
+            yield f"no {kind} '{name}'"
+
+
+def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
+    """Everything that one part of a ruleset says of another, as (kind, name)."""
+    for signal in ruleset.signals:
+        yield "kind of uncertainty", signal.kind
+    for column in ruleset.columns:
+        yield "signal", column.signal
+    for observer in ruleset.observers:
+        yield "module", observer.module
+        yield from (("signal", s) for s in observer.signals)
+        yield from (("output", g.output) for g in observer.guards)
+    for junction in ruleset.junctions:
+        yield from (("module", m) for m in (*junction.outlets, *junction.inlets))
+    for residual in ruleset.residuals:
+        yield from (("observer", t.observer) for t in residual.terms)
+    for fault in ruleset.faults:
+        yield "module", fault.module
+        yield from (("observer", o) for o in fault.affects)
+    for cell in ruleset.cells:
+        yield "fault", cell.fault
+        yield "residual", cell.residual
 
 
 def _verify(plan: Plan, name: str) -> None:

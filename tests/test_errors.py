@@ -118,6 +118,7 @@ SPOILT = [
     ("modules/static-mixer.yaml", "unit: bar,", "unit: Bar,"),
     ("modules/static-mixer.yaml", "Q: sqrt(loss/k2)", "Q: sqrt(loss/k2"),
     ("modules/static-mixer.yaml", "module: static-mixer", "module: static mixer"),
+    ("modules/dosing-pcp.yaml", "unit: rpm, sensor", "unit: bar, sensor"),
     ("units.yaml", "units:", "unit:"),
 ]
 
