@@ -30,6 +30,11 @@ class Dosing:
     m_plant: Array
 
     @property
+    def whole(self) -> Array:
+        """Pressure difference of the line, static part included: what Eq. 16 relates to."""
+        return self.loss + K0
+
+    @property
     def m_eff(self) -> Array:
         """Pump and line in series, seen from the mixer."""
         return self.m_pump * self.m_plant / (self.m_plant - self.m_pump)
@@ -113,13 +118,17 @@ def residuals(kinds: Mapping[str, str], values: Mapping[str, Array]) -> dict[str
 
 
 def rules(kinds: Mapping[str, str], values: Mapping[str, Array], paper: bool) -> dict[str, Array]:
-    """Degree of every cell, `fault:residual`; `paper` takes Eq. 16 for clogging and widening."""
+    """Degree of every cell, `fault:residual`; `paper` takes Eq. 16 for clogging and widening.
+
+    Eq. 16 is printed with the whole pressure difference of the line, the others with its friction.
+    """
     modules, resis = observe(kinds, values)
     R = residuals(kinds, values)
     found = {}
     for name, m in modules.items():
         found |= _leakage(name, m, R)
-        found |= _two_ways(f"{name}.clogging", f"{name}.widening", m.loss, _line(name, m, paper), R)
+        loss = m.whole if paper else m.loss
+        found |= _two_ways(f"{name}.clogging", f"{name}.widening", loss, _line(name, m, paper), R)
         found |= _two_ways(f"{name}.dp.high", f"{name}.dp.low", m.dp, _pump_pressure(name, m), R)
         slopes = dict.fromkeys(
             (f"{name}.power-plant", f"{name}.power-pump", "C.power-resis"),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 import json
-import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -14,18 +14,24 @@ from runtime.diagnose import Diagnosis, diagnose, trace
 from runtime.isolate import isolate
 from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.observe import observe
+from runtime.paper_mode import judge_by_paper
 from runtime.recording import Recording
+from runtime.verdict import why_blind
 from tests.method.readings import built, noise_free, points, recording, ruleset
 from tests.truth import TABLE_1, healthy_run, record
 
 NAN = float("nan")
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 EDGES = {
     "pump at rest": ("abc", {"A.n [rpm]": 0.0}, {"A.pump", "A.power"}),
-    "no pressure": ("abc", {"A.dp [bar]": 0.0}, {"A.plant"}),
+    "no pressure": ("abc", {"A.dp [bar]": 0.0}, {"A.pump", "A.power", "A.plant"}),
+    "hardly any pressure": ("abc", {"A.dp [bar]": 0.04}, {"A.pump", "A.power", "A.plant"}),
+    "just enough pressure": ("abc", {"A.dp [bar]": 0.06}, {"A.plant"}),
     "less than the static part": ("abc", {"A.dp [bar]": 0.40}, {"A.plant"}),
     "less than the mixer": ("abc", {"A.dp [bar]": 0.20}, {"A.plant"}),
     "no mixer pressure": ("abc", {"C.dp [bar]": 0.0}, {"C.resis"}),
     "negative mixer pressure": ("abc", {"C.dp [bar]": -0.01}, {"C.resis"}),
+    "just above shut-off": ("abc-centrifugal", {"A.dp [bar]": 1.115}, {"A.pump", "A.power"}),
     "above shut-off": ("abc-centrifugal", {"A.dp [bar]": 1.3}, {"A.pump", "A.power"}),
     "no speed": ("abc", {"A.n [rpm]": NAN}, {"A.pump", "A.power"}),
     "no pump pressure": ("abc", {"A.dp [bar]": NAN}, {"A.pump", "A.power", "A.plant"}),
@@ -48,9 +54,21 @@ EDGES = {
     ),
 }  # fmt: skip
 """Plant, readings that replace those of a healthy plant, observers that end."""
-EACH_EDGE = pytest.mark.parametrize("edge", EDGES)
-SILENT = ("pump at rest", "no speed", "no pump pressure", "no mixer reading", "no power",
-          "infinite pressure", "all at rest", "nothing at all")  # fmt: skip
+INFINITE = pytest.mark.filterwarnings("ignore:invalid value encountered in subtract")
+"""Of `noise_of`; a recording read from a file has no infinite reading, the reader drops it."""
+
+
+def marked(edges: Iterable[str]) -> pytest.MarkDecorator:
+    """A test for each edge."""
+    return pytest.mark.parametrize(
+        "edge", [pytest.param(e, marks=[INFINITE] if "infinite" in e else []) for e in edges]
+    )
+
+
+EACH_EDGE = marked(EDGES)
+SILENT = ("pump at rest", "no pressure", "hardly any pressure", "no speed", "no pump pressure",
+          "no mixer reading", "no power", "infinite pressure", "all at rest",
+          "nothing at all")  # fmt: skip
 """Edges that contradict no other reading."""
 
 
@@ -94,7 +112,6 @@ def test_observers_end(edge: str) -> None:
 
 @EACH_EDGE
 @pytest.mark.parametrize("mode", ["default", "paper"])
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_nothing_breaks(edge: str, mode: str) -> None:
     """No exception, and every number in the output is finite."""
     form = json.dumps(diagnosis_form(judged(edge, mode)), allow_nan=False)
@@ -104,50 +121,65 @@ def test_nothing_breaks(edge: str, mode: str) -> None:
     assert not {"nan", "inf", "-inf"} & set(table.replace("\n", ",").split(","))
 
 
-PAPER_AT_REST = pytest.mark.xfail(
-    strict=True,
-    reason="judge_by_paper uses residuals of observers that ended: a pump at rest has a leakage of "
-    "degree 7.7 with bounds 4.8 to 1",
-)
+@marked(SILENT)
+@pytest.mark.parametrize("mode", ["default", "paper"])
+def test_no_alarm(edge: str, mode: str) -> None:
+    """What is missing is no fault, in neither mode."""
+    assert [] == [f.fault.id for f in judged(edge, mode).findings]
 
 
-@pytest.mark.parametrize("edge", SILENT)
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_no_alarm(edge: str) -> None:
-    """What is missing is no fault."""
-    assert [] == [f.fault.id for f in judged(edge, "default").findings]
+NOTHING_LEFT = {
+    "all at rest": "A.dp is below 0.05 bar; B.dp is below 0.05 bar; C.resis gives no positive flow",
+    "nothing at all": "A.dp: no reading; A.P_el: no reading; B.dp: no reading; B.P_el: no reading; "
+    "C.dp: no reading",
+}
 
 
-@pytest.mark.parametrize(
-    "edge",
-    [pytest.param(e, marks=PAPER_AT_REST) if e == "pump at rest" else e for e in SILENT],
-)
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_no_alarm_in_paper_mode(edge: str) -> None:
-    """Nor in paper mode."""
-    assert [] == [f.fault.id for f in judged(edge, "paper").findings]
-
-
-@pytest.mark.parametrize("edge", ["all at rest", "nothing at all"])
+@pytest.mark.parametrize("edge", NOTHING_LEFT)
 def test_cannot_judge(edge: str) -> None:
     """With nothing to compare the answer is 'cannot judge', with reasons."""
     found = judged(edge, "default")
     assert ("C", 0) == (found.status, found.judged)
-    assert (
-        "A.dp: no reading" in found.not_judged[0].text or "below 40 rpm" in found.not_judged[0].text
-    )
+    assert (0.0, 29.0, NOTHING_LEFT[edge]) == astuple(found.not_judged[0])
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="a module that loses its observers while others are judged is not mentioned: status "
-    "'ok', not_judged and notes empty",
-)
-@pytest.mark.parametrize("edge", ["no pump pressure", "no mixer reading", "pump at rest"])
+PARTS = {
+    "no pump pressure": "A.dp: no reading; cannot see A.leakage, A.clogging, A.widening, "
+    "A.dp.high, ...",
+    "no pressure": "A.dp is below 0.05 bar; cannot see A.leakage, A.clogging, A.widening, "
+    "A.dp.high, ...",
+    "no mixer reading": "C.dp: no reading; cannot see A.leakage, A.clogging, A.widening, "
+    "B.leakage, ...",
+    "pump at rest": "A.n is below 40 rpm; cannot see A.leakage, A.P_el.high, A.P_el.low",
+    "no power": "A.P_el: no reading; cannot see A.P_el.high, A.P_el.low",
+}
+
+
+@pytest.mark.parametrize("edge", PARTS)
 def test_blind_module_is_named(edge: str) -> None:
-    """The operator is told which part of the plant could not be judged."""
+    """The operator is told which part of the plant could not be judged, and why."""
     found = judged(edge, "default")
-    assert "A" in " ".join([p.text for p in found.not_judged] + list(found.notes))
+    assert "ok" == found.status
+    assert [(0.0, 29.0, f"in part: {PARTS[edge]}")] == [astuple(p) for p in found.not_judged]
+
+
+@pytest.mark.parametrize(
+    ("signal", "readings", "expected"),
+    [
+        ("A.n", (0.0, 0.2, 0.5), "A.n is below 40 rpm"),
+        ("A.dp", (0.0, 2e3, 4.9e3), "A.dp is below 0.05 bar"),
+        ("C.dp", (0.0,), "C.resis gives no positive flow"),
+    ],
+)
+def test_reasons_do_not_repeat_the_reading(
+    signal: str, readings: tuple[float, ...], expected: str
+) -> None:
+    """The same reason for every reading (SI), so neighbouring stretches join."""
+    rules, n = ruleset("abc"), len(readings)
+    values = {name: np.repeat(v, n) for name, v in noise_free("abc").items()}
+    values[signal] = np.array(readings)
+    observed = observe(rules, points(rules, values))
+    assert [expected] * n == [why_blind(rules, observed, i) for i in range(n)]
 
 
 def test_reading_above_shut_off_may_be_the_sensor() -> None:
@@ -156,39 +188,28 @@ def test_reading_above_shut_off_may_be_the_sensor() -> None:
     assert chances["A.dp.high"] > 0.2
 
 
-@pytest.mark.xfail(
+DEAD = pytest.mark.xfail(
     strict=True,
-    reason="just above shut-off (1.111 to 1.122 bar) the root exists but the flow is negative; no "
-    "guard asks for a positive flow",
+    reason="between its minimum (0.05 bar) and the static part a dead pressure sensor ends "
+    "A.plant alone, and the tolerance of A.dp.low at a degree of 0.97 outweighs its better fit "
+    "(see test_tolerance_does_not_turn_against_large_degrees)",
 )
-def test_negative_flow_is_no_estimate() -> None:
-    """Above the shut-off pressure a centrifugal pump has no flow."""
-    assert {"A.pump", "A.power"} <= replaced_point("abc-centrifugal", {"A.dp [bar]": 1.115})[0]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="A.plant ends, A.dp.low cannot be undone from a reading of 0, and A.P_el.high is left "
-    "with probability 1",
+@pytest.mark.parametrize(
+    "reading", [0.0, 0.04, pytest.param(0.06, marks=DEAD), pytest.param(0.1, marks=DEAD), 0.2, 0.4]
 )
-def test_dead_pressure_sensor_is_not_blamed_on_the_power_sensor() -> None:
-    """A pressure reading of 0 at nominal speed says nothing certain about the power reading."""
-    _, chances = replaced_point("abc", {"A.dp [bar]": 0.0})
+def test_dead_pressure_sensor_is_not_blamed_on_the_power_sensor(reading: float) -> None:
+    """A pressure reading near 0 at nominal speed says nothing certain about the power reading."""
+    ended, chances = replaced_point("abc", {"A.dp [bar]": reading})
+    assert "A.plant" in ended
     assert chances["A.P_el.high"] < 0.9
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="paper_mode.py adds and subtracts infinite bounds outside np.errstate",
-)
 def test_paper_mode_warns_of_nothing() -> None:
     """No numpy warning reaches the operator."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        rules = ruleset("abc")
-        values = noise_free("abc", "A.dp.high", 0.0)
-        values["A.P_el"] = np.array([0.0])
-        values["A.n"] = np.array([0.0])
-        from runtime.paper_mode import judge_by_paper
-
-        judge_by_paper(rules, observe(rules, points(rules, values)))
+    rules = ruleset("abc")
+    values = noise_free("abc", "A.dp.high", 0.0)
+    values["A.P_el"] = np.array([0.0])
+    values["A.n"] = np.array([0.0])
+    judge_by_paper(rules, observe(rules, points(rules, values)))

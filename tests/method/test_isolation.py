@@ -12,7 +12,7 @@ from runtime.diagnose import diagnose
 from runtime.isolate import isolate
 from runtime.observe import observe
 from runtime.paper_mode import judge_by_paper
-from tests.method.readings import built, noise_free, noisy, points, recording, ruleset
+from tests.method.readings import PUMPS, built, noise_free, noisy, points, recording, ruleset
 from tests.truth import TABLE_1, healthy_run, record
 
 SEEDS = 30
@@ -64,7 +64,7 @@ def rates(
 
 
 @pytest.mark.parametrize(
-    ("degree", "named", "possible"), [(0.1, 0.57, 0.74), (0.2, 0.80, 0.92), (0.3, 0.90, 0.98)]
+    ("degree", "named", "possible"), [(0.1, 0.57, 0.75), (0.2, 0.82, 0.93), (0.3, 0.92, 0.98)]
 )
 def test_default_mode_isolates(degree: float, named: float, possible: float) -> None:
     """Two progressive cavity pumps; at 0.1 the power readings stay below their threshold."""
@@ -101,18 +101,34 @@ def test_healthy_recordings_have_no_findings() -> None:
     for seed in range(1, 11):
         made = record(healthy_run(built("abc")), TABLE_1, seed)
         found = diagnose(recording(rules, made.readings), rules)
-        assert ("ok", (), ()) == (found.status, found.findings, found.unknown)
+        remarks = found.findings + found.unknown + found.not_judged
+        assert ("ok", ()) == (found.status, remarks)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="paper mode alarms where any residual fires at 2 u; with all residuals of the named "
-    "fault required it would be 2 %",
-)
-def test_paper_mode_gives_few_false_alarms() -> None:
-    """method.md, section 2: 2.8 % with a gate on all relevant residuals at 2 sigma."""
-    rules = ruleset("abc")
-    values = noisy(rules, noise_free("abc"), 2000, np.random.default_rng(15))
+@pytest.mark.parametrize("plant", PUMPS)
+def test_paper_mode_gives_few_false_alarms(plant: str) -> None:
+    """method.md, section 2: 1.3 to 2.8 % with a gate on all relevant residuals at 2 sigma.
+
+    Bounds are three standard errors of 2000 samples wider.
+    """
+    rules = ruleset(plant)
+    values = noisy(rules, noise_free(plant), 2000, np.random.default_rng(15))
     result = judge_by_paper(rules, observe(rules, points(rules, values)))
-    alarms = result.deviating & (result.degree.max(axis=0) > 0)
-    assert np.mean(alarms) < 0.05
+    assert 0.005 < np.mean(result.deviating) < 0.039
+
+
+@pytest.mark.parametrize("fault", ["A.leakage", "A.dp.low", "C.clogging"])
+def test_paper_mode_asks_for_all_rules_of_the_winner(fault: str) -> None:
+    """Section 3.6.4 of the seed paper: all residuals of the named fault beyond 2 u, or none."""
+    rules = ruleset("abc")
+    values = noisy(rules, noise_free("abc", fault, 0.1), 300, np.random.default_rng(36))
+    observed = observe(rules, points(rules, values))
+    result = judge_by_paper(rules, observed)
+    place = {r.id: i for i, r in enumerate(rules.residuals)}
+    fires = np.abs(observed.residuals) > 2 * observed.residual_u
+    expected = []
+    for point, winner in enumerate(result.winner()):
+        own = [place[c.residual] for c in rules.cells_of_fault[rules.faults[winner].id]]
+        expected.append(fires[own, point].all() and result.degree[winner, point] > 0)
+    assert 0 < sum(expected) < 300
+    assert expected == result.deviating.tolist()

@@ -20,10 +20,12 @@ SHORTER = {
     ("abc-membrane", "A.dp.low"): 0.57,
     ("abc-centrifugal", "A.dp.low"): 0.59,
     ("abc-centrifugal", "A.dp.high"): 0.05,  # shut-off comes at 0.08
-    ("abc-membrane", "A.dp.high"): 1.1,  # clogging, another fault, has its pole here
+    ("abc-membrane", "A.dp.high"): 1.1,
     ("abc-centrifugal", "C.dp.high"): 1.1,
 }
 """Where linear rules turn back earlier."""
+RIVAL_ENDS = {("abc-membrane", "A.dp.high"): 1.06}
+"""Degree at which the winner of Eq. 17, a clogging there, leaves its range and counts as 0."""
 FAULTS = (
     "A.leakage", "A.clogging", "A.widening", "A.dp.high", "A.dp.low", "A.P_el.high", "A.P_el.low",
     "C.clogging", "C.widening", "C.dp.high", "C.dp.low",
@@ -69,26 +71,19 @@ def test_every_rule_grows(plant: str, fault: str) -> None:
 
 @pytest.mark.parametrize(("plant", "fault"), SWEEPS)
 def test_equation_17_grows(plant: str, fault: str) -> None:
-    """Eq. 17: the smallest degree of the true fault, and the largest over all faults."""
-    result = judge_by_paper(ruleset(plant), watched(plant, fault))
+    """Eq. 17: the smallest degree of the true fault, and the largest over all faults.
+
+    The largest may fall once, where a wrong fault has been named up to its range and the true one
+    takes over.
+    """
+    result, true = judge_by_paper(ruleset(plant), watched(plant, fault)), sweep(plant, fault)
     assert grows(result.degree[row(plant, fault)])
-    assert grows(result.degree.max(axis=0))
+    below = true <= RIVAL_ENDS.get((plant, fault), np.inf)
+    assert grows(result.degree.max(axis=0)[below])
+    assert np.all(result.winner()[~below] == row(plant, fault))
 
 
-STUCK = pytest.mark.xfail(
-    strict=True,
-    reason="Gauss-Newton steps over the shut-off pressure, gets NaN and stays there, so the true "
-    "hypothesis is dropped",
-)
-
-
-@pytest.mark.parametrize(
-    ("plant", "fault"),
-    [
-        pytest.param(p, f, marks=STUCK) if (p, f) == ("abc-centrifugal", "A.dp.low") else (p, f)
-        for p, f in SWEEPS
-    ],
-)
+@pytest.mark.parametrize(("plant", "fault"), SWEEPS)
 def test_default_mode_finds_the_degree(plant: str, fault: str) -> None:
     """Where a deviation is seen, the fitted degree is the true one, so it grows too."""
     true, index = sweep(plant, fault), row(plant, fault)
@@ -99,15 +94,41 @@ def test_default_mode_finds_the_degree(plant: str, fault: str) -> None:
     assert np.all(isolation.probability[index, seen] > 0)
 
 
+def far(plant: str, fault: str, true: list[float]) -> tuple[Array, list[str]]:
+    """Fitted degrees of a fault, and the faults named."""
+    rules = ruleset(plant)
+    isolation = isolate(rules, observe(rules, points(rules, noise_free(plant, fault, true))))
+    named = [rules.faults[i].id for i in np.argmax(isolation.probability, axis=0)]
+    return isolation.degree[row(plant, fault)], named
+
+
+LARGE = {"clogging": [3.0, 8.0], "high": [1.5, 3.0]}
+"""Large degrees; 80 and 90 % of all others."""
+
+
+@pytest.mark.parametrize("fault", [f for f in FAULTS if f != "A.dp.low"])
+def test_default_mode_finds_large_degrees(fault: str) -> None:
+    """Far from where Gauss-Newton starts, too."""
+    true = LARGE.get(fault.rsplit(".", 1)[1], [0.8, 0.9])
+    degree, named = far("abc", fault, true)
+    assert true == pytest.approx(degree, rel=1e-3)
+    assert [fault] * 2 == named
+
+
 @pytest.mark.xfail(
     strict=True,
-    reason="for laws (1 - x) g Gauss-Newton steps onto the upper clamp and 8 steps are too few to "
-    "come back: degree 0.9999, and another fault or none is named",
+    reason="HypothesisTest._widened: the tolerance of a law (1 - x) g is taken as degree * slope, "
+    "which grows as x/(1 - x)**2, so the true fault pays for its large volume and a wrong one "
+    "that fits worse (chi-square 2.8 against 0) is named; with tolerance 0 the true one wins",
 )
-@pytest.mark.parametrize("fault", ["A.widening", "A.P_el.low", "C.widening", "C.dp.low"])
-def test_default_mode_finds_large_degrees(fault: str) -> None:
-    """At 80 and 90 % too."""
-    rules, true, index = ruleset("abc"), np.array([0.8, 0.9]), row("abc", fault)
-    isolation = isolate(rules, observe(rules, points(rules, noise_free("abc", fault, true))))
-    assert true == pytest.approx(isolation.degree[index], rel=1e-3)
-    assert [index] * 2 == np.argmax(isolation.probability, axis=0).tolist()
+@pytest.mark.parametrize(
+    ("plant", "fault", "true"),
+    [("abc", "A.dp.low", [0.8, 0.9]), ("abc-membrane", "A.widening", [0.95])],
+)
+def test_tolerance_does_not_turn_against_large_degrees(
+    plant: str, fault: str, true: list[float]
+) -> None:
+    """The hypothesis that leaves no residual at all is the most probable one."""
+    degree, named = far(plant, fault, true)
+    assert true == pytest.approx(degree, rel=1e-3)
+    assert [fault] * len(true) == named

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
-import sympy
 
 from runtime.plan import Array
 from tests.method import by_hand
@@ -62,7 +61,7 @@ def test_same_flow_rules(plant: str) -> None:
 
 @EACH_PUMP
 def test_paper_rules(plant: str) -> None:
-    """Eq. 16 for the lines; for the mixer sum of m_eff less m_resis."""
+    """Eq. 16 for the lines, of dp_mod with its static part; for the mixer sum of m_eff - m_resis."""
     values = arbitrary(plant)
     expected = by_hand.rules(KINDS[plant], values, paper=True)
     changed = {
@@ -82,6 +81,6 @@ def test_written_rules_read_like_the_paper() -> None:
     """The rules shown beside a diagnosis are Eq. 12 and, with its own slope, Eq. 16."""
     equations = {(c.fault, c.residual): c.equation for c in ruleset("abc").cells}
     assert "x = R/A.pump, R = A.pump-plant" == equations["A.leakage", "A.pump-plant"]
-    rule, meaning = equations["A.clogging", "A.pump-plant"].removeprefix("x = ").split(", ", 1)
-    assert 0.25 == float(sympy.sympify(rule.replace("A.loss", "5")).subs("D", 1))
-    assert "D = R/mu, mu = - d(A.plant)/d(A.loss), R = A.pump-plant" == meaning
+    own = "D = R/mu, mu = - d(A.plant)/d(A.loss), R = A.pump-plant"
+    assert f"x = D/(A.loss - D), {own}" == equations["A.clogging", "A.pump-plant"]
+    assert f"x = -D/(A.loss - D), {own}" == equations["A.widening", "A.pump-plant"]
