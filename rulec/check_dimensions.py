@@ -6,12 +6,14 @@ from collections.abc import Iterable, Mapping
 
 import sympy
 
-from rulec.diagnostics import Diagnostic, Place, did_you_mean
-from rulec.document import Document
-from rulec.expression import Expression, Rejected, dimension, to_sympy
 from rulec.knowledge import Definition, ModuleType, Observer
-from rulec.part_readers import read_unit, within
-from rulec.units import UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
+from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
+from rulec.language.dimension import dimension
+from rulec.language.document import Document
+from rulec.language.expression import Expression, Rejected
+from rulec.language.part_readers import read_unit, within
+from rulec.language.symbolic import to_sympy
+from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
 
 def provided_names(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sympy
 
-from rulec.diagnostics import Diagnostic
-from rulec.document import Document
-from rulec.expression import Expression, to_sympy
-from rulec.invert import invert
 from rulec.knowledge import FaultType, Variant
-from rulec.part_readers import origin_of, read_expression, within
+from rulec.language.diagnostics import Diagnostic
+from rulec.language.document import Document
+from rulec.language.expression import Expression
+from rulec.language.invert import invert
+from rulec.language.part_readers import origin_of, read_expression, within
+from rulec.language.symbolic import to_sympy
 
 
 def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:

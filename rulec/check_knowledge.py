@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from rulec.check_dimensions import check_comparisons, check_dimensions, provided_names
 from rulec.check_fault import check_fault
 from rulec.check_module import check_module
-from rulec.diagnostics import Diagnostic, Refused
-from rulec.document import Document
 from rulec.knowledge import Knowledge, SensorClass
-from rulec.part_readers import origin_of, read_unit
+from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.language.document import Document
+from rulec.language.part_readers import origin_of, read_unit
+from rulec.language.units import NONE, Dimension, UnitTable, unit_table
 from rulec.read import Sources
-from rulec.units import NONE, Dimension, UnitTable, unit_table
 
 
 def check_knowledge(sources: Sources) -> Knowledge:

@@ -8,9 +8,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rulec.diagnostics import Diagnostic, Place, did_you_mean
-from rulec.document import Document
-from rulec.expression import Expression, Rejected, constant
 from rulec.knowledge import (
     Definition,
     FaultType,
@@ -21,8 +18,11 @@ from rulec.knowledge import (
     SensorClass,
     Signal,
 )
-from rulec.part_readers import origin_of, read_expression, read_unit, within
-from rulec.units import UNKNOWN, Unit, UnitTable
+from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
+from rulec.language.document import Document
+from rulec.language.expression import Expression, Rejected, constant
+from rulec.language.part_readers import origin_of, read_expression, read_unit, within
+from rulec.language.units import UNKNOWN, Unit, UnitTable
 
 MAX_CHAIN = 50
 """Definitions that stand on one another; a longer chain is a mistake or an attack."""

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from rulec.check_knowledge import check_knowledge
-from rulec.diagnostics import Diagnostic, Place, Refused, did_you_mean
-from rulec.document import Document, Path_
 from rulec.knowledge import Knowledge, ModuleType, Parameter
-from rulec.part_readers import origin_of, read_unit, within
+from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
+from rulec.language.document import Document, Path_
+from rulec.language.part_readers import origin_of, read_unit, within
+from rulec.language.units import VOLUME_FLOW, Dimension, Unit
 from rulec.plant import Block, Column, Module, Plant
 from rulec.read import Sources
-from rulec.units import VOLUME_FLOW, Dimension, Unit
 
 
 def check(sources: Sources) -> Plant:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -25,6 +26,10 @@ _COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage)."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal that lacks a symbol shows a replacement, not a traceback.
+            stream.reconfigure(errors="replace")
     parser = _parser()
     options = parser.parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
@@ -51,7 +56,7 @@ def _message(error: Exception) -> str | None:
     """Text for a user's mistake; None for our own bug."""
     kind = type(error).__name__
     if kind == "Refused":
-        from rulec.diagnostics import Refused, render_all
+        from rulec.language.diagnostics import Refused, render_all
 
         assert isinstance(error, Refused)
         return render_all(error.diagnostics)

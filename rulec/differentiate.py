@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.derive_residuals import Residuals
-from rulec.expression import Expression, to_sympy
-from rulec.invert import invert
 from rulec.knowledge import FaultType, Knowledge, ModuleType, Variant
+from rulec.language.expression import Expression
+from rulec.language.invert import invert
+from rulec.language.symbolic import to_sympy
 
 GATHERED = "downstream."
 FLOW = "target.flow"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rulec.diagnostics import Place
-from rulec.expression import Expression
-from rulec.units import Unit, UnitTable
+from rulec.language.diagnostics import Place
+from rulec.language.expression import Expression
+from rulec.language.units import Unit, UnitTable
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from rulec.diagnostics import Diagnostic, Refused
+from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.plant import Plant
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec.diagnostics import Place
 from rulec.knowledge import Knowledge, ModuleType, Parameter
+from rulec.language.diagnostics import Place
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rulec.diagnostics import Diagnostic, Place, Refused, nearest
-from rulec.document import MAX_BYTES, Document, Path_, read_document
-from rulec.schema import KINDS, check_schema, kind_of
+from rulec.language.diagnostics import Diagnostic, Place, Refused, nearest
+from rulec.language.document import MAX_BYTES, Document, Path_, read_document
+from rulec.language.schema import KINDS, check_schema, kind_of
 
 _ROOT = Path(__file__).resolve().parent.parent
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from rulec.language.symbolic import Absolute, Larger, Signum, Smaller
 from runtime.plan import UNARY
 
 Step = tuple[str, Any, int]
@@ -114,11 +115,11 @@ class _Writer:
 
 
 _NAMES = {
-    sympy.Abs: "abs",
-    sympy.sign: "sign",
+    Absolute: "abs",
+    Signum: "sign",
     sympy.exp: "exp",
     sympy.log: "log",
     sympy.tanh: "tanh",
-    sympy.Min: "min",
-    sympy.Max: "max",
+    Smaller: "min",
+    Larger: "max",
 }

@@ -13,11 +13,13 @@ import scipy.sparse as sparse
 import scipy.sparse.linalg as linalg
 
 from rulec.assemble import MODEL, PARAMETERS, Assembly
-from rulec.diagnostics import Diagnostic, Refused
+from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.link import Network
 from runtime.plan import Array, Plan
 
 STEPS = 40
+VANISHED = 1e-6
+"""Share of the largest flow below which a residual counts as zero."""
 
 
 def solve_reference(assembly: Assembly) -> dict[str, float]:
@@ -43,12 +45,19 @@ def solve_reference(assembly: Assembly) -> dict[str, float]:
             readings[name] += damping * float(change)
         size = float(np.max(np.abs(step / scale), initial=0))
         if size < 1e-12:
-            return readings
-    if size < 1e-9:
+            break
+    if size < 1e-9 and _agree(assembly, q):
         return readings
     message = "no fault-free operating point was found near the reference readings"
     hint = "give each module 'reference: {...}' with readings that fit together"
     raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
+
+
+def _agree(assembly: Assembly, flows: Array) -> bool:
+    """Do all residuals vanish? Where no reading may move, no step does not mean no residual."""
+    q = dict(zip(assembly.observers, flows, strict=True))
+    left = [abs(sum(s * q[o] for s, o in r.terms)) for r in assembly.residuals.residuals]
+    return max(left, default=0.0) <= VANISHED * float(np.max(np.abs(flows)))
 
 
 def _start(assembly: Assembly) -> tuple[dict[str, float], list[str]]:

@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 from rulec.commands.check import collect
-from rulec.diagnostics import Refused, render_all
-from rulec.document import MAX_BYTES
+from rulec.language.diagnostics import Refused, render_all
+from rulec.language.document import MAX_BYTES
 from rulec.pipeline import compile_plant
 from tests.conftest import ROOT
 

@@ -16,11 +16,13 @@ import pytest
 import sympy
 
 from rulec.commands.check import collect
-from rulec.diagnostics import Diagnostic, render_all
-from rulec.document import parse_document
-from rulec.expression import Rejected, dimension, parse, to_sympy
+from rulec.language.diagnostics import Diagnostic, render_all
+from rulec.language.dimension import dimension
+from rulec.language.document import parse_document
+from rulec.language.expression import Rejected, parse
+from rulec.language.symbolic import to_sympy
+from rulec.language.units import NONE, VOLUME_FLOW
 from rulec.pipeline import compile_plant
-from rulec.units import NONE, VOLUME_FLOW
 from tests.conftest import ROOT
 
 CANARY = "RULEC_CANARY"

@@ -10,8 +10,8 @@ from rich.markup import escape
 from rulec.check_knowledge import check_knowledge
 from rulec.check_plant import check
 from rulec.commands.output import console
-from rulec.diagnostics import Diagnostic, Refused, render_all
-from rulec.document import Document
+from rulec.language.diagnostics import Diagnostic, Refused, render_all
+from rulec.language.document import Document
 from rulec.link import link
 from rulec.read import Sources, read_files, read_plant
 

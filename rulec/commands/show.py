@@ -13,8 +13,8 @@ from rulec.commands.output import console
 from rulec.derive_residuals import Residuals
 from rulec.derive_rules import Rules
 from rulec.derive_signatures import Signatures
-from rulec.diagnostics import did_you_mean
 from rulec.differentiate import Models
+from rulec.language.diagnostics import did_you_mean
 from rulec.link import Network
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant

@@ -105,7 +105,7 @@ def observe(
 def residuals(kinds: Mapping[str, str], values: Mapping[str, Array]) -> dict[str, Array]:
     """All nine residuals, l/h."""
     modules, resis = observe(kinds, values)
-    result = {}
+    result: dict[str, Array] = {}
     for name, m in modules.items():
         result |= {
             f"{name}.pump-plant": m.pump - m.plant,
@@ -124,7 +124,7 @@ def rules(kinds: Mapping[str, str], values: Mapping[str, Array], paper: bool) ->
     """
     modules, resis = observe(kinds, values)
     R = residuals(kinds, values)
-    found = {}
+    found: dict[str, Array] = {}
     for name, m in modules.items():
         found |= _leakage(name, m, R)
         loss = m.whole if paper else m.loss
@@ -147,7 +147,7 @@ def _two_ways(
     up: str, down: str, g: Array, slopes: Mapping[str, Array], R: Mapping[str, Array]
 ) -> dict[str, Array]:
     """x(+) = R/(mu g - R) and x(-) = -R/(mu g - R)."""
-    result = {}
+    result: dict[str, Array] = {}
     for residual, mu in slopes.items():
         x = R[residual] / (mu * g - R[residual])
         result |= {f"{up}:{residual}": x, f"{down}:{residual}": -x}

@@ -21,7 +21,6 @@ from tests.method.readings import built, noise_free, points, recording, ruleset
 from tests.truth import TABLE_1, healthy_run, record
 
 NAN = float("nan")
-pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 EDGES = {
     "pump at rest": ("abc", {"A.n [rpm]": 0.0}, {"A.pump", "A.power"}),
     "no pressure": ("abc", {"A.dp [bar]": 0.0}, {"A.pump", "A.power", "A.plant"}),
@@ -54,14 +53,15 @@ EDGES = {
     ),
 }  # fmt: skip
 """Plant, readings that replace those of a healthy plant, observers that end."""
+NO_WARNING = pytest.mark.filterwarnings("error::RuntimeWarning")
 INFINITE = pytest.mark.filterwarnings("ignore:invalid value encountered in subtract")
-"""Of `noise_of`; a recording read from a file has no infinite reading, the reader drops it."""
+"""Of `_stuck`; a recording read from a file has no infinite reading, the reader drops it."""
 
 
 def marked(edges: Iterable[str]) -> pytest.MarkDecorator:
     """A test for each edge."""
     return pytest.mark.parametrize(
-        "edge", [pytest.param(e, marks=[INFINITE] if "infinite" in e else []) for e in edges]
+        "edge", [pytest.param(e, marks=INFINITE if "infinite" in e else NO_WARNING) for e in edges]
     )
 
 
@@ -135,6 +135,7 @@ NOTHING_LEFT = {
 }
 
 
+@NO_WARNING
 @pytest.mark.parametrize("edge", NOTHING_LEFT)
 def test_cannot_judge(edge: str) -> None:
     """With nothing to compare the answer is 'cannot judge', with reasons."""
@@ -155,6 +156,7 @@ PARTS = {
 }
 
 
+@NO_WARNING
 @pytest.mark.parametrize("edge", PARTS)
 def test_blind_module_is_named(edge: str) -> None:
     """The operator is told which part of the plant could not be judged, and why."""
@@ -182,6 +184,7 @@ def test_reasons_do_not_repeat_the_reading(
     assert [expected] * n == [why_blind(rules, observed, i) for i in range(n)]
 
 
+@NO_WARNING
 def test_reading_above_shut_off_may_be_the_sensor() -> None:
     """There the true cause, a pressure reading too high, stays possible."""
     _, chances = replaced_point("abc-centrifugal", {"A.dp [bar]": 1.3})
@@ -206,6 +209,7 @@ def test_dead_pressure_sensor_is_not_blamed_on_the_power_sensor(reading: float) 
     assert chances["A.P_el.high"] < 0.9
 
 
+@NO_WARNING
 def test_paper_mode_warns_of_nothing() -> None:
     """No numpy warning reaches the operator."""
     rules = ruleset("abc")

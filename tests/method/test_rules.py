@@ -61,7 +61,7 @@ def test_same_flow_rules(plant: str) -> None:
 
 @EACH_PUMP
 def test_paper_rules(plant: str) -> None:
-    """Eq. 16 for the lines, of dp_mod with its static part; for the mixer sum of m_eff - m_resis."""
+    """Eq. 16 of dp_mod, static part included; for the mixer sum of m_eff less m_resis."""
     values = arbitrary(plant)
     expected = by_hand.rules(KINDS[plant], values, paper=True)
     changed = {

@@ -24,6 +24,62 @@ from tests.conftest import ROOT
 from tests.runtime.equations import LITRE_PER_HOUR, TYPES, UNITS, Abc, Dosing, degree_law
 
 KINDS = ["dosing-pcp", "dosing-membrane", "dosing-centrifugal"]
+LINE = {"k0": (0.05, "bar", 0.002), "k2": (5.2e-6, "bar/(l/h)**2", 2e-8)}
+PARAMETERS: Mapping[str, Mapping[str, tuple[float, str, float]]] = {
+    "dosing-pcp": {
+        "V": (10, "ml/rev", 0),
+        "C0": (6, "l/h", 0.5),
+        "C1": (0.01, "l/h/rpm", 0.001),
+        "C2": (2, "l/h/bar**2", 0.1),
+        "P0": (25, "W", 0.5),
+        "P1": (0.095, "W/rpm", 0.001),
+        "eta": (0.7, "1", 0.005),
+        **LINE,
+    },
+    "dosing-membrane": {
+        "V": (50, "ml/stroke", 0),
+        "C0": (2, "l/h", 0.3),
+        "C1": (0.02, "l/h/rpm", 0.002),
+        "C2": (6, "l/h/bar", 0.2),
+        "P0": (20, "W", 0.5),
+        "P1": (0.25, "W/rpm", 0.003),
+        "eta": (0.65, "1", 0.005),
+        "k0": (0.05, "bar", 0.002),
+        "k2": (1.3e-5, "bar/(l/h)**2", 5e-8),
+    },
+    "dosing-centrifugal": {
+        "n0": (2650, "rpm", 0),
+        "h0": (1.111, "bar", 0.002),
+        "h1": (1.142e-4, "bar/(l/h)", 2e-6),
+        "h2": (3.04e-7, "bar/(l/h)**2", 2e-9),
+        "p0": (28.245, "W", 0.1),
+        "p1": (0.03228, "W/(l/h)", 3e-4),
+        "p2": (8.453e-6, "W/(l/h)**2", 2e-7),
+        "k0": (0.05, "bar", 0.002),
+        "k2": (2e-6, "bar/(l/h)**2", 1e-8),
+    },
+}
+"""Value, unit, standard uncertainty; those of kb/ may change, the figures below stand for these."""
+
+REFERENCE = {
+    "dosing-pcp": {"n": 900, "dp": 1.8, "P_el": 150},
+    "dosing-membrane": {"n": 120, "dp": 1.83, "P_el": 78},
+    "dosing-centrifugal": {"n": 2650, "dp": 0.93, "P_el": 43},
+}
+MIXER = {"k0": (0, "bar", 0.0005), "k2": (3.5e-7, "bar/(l/h)**2", 1.5e-9)}
+
+
+def module(kind: str) -> dict[str, Any]:
+    """A module of plant.yaml with all its values."""
+    parameters = PARAMETERS.get(kind, MIXER)
+    values = {
+        name: {"value": value, "unit": unit, "u": u, "source": "test"}
+        for name, (value, unit, u) in parameters.items()
+    }
+    reference = dict(REFERENCE.get(kind, {"dp": 0.35}))
+    return {"type": kind, "parameters": values, "reference": reference}
+
+
 CALIBRATED = "calibrated"
 POINTS: Mapping[str, Mapping[str, float]] = {
     "healthy": {},
@@ -47,27 +103,28 @@ def plant(kind: str, folder: Path) -> Ruleset:
         "title": "test",
         "kb": str(ROOT / "kb"),
         "modules": {
-            "A": {"type": kind},
-            "B": {"type": "dosing-pcp"},
-            "C": {"type": "static-mixer"},
+            "A": module("dosing-pcp" if kind == CALIBRATED else kind),
+            "B": module("dosing-pcp"),
+            "C": module("static-mixer"),
         },
         "connections": ["A -> C", "B -> C"],
     }
     if kind == CALIBRATED:
-        data["modules"]["A"]["type"] = "dosing-pcp"
+        for name in BLOCK:
+            del data["modules"]["A"]["parameters"][name]
         data["calibration"] = ["calibration.yaml"]
         units = ("l/h", "l/h/rpm", "l/h/bar**2")
         parameters = {
             name: {"value": value, "unit": unit, "u": math.sqrt(COVARIANCE[i][i])}
             for i, (name, value, unit) in enumerate(zip(BLOCK, (6, 0.01, 2), units, strict=True))
         }
-        module = {
+        fitted = {
             "type": "dosing-pcp",
             "parameters": parameters,
             "covariance": [{"of": list(BLOCK), "matrix": COVARIANCE}],
             "misfit": {"pump": {"value": MISFIT, "unit": "l/h"}},
         }
-        content = {"calibration": "abc", "modules": {"A": module}}
+        content = {"calibration": "abc", "modules": {"A": fitted}}
         (folder / "calibration.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     (folder / "plant.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
     return compile_plant(folder)
@@ -138,8 +195,8 @@ def rule(system: Abc, residual: ResidualSpec, fault: str) -> Any:
     observers = system.observers()
     excess = signed_sum(residual, observers)
     if fault.endswith("leakage"):
-        module = fault.partition(".")[0]
-        pumped = {o: q for o, q in observers.items() if o in (f"{module}.pump", f"{module}.power")}
+        name = fault.partition(".")[0]
+        pumped = {o: q for o, q in observers.items() if o in (f"{name}.pump", f"{name}.power")}
         return degree_law(fault)(signed_sum(residual, pumped), excess)
     scaled, slopes = system.target(fault)
     return degree_law(fault)(scaled, excess / signed_sum(residual, slopes))
@@ -156,6 +213,9 @@ def with_uncertainties(at: Case) -> dict[str, Any]:
     return values
 
 
+ON_LOSS = ("clogging", "widening")
+
+
 def linearisation(at: Case, cell: Cell, residual: ResidualSpec) -> float:
     """Share of `ux` that is no propagation: how much mu differs between measured and should.
 
@@ -167,19 +227,16 @@ def linearisation(at: Case, cell: Cell, residual: ResidualSpec) -> float:
     plain = {name: getattr(v, "nominal_value", v) for name, v in with_uncertainties(at).items()}
     system = Abc(at.kinds(), plain)
     own = ufloat(float(system.target(cell.fault)[0]), 1.0)
-    module, _, kind = cell.fault.partition(".")
-    opened = Abc(at.kinds(), plain | ({} if kind in LINE else {f"{module}.{stem(kind)}": own}))
-    if kind in LINE:
-        opened.modules[module].loss = own
+    name, _, kind = cell.fault.partition(".")
+    opened = Abc(at.kinds(), plain | ({} if kind in ON_LOSS else {f"{name}.{stem(kind)}": own}))
+    if kind in ON_LOSS:
+        opened.modules[name].loss = own
     mu = signed_sum(residual, opened.target(cell.fault)[1])
     curvature = mu.derivatives.get(own, 0.0) if hasattr(mu, "derivatives") else 0.0
     excess = signed_sum(residual, system.observers()) / getattr(mu, "nominal_value", mu)
     D = ufloat(excess, 1.0)
     by_excess = degree_law(cell.fault)(own.nominal_value, D).derivatives[D]
     return abs(by_excess / getattr(mu, "nominal_value", mu) * curvature * excess**2)
-
-
-LINE = ("clogging", "widening")
 
 
 def stem(kind: str) -> str:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from rulec.diagnostics import Diagnostic, Place, nearest
-from rulec.document import Document
-from rulec.expression import Expression, Rejected, parse
 from rulec.knowledge import Origin
-from rulec.units import UNKNOWN, Unit, UnitTable
+from rulec.language.diagnostics import Diagnostic, Place, nearest
+from rulec.language.document import Document
+from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.units import UNKNOWN, Unit, UnitTable
 
 
 def origin_of(document: Document, *path: str | int, source: str = "") -> Origin:

@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from rulec.diagnostics import Diagnostic, Place, split_lines
+from rulec.language.diagnostics import Diagnostic, Place, split_lines
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

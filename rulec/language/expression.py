@@ -18,10 +18,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import sympy
-
-from rulec.diagnostics import did_you_mean
-from rulec.units import NONE, Dimension
+from rulec.language.diagnostics import did_you_mean
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 MAX_LENGTH = 600
@@ -57,7 +54,7 @@ class Expression:
     def gathered(self) -> Iterator[tuple[str, int]]:
         """Names inside `downstream(...)`, with their columns."""
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call) and _function(node) == GATHER:
+            if isinstance(node, ast.Call) and function_of(node) == GATHER:
                 argument = node.args[0]
                 assert isinstance(argument, ast.Name)
                 yield argument.id, argument.col_offset
@@ -138,7 +135,7 @@ def _refuse_text(text: str) -> None:
             raise Rejected("KB024", word.start(), message, "use another name", len(word[0]))
 
 
-def _at(
+def rejected_at(
     node: ast.expr | ast.keyword, code: str, message: str, hint: str = "", length: int = 0
 ) -> Rejected:
     size = length or (node.end_col_offset or 0) - node.col_offset
@@ -148,16 +145,16 @@ def _at(
 def _check(node: ast.expr, depth: int, power: Fraction) -> None:
     """Refuse every construct that is not on the list; `power` is that of all powers around."""
     if depth > MAX_DEPTH:
-        raise _at(node, "KB042", _TOO_DEEP, "split it with definitions")
+        raise rejected_at(node, "KB042", _TOO_DEEP, "split it with definitions")
     match node:
         case ast.Constant(value=bool() | str() | bytes() | complex() | None):
-            raise _at(node, "KB041", "only numbers and names are allowed here")
+            raise rejected_at(node, "KB041", "only numbers and names are allowed here")
         case ast.Constant(value=int() | float()):
             pass
         case ast.Name(id=name):
             if not NAME.fullmatch(name):
                 hint = "a letter, then at most 40 letters, digits and _"
-                raise _at(node, "KB041", f"'{name[:50]}' is not a legal name", hint)
+                raise rejected_at(node, "KB041", f"'{name[:50]}' is not a legal name", hint)
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
             _check(operand, depth + 1, power)
         case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div(), left=left, right=right):
@@ -165,13 +162,15 @@ def _check(node: ast.expr, depth: int, power: Fraction) -> None:
             _check(right, depth + 1, power)
         case ast.BinOp(op=ast.Pow(), left=left, right=right):
             _check(right, depth + 1, power)
-            own = _exponent(right)
+            own = exponent_of(right)
             if own is None:
-                raise _at(right, "KB043", "an exponent must be a fixed number")
+                raise rejected_at(right, "KB043", "an exponent must be a fixed number")
             total = power * max(Fraction(1), abs(own))
             if total > MAX_POWER:
                 message = "this power is too high"
-                raise _at(right, "KB043", message, f"{MAX_POWER} at most, powers of powers too")
+                raise rejected_at(
+                    right, "KB043", message, f"{MAX_POWER} at most, powers of powers too"
+                )
             _check(left, depth + 1, total)
         case ast.Call():
             _check_call(node, depth, power)
@@ -183,44 +182,64 @@ def _check(node: ast.expr, depth: int, power: Fraction) -> None:
             hint = "write names without a dot, and * between factors"
             raise Rejected("KB041", column, "a dot is not allowed here", hint)
         case _:
-            raise _at(node, "KB041", "this is not allowed in an equation")
+            raise rejected_at(node, "KB041", "this is not allowed in an equation")
 
 
 def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
-    name = _function(node)
+    name = function_of(node)
     if name is None:
-        raise _at(node, "KB041", "only a function can be called", "is a * missing?")
+        raise rejected_at(node, "KB041", "only a function can be called", "is a * missing?")
     if name != GATHER and name not in ARITY:
         hint = did_you_mean(name, [*ARITY, GATHER])
-        raise _at(node, "KB044", f"there is no function '{name[:50]}'", hint, len(name))
+        raise rejected_at(node, "KB044", f"there is no function '{name[:50]}'", hint, len(name))
     starred = [a for a in node.args if isinstance(a, ast.Starred)]
     if node.keywords or starred:
         odd = node.keywords[0] if node.keywords else starred[0]
-        raise _at(odd, "KB041", f"{name}() takes plain values only")
+        raise rejected_at(odd, "KB041", f"{name}() takes plain values only")
     if name == GATHER:
         if len(node.args) != 1 or not isinstance(node.args[0], ast.Name):
             message = f"{GATHER}() takes the one name that modules provide"
-            raise _at(node, "KB045", message, f"as in {GATHER}(dp_mix)")
+            raise rejected_at(node, "KB045", message, f"as in {GATHER}(dp_mix)")
     elif len(node.args) != ARITY[name]:
         wanted, example = ("2 values", "a, b") if ARITY[name] == 2 else ("1 value", "a")
         message = f"{name}() takes {wanted}, not {len(node.args)}"
-        raise _at(node, "KB045", message, f"as in {name}({example})")
+        raise rejected_at(node, "KB045", message, f"as in {name}({example})")
     for argument in node.args:
         _check(argument, depth + 1, power)
 
 
-def _exponent(node: ast.expr) -> Fraction | None:
+def exponent_of(node: ast.expr) -> Fraction | None:
     """Value of a numeric exponent: 2, -1, 0.5, 1/2, (7/4)."""
     match node:
         case ast.Constant(value=int(value) | float(value)) if abs(value) <= MAX_NUMBER:
             return Fraction(value).limit_denominator(1000)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            inner = _exponent(operand)
+            inner = exponent_of(operand)
             return None if inner is None else -inner
         case ast.BinOp(op=ast.Div(), left=left, right=right):
-            top, bottom = _exponent(left), _exponent(right)
+            top, bottom = exponent_of(left), exponent_of(right)
             return None if top is None or not bottom else top / bottom
     return None
+
+
+def function_of(node: ast.Call) -> str | None:
+    return node.func.id if isinstance(node.func, ast.Name) else None
+
+
+def _names(node: ast.expr) -> Iterator[tuple[str, int]]:
+    match node:
+        case ast.Name(id=name):
+            yield name, node.col_offset
+        case ast.Call():
+            if function_of(node) != GATHER:
+                for argument in node.args:
+                    yield from _names(argument)
+        case ast.UnaryOp(operand=operand):
+            yield from _names(operand)
+        case ast.BinOp(left=left, right=right):
+            yield from _names(left)
+            if not isinstance(node.op, ast.Pow):
+                yield from _names(right)
 
 
 _PLAIN: Mapping[type[ast.operator] | str, Callable[..., Any]] = {
@@ -249,9 +268,9 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
             case ast.BinOp(left=left, op=op, right=right):
                 parts, function = [walk(left), walk(right)], _PLAIN[type(op)]
                 if isinstance(op, ast.Div) and parts[1] == 0:
-                    raise _at(right, "KB041", "this divides by zero")
+                    raise rejected_at(right, "KB041", "this divides by zero")
             case ast.Call(args=args):
-                parts, function = [walk(a) for a in args], _PLAIN.get(_function(node) or "", min)
+                parts, function = [walk(a) for a in args], _PLAIN.get(function_of(node) or "", min)
         if None in parts:
             return None
         return bounded(node, lambda: function(*parts))
@@ -263,164 +282,7 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
             number = math.nan
         if not abs(number) <= MAX_NUMBER:
             hint = f"of size {MAX_NUMBER:g} at most"
-            raise _at(node, "KB041", "this is not a number one can calculate with", hint)
+            raise rejected_at(node, "KB041", "this is not a number one can calculate with", hint)
         return number
-
-    return walk(expression.tree)
-
-
-def _function(node: ast.Call) -> str | None:
-    return node.func.id if isinstance(node.func, ast.Name) else None
-
-
-def _names(node: ast.expr) -> Iterator[tuple[str, int]]:
-    match node:
-        case ast.Name(id=name):
-            yield name, node.col_offset
-        case ast.Call():
-            if _function(node) != GATHER:
-                for argument in node.args:
-                    yield from _names(argument)
-        case ast.UnaryOp(operand=operand):
-            yield from _names(operand)
-        case ast.BinOp(left=left, right=right):
-            yield from _names(left)
-            if not isinstance(node.op, ast.Pow):
-                yield from _names(right)
-
-
-def dimension(
-    expression: Expression,
-    known: Mapping[str, Dimension],
-    gathered: Mapping[str, Dimension],
-) -> Dimension:
-    """Dimension of an expression as written; raises `Rejected` where sides do not fit."""
-    zero = _Zero()
-
-    def walk(node: ast.expr) -> Dimension | _Zero:
-        match node:
-            case ast.Constant(value=value):
-                return zero if value == 0 else NONE
-            case ast.Name(id=name):
-                return known[name]
-            case ast.UnaryOp(operand=operand):
-                return walk(operand)
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                base, power = walk(left), _exponent(right)
-                assert power is not None
-                return zero if base is zero else _solid(base) ** power
-            case ast.BinOp(left=left, op=op, right=right):
-                return _binary(op, walk(left), walk(right), node)
-            case ast.Call():
-                return call(node)
-        raise AssertionError(ast.dump(node))
-
-    def call(node: ast.Call) -> Dimension | _Zero:
-        name = _function(node)
-        if name == GATHER:
-            argument = node.args[0]
-            assert isinstance(argument, ast.Name)
-            return gathered[argument.id]
-        parts = [walk(argument) for argument in node.args]
-        if name == "sqrt":
-            return zero if parts[0] is zero else _solid(parts[0]) ** Fraction(1, 2)
-        if name == "abs":
-            return parts[0]
-        if name in ("min", "max"):
-            return _same(parts[0], parts[1], node)
-        if name == "sign":
-            return NONE
-        if not _solid(parts[0]).fits(NONE):
-            message = f"the argument of {name}() must be a plain number, but has {parts[0]}"
-            raise _at(node.args[0], "KB052", message, "divide by a reference")
-        return NONE
-
-    result = walk(expression.tree)
-    return NONE if result is zero else _solid(result)
-
-
-class _Zero:
-    """The number 0 fits any dimension."""
-
-
-def _solid(value: Dimension | _Zero) -> Dimension:
-    return value if isinstance(value, Dimension) else NONE
-
-
-def _same(left: Dimension | _Zero, right: Dimension | _Zero, node: ast.expr) -> Dimension | _Zero:
-    if isinstance(left, _Zero):
-        return right
-    if isinstance(right, _Zero) or left.fits(right):
-        return left
-    message = f"these do not add up: {left} and {right}"
-    raise _at(node, "KB051", message, "is a factor or a square root missing?")
-
-
-def _binary(
-    op: ast.operator, left: Dimension | _Zero, right: Dimension | _Zero, node: ast.expr
-) -> Dimension | _Zero:
-    if isinstance(op, ast.Add | ast.Sub):
-        return _same(left, right, node)
-    if isinstance(left, _Zero):
-        return left
-    if isinstance(right, _Zero):
-        return right
-    return left * right if isinstance(op, ast.Mult) else left / right
-
-
-_FUNCTIONS: Mapping[str, Callable[..., sympy.Expr]] = {
-    "sqrt": sympy.sqrt,
-    "abs": sympy.Abs,
-    "sign": sympy.sign,
-    "exp": sympy.exp,
-    "log": sympy.log,
-    "tanh": sympy.tanh,
-    "min": sympy.Min,
-    "max": sympy.Max,
-}
-
-
-def to_sympy(
-    expression: Expression,
-    symbols: Mapping[str, sympy.Expr],
-    gathered: Mapping[str, sympy.Expr] | None = None,
-) -> sympy.Expr:
-    """Translate to sympy, each name by the given table (a KeyError is our own bug)."""
-
-    def walk(node: ast.expr) -> sympy.Expr:
-        match node:
-            case ast.Constant(value=int(value)):
-                return sympy.Integer(value)
-            case ast.Constant(value=float(value)):
-                return sympy.Float(value)
-            case ast.Name(id=name):
-                return symbols[name]
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return -walk(operand)
-            case ast.UnaryOp(operand=operand):
-                return walk(operand)
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                power = _exponent(right)
-                assert power is not None
-                return walk(left) ** sympy.Rational(power.numerator, power.denominator)
-            case ast.BinOp(left=left, op=op, right=right):
-                a, b = walk(left), walk(right)
-                match op:
-                    case ast.Add():
-                        return a + b
-                    case ast.Sub():
-                        return a - b
-                    case ast.Mult():
-                        return a * b
-                return a / b
-            case ast.Call(args=args):
-                function = _function(node)
-                if function == GATHER:
-                    assert gathered is not None
-                    assert isinstance(args[0], ast.Name)
-                    return gathered[args[0].id]
-                assert function is not None
-                return _FUNCTIONS[function](*(walk(a) for a in args))
-        raise AssertionError(ast.dump(node))
 
     return walk(expression.tree)

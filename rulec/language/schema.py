@@ -12,8 +12,8 @@ from typing import Any
 
 import jsonschema
 
-from rulec.diagnostics import Diagnostic, did_you_mean, nearest
-from rulec.document import Document, Path_
+from rulec.language.diagnostics import Diagnostic, did_you_mean, nearest
+from rulec.language.document import Document, Path_
 
 KINDS = ("module", "fault", "sensor", "fluid", "plant", "columns", "calibration", "units")
 

@@ -1,0 +1,111 @@
+"""Checked equations to sympy, and back by peeling.
+
+Functions with a corner (abs, sign, min, max) are own sympy functions: their derivatives stay within
+the operations of a plan, where sympy's would bring Heaviside, DiracDelta and unevaluated
+derivatives.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+
+import sympy
+
+from rulec.language.expression import GATHER, Expression, exponent_of, function_of
+
+
+class Signum(sympy.Function):  # type: ignore[misc]
+    """-1, 0 or 1; its derivative counts as 0, also in the jump."""
+
+    nargs = 1
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        return sympy.Integer(0)
+
+
+class Absolute(sympy.Function):  # type: ignore[misc]
+    """Size without sign; the derivative in the corner is 0."""
+
+    nargs = 1
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        return Signum(self.args[0])
+
+
+class Smaller(sympy.Function):  # type: ignore[misc]
+    """The smaller of two; where they are equal, half the derivative of each."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        a, b = self.args if argindex == 1 else self.args[::-1]
+        return (1 + Signum(b - a)) / 2
+
+
+class Larger(sympy.Function):  # type: ignore[misc]
+    """The larger of two; where they are equal, half the derivative of each."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        a, b = self.args if argindex == 1 else self.args[::-1]
+        return (1 + Signum(a - b)) / 2
+
+
+_FUNCTIONS: Mapping[str, Callable[..., sympy.Expr]] = {
+    "sqrt": sympy.sqrt,
+    "abs": Absolute,
+    "sign": Signum,
+    "exp": sympy.exp,
+    "log": sympy.log,
+    "tanh": sympy.tanh,
+    "min": Smaller,
+    "max": Larger,
+}
+
+
+def to_sympy(
+    expression: Expression,
+    symbols: Mapping[str, sympy.Expr],
+    gathered: Mapping[str, sympy.Expr] | None = None,
+) -> sympy.Expr:
+    """Translate to sympy, each name by the given table (a KeyError is our own bug)."""
+
+    def walk(node: ast.expr) -> sympy.Expr:
+        match node:
+            case ast.Constant(value=int(value)):
+                return sympy.Integer(value)
+            case ast.Constant(value=float(value)):
+                return sympy.Float(value)
+            case ast.Name(id=name):
+                return symbols[name]
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -walk(operand)
+            case ast.UnaryOp(operand=operand):
+                return walk(operand)
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                power = exponent_of(right)
+                assert power is not None
+                return walk(left) ** sympy.Rational(power.numerator, power.denominator)
+            case ast.BinOp(left=left, op=op, right=right):
+                a, b = walk(left), walk(right)
+                match op:
+                    case ast.Add():
+                        return a + b
+                    case ast.Sub():
+                        return a - b
+                    case ast.Mult():
+                        return a * b
+                return a / b
+            case ast.Call(args=args):
+                function = function_of(node)
+                if function == GATHER:
+                    assert gathered is not None
+                    assert isinstance(args[0], ast.Name)
+                    return gathered[args[0].id]
+                assert function is not None
+                return _FUNCTIONS[function](*(walk(a) for a in args))
+        raise AssertionError(ast.dump(node))
+
+    return walk(expression.tree)
