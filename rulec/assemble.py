@@ -225,7 +225,7 @@ class _Instance:
         return None
 
     def back_pressure_response(self, gathered: str) -> Node:
-        """How the flow follows a pressure downstream, pump and line in series.
+        """How the flow follows a pressure downstream, two components in series.
 
         The primary observers of two components hold at once; their common signal adapts.
         """
@@ -234,16 +234,16 @@ class _Instance:
         for line in primaries:
             if variable not in self.model.gradients[line]:
                 continue
-            for pump in primaries:
+            for other in primaries:
                 shared = [
                     s
                     for s, signal in self.module.type.signals.items()
-                    if s in self.model.gradients[pump]
+                    if s in self.model.gradients[other]
                     and s in self.model.gradients[line]
                     and not signal.is_input
                 ]
-                if pump != line and shared:
-                    along = self.slope(pump, shared[0])
+                if other != line and shared:
+                    along = self.slope(other, shared[0])
                     across = self.slope(line, shared[0])
                     down = self.slope(line, variable)
                     return graph.div(graph.mul(along, down), graph.sub(along, across))

@@ -211,8 +211,9 @@ class HypothesisTest:
 
         Each observer's own part of the effect may be off by the tolerance, independently.
         """
-        _, slopes = undone(degree)
-        spread = fault.tolerance * degree * slopes
+        measured, _ = undone(np.zeros(len(degree)))
+        values, _ = undone(degree)
+        spread = fault.tolerance * (values - measured)
         parts = np.einsum("ro,on->nro", self.basis[:, places], spread)
         widened: Array = self.covariance + parts @ np.swapaxes(parts, 1, 2)
         return widened

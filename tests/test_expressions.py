@@ -20,7 +20,7 @@ from rulec.language.diagnostics import Diagnostic, render_all
 from rulec.language.dimension import dimension
 from rulec.language.document import parse_document
 from rulec.language.expression import Rejected, parse
-from rulec.language.symbolic import to_sympy
+from rulec.language.symbolic import Absolute, Larger, Signum, Smaller, to_sympy
 from rulec.language.units import NONE, VOLUME_FLOW
 from rulec.pipeline import compile_plant
 from tests.conftest import ROOT
@@ -179,13 +179,15 @@ def test_hostile_equation_is_refused_unread(
     assert CANARY not in os.environ
 
 
+OWN = {f.__name__: f for f in (Absolute, Larger, Signum, Smaller)}
+
 LEGAL = [
     ("n*V", "V*n"),
     ("-(n + 2)**-1/3", "-1/(3*(n + 2))"),
     ("sqrt(dp/k)*n**(7/4)", "n**(7/4)*sqrt(dp/k)"),
-    ("  min(n, 1e3) +\n max(dp, 0) ", "Max(0, dp) + Min(1000.0, n)"),
+    ("  min(n, 1e3) +\n max(dp, 0) ", "Larger(dp, 0) + Smaller(n, 1000.0)"),
     ("E*I + N*beta - S + Q*pi", "E*I + N*beta + Q*pi - S"),
-    ("abs(n) + sign(n) + tanh(n)", "sign(n) + tanh(n) + Abs(n)"),
+    ("abs(n) + sign(n) + tanh(n)", "Absolute(n) + Signum(n) + tanh(n)"),
     ("exp(log(n))", "n"),
     ("downstream(dp_mix)*2", "2*d"),
 ]
@@ -199,7 +201,8 @@ def test_legal_equation_reads_as_sympy_writes_it(text: str, read: str) -> None:
     symbols = {name: sympy.Symbol(name, positive=True) for name in names}
     gathered = {"dp_mix": sympy.Symbol("d")}
     result = to_sympy(expression, symbols, gathered)
-    assert sympy.simplify(result - sympy.sympify(read, {**symbols, "d": gathered["dp_mix"]})) == 0
+    table = {**symbols, **OWN, "d": gathered["dp_mix"]}
+    assert sympy.simplify(result - sympy.sympify(read, table)) == 0
 
 
 DIMENSIONS = [

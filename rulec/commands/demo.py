@@ -15,17 +15,23 @@ from runtime.recording import read_recording
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compile the shipped plant, show its matrix, diagnose a recorded leakage."""
+    """Compile the shipped plant, show its matrix, diagnose a recording made with a fault."""
     out = console(options)
     plant = shipped("plants") / "abc"
     if plant.is_relative_to(Path.cwd()):
         plant = plant.relative_to(Path.cwd())
-    recording = plant / "examples" / "leakage_A.csv"
+    recording = _example(plant / "examples")
     out.rule("1. compile: from module files to a fault-symptom matrix")
     out.print(f"$ rulec matrix {plant}", markup=False)
     ruleset = compile_plant(plant)
     show(out, ruleset)
-    out.rule("2. diagnose: a recording in which pump A leaks more and more")
+    out.rule("2. diagnose: a simulated recording with a fault that grows in steps")
     out.print(f"$ rulec diagnose {plant} {recording}", markup=False)
     explain(out, diagnose(read_recording(recording, ruleset), ruleset))
     return 0
+
+
+def _example(folder: Path) -> Path:
+    """The recording that has its truth beside it."""
+    truth = sorted(folder.glob("*.truth.csv"))[0]
+    return truth.with_name(truth.name.replace(".truth", ""))

@@ -101,7 +101,7 @@ def parse_document(name: str, text: str) -> tuple[Document | None, list[Diagnost
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         return None, [_syntax(name, text, error)]
     if node is None:
-        hint = "start it with what it describes, as in 'module: my-pump'"
+        hint = "start it with what it describes, as in 'module: my-module'"
         return None, [Diagnostic(Place(name), "KB006", "the file is empty", hint)]
     builder = _Builder(name)
     data = builder.build(node, ())

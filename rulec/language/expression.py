@@ -199,7 +199,7 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
     if name == GATHER:
         if len(node.args) != 1 or not isinstance(node.args[0], ast.Name):
             message = f"{GATHER}() takes the one name that modules provide"
-            raise rejected_at(node, "KB045", message, f"as in {GATHER}(dp_mix)")
+            raise rejected_at(node, "KB045", message, f"as in {GATHER}(name)")
     elif len(node.args) != ARITY[name]:
         wanted, example = ("2 values", "a, b") if ARITY[name] == 2 else ("1 value", "a")
         message = f"{name}() takes {wanted}, not {len(node.args)}"

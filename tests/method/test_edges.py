@@ -191,17 +191,7 @@ def test_reading_above_shut_off_may_be_the_sensor() -> None:
     assert chances["A.dp.high"] > 0.2
 
 
-DEAD = pytest.mark.xfail(
-    strict=True,
-    reason="between its minimum (0.05 bar) and the static part a dead pressure sensor ends "
-    "A.plant alone, and the tolerance of A.dp.low at a degree of 0.97 outweighs its better fit "
-    "(see test_tolerance_does_not_turn_against_large_degrees)",
-)
-
-
-@pytest.mark.parametrize(
-    "reading", [0.0, 0.04, pytest.param(0.06, marks=DEAD), pytest.param(0.1, marks=DEAD), 0.2, 0.4]
-)
+@pytest.mark.parametrize("reading", [0.0, 0.04, 0.06, 0.1, 0.2, 0.4])
 def test_dead_pressure_sensor_is_not_blamed_on_the_power_sensor(reading: float) -> None:
     """A pressure reading near 0 at nominal speed says nothing certain about the power reading."""
     ended, chances = replaced_point("abc", {"A.dp [bar]": reading})

@@ -115,12 +115,6 @@ def test_default_mode_finds_large_degrees(fault: str) -> None:
     assert [fault] * 2 == named
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="HypothesisTest._widened: the tolerance of a law (1 - x) g is taken as degree * slope, "
-    "which grows as x/(1 - x)**2, so the true fault pays for its large volume and a wrong one "
-    "that fits worse (chi-square 2.8 against 0) is named; with tolerance 0 the true one wins",
-)
 @pytest.mark.parametrize(
     ("plant", "fault", "true"),
     [("abc", "A.dp.low", [0.8, 0.9]), ("abc-membrane", "A.widening", [0.95])],
