@@ -49,7 +49,10 @@ def derive_rules(signatures: Signatures) -> Rules:
     _basic_outputs(assembly)
     hypotheses = {h.id: h for h in assembly.hypotheses}
     moments = Moments(assembly)
-    rules = tuple(_rule(assembly, moments, hypotheses[c.fault], c) for c in signatures.cells)
+    spreads: dict[tuple[str, str, str], _Spread] = {}
+    rules = tuple(
+        _rule(assembly, moments, spreads, hypotheses[c.fault], c) for c in signatures.cells
+    )
     return Rules(signatures, rules)
 
 
@@ -67,7 +70,13 @@ def _basic_outputs(assembly: Assembly) -> None:
         outputs[f"u:{residual}"] = graph.apply("sqrt", assembly.residual_variances[residual])
 
 
-def _rule(assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Signature) -> Rule:
+def _rule(
+    assembly: Assembly,
+    moments: Moments,
+    spreads: dict[tuple[str, str, str], _Spread],
+    hypothesis: Hypothesis,
+    cell: Signature,
+) -> Rule:
     graph, outputs = assembly.graph, assembly.graph.outputs
     key = f"{cell.fault}:{cell.residual}"
     R = assembly.residual_nodes[cell.residual]
@@ -75,7 +84,11 @@ def _rule(assembly: Assembly, moments: Moments, hypothesis: Hypothesis, cell: Si
 
     def rule(form: str, mu: Node, scaled: Node, gradients: Signed) -> None:
         at = {G: scaled, EXCESS: graph.div(R, mu)}
-        spread = _spread(assembly, moments, hypothesis, cell, gradients)
+        # Two directions of one fault scale the same g: they share their second moments.
+        place = (hypothesis.target, cell.residual, form)
+        spread = spreads.get(place)
+        if spread is None:
+            spread = spreads[place] = _spread(assembly, moments, hypothesis, cell, gradients)
         outputs[f"x:{form}:{key}"] = graph.lower(degree, at)
         outputs[f"ux:{form}:{key}"] = _uncertainty(graph, hypothesis, spread, mu, at)
 

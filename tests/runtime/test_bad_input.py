@@ -372,27 +372,43 @@ def test_json_on_standard_output_is_alone_there(tmp_path: Path, ruleset_file: Pa
     assert "maintenance required" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (("nothing.json", "x.csv"), 1, "nothing.json"),
-        (("{ruleset}", "nothing.csv"), 1, "there is no such file"),
-        (("{ruleset}", "{ruleset}"), 1, "rulec: "),
-        (("{ruleset}", "."), 1, "rulec: "),
-        (("{ruleset}", "/dev/null"), 1, "rulec: /dev/null"),
-        (("x.csv", "x.csv"), 1, ""),
-        (("{ruleset}", "{recording}", "--json", "/nowhere/out.json"), 1, "rulec: /nowhere"),
-        (("{ruleset}", "{recording}", "--trace", "/nowhere/out.csv"), 1, "rulec: /nowhere"),
-        (("{ruleset}",), 2, "usage"),
-        (("{ruleset}", "x.csv", "--mode", "guess"), 2, "usage"),
-    ],
-)
+WRONG_CALLS = [
+    (("nothing.json", "x.csv"), 1, "nothing.json"),
+    (("{ruleset}", "nothing.csv"), 1, "there is no such file"),
+    (("{ruleset}", "{ruleset}"), 1, "no time column"),
+    (("{ruleset}", "/dev/null"), 1, "rulec: /dev/null"),
+    (("{recording}", "{recording}"), 1, ""),
+    (("{ruleset}", "{recording}", "--json", "/nowhere/out.json"), 1, "rulec: /nowhere"),
+    (("{ruleset}", "{recording}", "--trace", "/nowhere/out.csv"), 1, "rulec: /nowhere"),
+    (("{ruleset}",), 2, "usage"),
+    (("{ruleset}", "x.csv", "--mode", "guess"), 2, "usage"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "code", "message"), WRONG_CALLS)
 def test_wrong_calls_give_a_message(
-    arguments: tuple[str, ...], code: int, message: str, tmp_path: Path, ruleset_file: Path
+    arguments: tuple[str, ...],
+    code: int,
+    message: str,
+    tmp_path: Path,
+    ruleset_file: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """From a shell: exit code and message, never a traceback."""
+    """Exit code and message, no exception; argparse leaves by itself for wrong usage."""
     recording = write(tmp_path, SHEET.text(), "healthy.csv")
     filled = [a.format(ruleset=ruleset_file, recording=recording) for a in arguments]
-    done = command("diagnose", *filled)
-    assert (code, True) == (done.returncode, message in done.stderr), done.stderr
-    assert "Traceback" not in done.stderr
+    try:
+        found = main(["diagnose", *filled])
+    except SystemExit as leaving:
+        found = leaving.code
+    assert (code, True) == (found, message in capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("name", ["binary", "empty", "another plant"])
+def test_no_traceback_in_a_shell(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+    """As a process: exit 1, one line on standard error, nothing on standard output."""
+    recording = write(tmp_path, REFUSED[name][0])
+    done = command("diagnose", str(ruleset_file), str(recording), "--json", "-")
+    assert (1, "") == (done.returncode, done.stdout)
+    assert REFUSED[name][1] in done.stderr
+    assert 1 == done.stderr.count("\n")

@@ -301,17 +301,18 @@ def test_compiling_twice_gives_the_same_bytes(abc: Ruleset) -> None:
     assert abc.to_json() == compile_plant(ROOT / "plants" / "abc").to_json()
 
 
-@pytest.mark.parametrize("seed", ["0", "1"])
-def test_bytes_depend_neither_on_folder_nor_on_hash_seed(
-    abc: Ruleset, seed: str, tmp_path: Path
-) -> None:
+def test_bytes_depend_neither_on_folder_nor_on_hash_seed(abc: Ruleset, tmp_path: Path) -> None:
     """Compiled by another process, from another folder, with another order of sets."""
     target = tmp_path / "abc.ruleset.json"
-    where = {"0": ROOT, "1": tmp_path}[seed]
-    plant = ROOT / "plants" / "abc"
-    command = [sys.executable, "-m", "rulec", "compile", str(plant), "-o", str(target)]
-    environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
-    subprocess.run(command, cwd=where, env=environment, check=True, capture_output=True)
+    command = [sys.executable, "-m", "rulec", "compile", str(ROOT / "plants" / "abc")]
+    environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)}
+    subprocess.run(
+        [*command, "-o", str(target)],
+        cwd=tmp_path,
+        env=environment,
+        check=True,
+        capture_output=True,
+    )
     assert abc.to_json() == target.read_text(encoding="utf-8")
 
 
@@ -414,7 +415,7 @@ def exact(expression: sympy.Expr, at: tuple[Any, ...]) -> tuple[sympy.Float, flo
     return parts[0], max(abs(float(part)) for part in parts)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(EXPRESSIONS, READINGS)
 def test_lowered_expressions_evaluate_like_sympy(expression: sympy.Expr, at: Any) -> None:
     """A random expression as a plan against sympy: 1e-12 of its largest part."""
@@ -423,7 +424,7 @@ def test_lowered_expressions_evaluate_like_sympy(expression: sympy.Expr, at: Any
     assert float(expected) == pytest.approx(lowered(expression, at), rel=1e-12, abs=1e-12 * size)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(EXPRESSIONS, READINGS)
 def test_derivatives_stay_within_the_plan(expression: sympy.Expr, at: Any) -> None:
     """The derivative can be lowered, and is that of the function, corners left out."""
@@ -457,7 +458,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(STEPS, st.lists(st.floats(-3, 3), min_size=3, max_size=3))
 def test_folding_and_signs_keep_values(steps: list[tuple[str, int, int]], at: list[float]) -> None:
     """A graph of random operations, built with and without its shortcuts, gives the same values.
