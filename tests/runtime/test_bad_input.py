@@ -169,7 +169,6 @@ KNOWN = {
         "a root's failing argument condemns one observer, not its readings",
         "default",
     ),
-    "power 65535": ("P_el has no range in kb/, so no sensor limit is known", "default"),
 }
 """Alarms from invalid readings today: why, and in which modes."""
 
