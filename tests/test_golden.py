@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.ruleset import read_ruleset
+from runtime.ruleset_file import read_ruleset
 from tests.conftest import compiled
 
 GOLDEN = Path(__file__).parent / "golden"

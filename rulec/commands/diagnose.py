@@ -11,7 +11,8 @@ from runtime.diagnose import diagnose, trace
 from runtime.explain import explain
 from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.recording import read_recording
-from runtime.ruleset import Ruleset, read_ruleset
+from runtime.ruleset import Ruleset
+from runtime.ruleset_file import read_ruleset
 
 
 def run(options: argparse.Namespace) -> int:

@@ -24,7 +24,8 @@ from rulec.language.symbolic import Absolute, Larger, Signum, Smaller
 from rulec.pipeline import compile_plant
 from runtime import plan as plan_module
 from runtime.plan import CHUNK, OPERATIONS, UNARY, Plan
-from runtime.ruleset import FORMAT_VERSION, Ruleset, RulesetRefused, parse_ruleset, read_ruleset
+from runtime.ruleset import FORMAT_VERSION, Ruleset
+from runtime.ruleset_file import RulesetRefused, parse_ruleset, read_ruleset
 from tests.conftest import ROOT
 
 NUMPY: Mapping[str, Callable[..., Any]] = {

@@ -1,0 +1,139 @@
+"""Read a ruleset file, and refuse what is none, of another version, or damaged."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from runtime.plan import OPERATIONS, UNARY, Plan
+from runtime.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset
+
+
+class RulesetRefused(Exception):
+    """The file is no ruleset of this version; the message says what to do."""
+
+
+def read_ruleset(path: Path) -> Ruleset:
+    """Read a ruleset file; raises `RulesetRefused` if it is none, or of another version."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RulesetRefused(f"{path}: cannot be read as a ruleset ({error})") from None
+    return parse_ruleset(data, str(path))
+
+
+def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
+    """Build a ruleset from its JSON data."""
+    version = data.get("format_version") if isinstance(data, dict) else None
+    if version != FORMAT_VERSION:
+        raise RulesetRefused(
+            f"{name}: format version {version!r}, but this runtime reads version "
+            f"{FORMAT_VERSION}; compile the plant again"
+        )
+    try:
+        ruleset: Ruleset = _build(Ruleset, data)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
+    _verify(ruleset.plan, name)
+    _verify(ruleset.undo, name)
+    missing = next(_dangling(ruleset), None)
+    if missing:
+        raise RulesetRefused(f"{name}: damaged ruleset ({missing}); compile again")
+    return ruleset
+
+
+def _dangling(ruleset: Ruleset) -> Iterator[str]:
+    """References to what the ruleset does not hold, and names it holds twice."""
+    tables = {
+        "signal": [s.id for s in ruleset.signals],
+        "observer": [o.id for o in ruleset.observers],
+        "residual": [r.id for r in ruleset.residuals],
+        "fault": [f.id for f in ruleset.faults],
+        "module": list(ruleset.modules),
+        "output": list(ruleset.plan.outputs),
+        "kind of uncertainty": list(UNCERTAINTIES),
+    }
+    for kind, names in tables.items():
+        if len(set(names)) < len(names):
+            yield f"a {kind} stands twice"
+    known = {kind: frozenset(names) for kind, names in tables.items()}
+    for kind, name in _references(ruleset):
+        if name not in known[kind]:
+            yield f"no {kind} '{name}'"
+
+
+def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
+    """Everything that one part of a ruleset says of another, as (kind, name)."""
+    for signal in ruleset.signals:
+        yield "kind of uncertainty", signal.kind
+    for column in ruleset.columns:
+        yield "signal", column.signal
+    for observer in ruleset.observers:
+        yield "module", observer.module
+        yield from (("signal", s) for s in observer.signals)
+        yield from (("output", g.output) for g in observer.guards)
+    for junction in ruleset.junctions:
+        yield from (("module", m) for m in (*junction.outlets, *junction.inlets))
+    for residual in ruleset.residuals:
+        yield from (("observer", t.observer) for t in residual.terms)
+    for fault in ruleset.faults:
+        yield "module", fault.module
+        yield from (("observer", o) for o in fault.affects)
+    for cell in ruleset.cells:
+        yield "fault", cell.fault
+        yield "residual", cell.residual
+
+
+def _verify(plan: Plan, name: str) -> None:
+    """A plan may only read what stands before it."""
+    start = plan.first_operation
+    for i, operation in enumerate(plan.operations, start):
+        if not _legal(operation, i):
+            raise RulesetRefused(f"{name}: damaged plan at operation {i - start}; compile again")
+    end = start + len(plan.operations)
+    if not all(type(i) is int and 0 <= i < end for i in plan.outputs.values()):
+        raise RulesetRefused(f"{name}: damaged plan outputs; compile again")
+    if not all(type(c) in (int, float) for c in plan.constants):
+        raise RulesetRefused(f"{name}: damaged plan constants; compile again")
+
+
+def _legal(operation: Any, number: int) -> bool:
+    """Is this an operation that reads only values with smaller numbers?"""
+    match operation:
+        case (str(name), int(a), int(b)) if name in OPERATIONS:
+            return 0 <= a < number and (name in UNARY or 0 <= b < number)
+    return False
+
+
+def _build(kind: Any, data: Any) -> Any:
+    """Turn JSON data into the dataclass (or container) `kind`."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        hints = _hints(kind)
+        return kind(**{name: _build(hints[name], data[name]) for name in hints})  # type: ignore[operator]
+    if origin is tuple:
+        if arguments[-1] is Ellipsis:
+            return tuple(_build(arguments[0], item) for item in data)
+        return tuple(data)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return {str(k): _build(arguments[1], v) for k, v in data.items()}
+    if origin in (types.UnionType, typing.Union):
+        return data
+    if kind is float:
+        return float(data)
+    return data
+
+
+_HINTS: dict[Any, dict[str, Any]] = {}
+
+
+def _hints(kind: Any) -> dict[str, Any]:
+    if kind not in _HINTS:
+        names = {f.name for f in dataclasses.fields(kind)}
+        _HINTS[kind] = {n: h for n, h in typing.get_type_hints(kind).items() if n in names}
+    return _HINTS[kind]
