@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CHUNK = 8192
+CHUNK = 16384
 """Samples at a time: fewer make numpy's calls dear, more leave the cache."""
 
 OPERATIONS: Mapping[str, Callable[..., Any]] = {
@@ -63,7 +63,7 @@ class Plan:
         needed = self._needed(kept.values())
         renumber = {i: i for i in range(self.first_operation)}
         operations: list[Operation] = []
-        for i in needed:
+        for i in sorted(needed):
             name, a, b = self.operations[i - self.first_operation]
             renumber[i] = self.first_operation + len(operations)
             operations.append((name, renumber[a], 0 if name in UNARY else renumber[b]))
@@ -71,17 +71,23 @@ class Plan:
         return Plan(self.inputs, self.constants, tuple(operations), outputs_)
 
     def _needed(self, roots: Iterable[int]) -> list[int]:
-        start = self.first_operation
+        """Operations that the roots need, one root after the other, each behind its operands.
+
+        In this order few values are alive at a time.
+        """
+        order: list[int] = []
         seen: set[int] = set()
-        stack = [i for i in roots if i >= start]
+        stack = [(i, False) for i in roots][::-1]
         while stack:
-            i = stack.pop()
-            if i in seen:
-                continue
-            seen.add(i)
-            name, a, b = self.operations[i - start]
-            stack.extend(j for j in ((a,) if name in UNARY else (a, b)) if j >= start)
-        return sorted(seen)
+            i, operands_done = stack.pop()
+            if operands_done:
+                order.append(i)
+            elif i >= self.first_operation and i not in seen:
+                seen.add(i)
+                name, a, b = self.operations[i - self.first_operation]
+                stack.append((i, True))
+                stack += [(j, False) for j in ((a,) if name in UNARY else (a, b))]
+        return order
 
     def used_inputs(self) -> set[str]:
         """Names of the inputs that some operation or output reads."""
@@ -144,11 +150,15 @@ class Plan:
 
     def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
         """Split operations into scalar ones and array steps; buffers are reused after last use."""
-        is_array = list(varying) + [False] * len(self.constants)
+        is_array = [*varying, *[False] * (len(self.constants) + len(self.operations))]
+        order = [
+            (i, *self.operations[i - self.first_operation])
+            for i in self._needed(self.outputs.values())
+        ]
         last: dict[int, int] = {}
-        for i, (name, a, b) in enumerate(self.operations, self.first_operation):
+        for i, name, a, b in order:
             operands = (a,) if name in UNARY else (a, b)
-            is_array.append(any(is_array[j] for j in operands))
+            is_array[i] = any(is_array[j] for j in operands)
             last.update(dict.fromkeys(operands, i))
         targets = {i: n for n, i in self.outputs.items() if i >= self.first_operation}
         targets = {i: n for i, n in targets.items() if is_array[i]}
@@ -157,7 +167,7 @@ class Plan:
         rows: dict[int, int] = {}
         steps: dict[bool, list[_Step]] = {True: [], False: []}
         count = 0
-        for i, (name, a, b) in enumerate(self.operations, self.first_operation):
+        for i, name, a, b in order:
             operands = (a,) if name in UNARY else (a, b)
             steps[is_array[i]].append((OPERATIONS[name], a, -1 if name in UNARY else b, i))
             free += [held.pop(j) for j in set(operands) if j in held and last[j] == i]
