@@ -98,6 +98,8 @@ class Graph:
         first, second = a if p is None else p, b if q is None else q
         if name == "neg" and p is not None:
             return p
+        if name == "abs" and p is not None:
+            return self.apply("abs", p)
         if name in ("mul", "div"):
             node = self.apply(name, first, second)
             return node if p is not None and q is not None else self.apply("neg", node)

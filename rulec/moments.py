@@ -20,6 +20,10 @@ LONG = 3
 """Sums of more terms than this are gathered first."""
 
 
+MANY = 8
+"""Beyond this many correlated observers the residual's own gradient is shorter than theirs."""
+
+
 class Moments:
     """Second moments over the gradients of an assembly."""
 
@@ -48,10 +52,14 @@ class Moments:
 
     def with_residual(self, residual: str, gradients: Signed) -> Node:
         """Covariance of a residual with a signed sum of gradients."""
-        signs = self._signs[residual]
-        terms = []
+        signs, whole = self._signs[residual], self._assembly.residual_gradients[residual]
+        terms: list[tuple[int, Node]] = []
         for sign, gradient in gradients:
-            for observer in sorted(self._correlated(gradient) & signs.keys()):
+            shared = self._correlated(gradient) & signs.keys()
+            if len(shared) > MANY:
+                terms.append((sign, self.of(gradient, whole)))
+                continue
+            for observer in sorted(shared):
                 node = self.of(self._assembly.gradients[observer], gradient)
                 terms.append((sign * signs[observer], node))
         return self._graph.signed_sum(terms)

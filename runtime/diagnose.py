@@ -14,8 +14,11 @@ from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.runs import COVERAGE
-from runtime.stationary import find_stretches, noise_of
+from runtime.stationary import SHORTEST, find_stretches, noise_of
 from runtime.verdict import Verdict, verdict_at
+
+BLOCK = 16_384
+"""Samples judged at a time, so that memory stays flat."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     notes += [f"{name} is not in the recording" for name in recording.missing]
     if not len(stretches):
         period = Period(
-            float(recording.time[0]), float(recording.time[-1]), "no settled stretch was found"
+            float(recording.time[0]), float(recording.time[-1]), _restless(len(recording))
         )
         return Diagnosis(ruleset, mode, len(recording), 0, "C", (), (), (period,), tuple(notes))
     observed = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
@@ -70,6 +73,13 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
         tuple(not_judged),
         tuple(notes),
     )
+
+
+def _restless(samples: int) -> str:
+    """Why nothing could be judged at all."""
+    if samples < SHORTEST:
+        return f"the recording has {samples} samples; a settled stretch needs {SHORTEST}"
+    return f"no settled stretch was found: no {SHORTEST} samples in a row without a jump"
 
 
 def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation:
@@ -116,20 +126,23 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     """Judge every sample of the settled stretches on its own; the others are ``moving``."""
     noise = {name: noise_of(values) for name, values in recording.values.items()}
     stretches = find_stretches(recording, ruleset, noise)
-    settled = np.zeros(len(recording), dtype=bool)
-    for first, last in zip(stretches.first, stretches.last, strict=True):
-        settled[first:last] = True
-    observed = observe(ruleset, points_of_samples(recording, ruleset, noise))
-    isolation = isolate(ruleset, observed)
-    if mode == "paper":
-        isolation = _by_paper(ruleset, observed, isolation)
-    words = [
-        _word(ruleset, verdict_at(ruleset, observed, isolation, i)) if settled[i] else "moving"
-        for i in range(len(recording))
-    ]
-    shown = (isolation.probability > 0) & settled
-    degree = np.where(shown, isolation.degree, 0.0)
-    half = np.where(shown, COVERAGE * isolation.u, 0.0)
+    settled = [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
+    index = np.concatenate(settled) if settled else np.zeros(0, dtype=int)
+    points = points_of_samples(recording, ruleset, noise)
+    words = ["moving"] * len(recording)
+    degree = np.zeros((len(ruleset.faults), len(recording)))
+    half = np.zeros_like(degree)
+    for low in range(0, len(index), BLOCK):
+        chosen = index[low : low + BLOCK]
+        observed = observe(ruleset, points.at(chosen))
+        isolation = isolate(ruleset, observed)
+        if mode == "paper":
+            isolation = _by_paper(ruleset, observed, isolation)
+        for i, sample in enumerate(chosen):
+            words[sample] = _word(ruleset, verdict_at(ruleset, observed, isolation, i))
+        fits = isolation.probability > 0
+        degree[:, chosen] = np.where(fits, isolation.degree, 0.0)
+        half[:, chosen] = np.where(fits, COVERAGE * isolation.u, 0.0)
     return Trace(
         recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
     )

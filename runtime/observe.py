@@ -34,6 +34,14 @@ class Points:
     bad: Mapping[str, np.ndarray]
     why: Mapping[str, str]
 
+    def at(self, chosen: np.ndarray) -> Points:
+        """Some of the points."""
+        values, u, systematic, bad = (
+            {name: part[chosen] for name, part in table.items()}
+            for table in (self.values, self.u, self.systematic, self.bad)
+        )
+        return Points(values, u, systematic, bad, self.why)
+
 
 @dataclass(frozen=True)
 class Observed:
@@ -232,7 +240,9 @@ def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
 def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> str:
     """Why an estimate cannot be used at a point, in words without numbers that would vary."""
     spec = ruleset.observers[observer]
-    for name in spec.signals:
+    # What the operator sets comes first: at standstill the speed is the reason, not the pressure.
+    inputs_first = sorted(spec.signals, key=lambda s: not ruleset.signal_by_id[s].is_input)
+    for name in inputs_first:
         signal = ruleset.signal_by_id[name]
         values = observed.points.values.get(name)
         if values is None:

@@ -47,7 +47,7 @@ class Refused(Exception):
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(sorted(set(diagnostics)))
-        super().__init__(f"{len(self.diagnostics)} mistake(s)")
+        super().__init__("; ".join(d.message for d in self.diagnostics[:3]))
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
