@@ -78,7 +78,8 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
 def _restless(samples: int) -> str:
     """Why nothing could be judged at all."""
     if samples < SHORTEST:
-        return f"the recording has {samples} samples; a settled stretch needs {SHORTEST}"
+        plural = "s" * (samples != 1)
+        return f"the recording has {samples} sample{plural}; a settled stretch needs {SHORTEST}"
     return f"no settled stretch was found: no {SHORTEST} samples in a row without a jump"
 
 

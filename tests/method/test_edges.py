@@ -129,8 +129,9 @@ def test_no_alarm(edge: str, mode: str) -> None:
 
 
 NOTHING_LEFT = {
-    "all at rest": "A.dp is below 0.05 bar; B.dp is below 0.05 bar; C.resis gives no positive flow",
-    "nothing at all": "A.dp: no reading; A.P_el: no reading; B.dp: no reading; B.P_el: no reading; "
+    "all at rest": "A.n is below 40 rpm; A.dp is below 0.05 bar; B.n is below 40 rpm; "
+    "B.dp is below 0.05 bar; C.resis gives no positive flow",
+    "nothing at all": "A.n: no reading; A.dp: no reading; B.n: no reading; B.dp: no reading; "
     "C.dp: no reading",
 }
 

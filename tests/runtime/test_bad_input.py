@@ -199,9 +199,9 @@ def test_never_an_alarm(
 
 
 BECAUSE = {
-    "two samples": "no settled stretch",
-    "one sample": "no settled stretch",
-    "one time": "no settled stretch",
+    "two samples": "the recording has 2 samples; a settled stretch needs 3",
+    "one sample": "the recording has 1 sample; a settled stretch needs 3",
+    "one time": "the recording has 1 sample; a settled stretch needs 3",
     "all columns without readings": "A.dp: no reading",
     "only time and one column": "A.n is not in the recording",
     "standstill": "is below",
