@@ -122,15 +122,7 @@ def _fit_observer(
 ) -> _Part:
     plan = _observer_plan(model, observer)
     inputs: dict[str, Array | float] = {**current, **readings.values}
-    usable = np.isfinite(readings.flow)
-    for name in _variables(model, observer):
-        usable &= np.isfinite(readings.values.get(name, np.full(len(usable), np.nan)))
-    rows = np.flatnonzero(usable)
-    if len(rows) < 3 * max(len(free), 1):
-        raise CalibrationRefused(
-            f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
-            f"{readings.flow_name}; {3 * max(len(free), 1)} are needed for {len(free)} parameters"
-        )
+    rows = _usable_rows(module, model, observer, len(free), readings)
     scale = np.array([_scale(module, n) for n in free])
     begin = np.array([current[n] for n in free]) / scale
 
@@ -170,6 +162,23 @@ def _fit_observer(
         {n: s[kept] for n, s in slopes.items()},
         summary,
     )
+
+
+def _usable_rows(
+    module: Module, model: TypeModel, observer: str, count: int, readings: Readings
+) -> np.ndarray:
+    """Points with all readings and a true flow; refuses if they are too few for `count`."""
+    usable = np.isfinite(readings.flow)
+    for name in _variables(model, observer):
+        usable &= np.isfinite(readings.values.get(name, np.full(len(usable), np.nan)))
+    rows = np.flatnonzero(usable)
+    needed = 3 * max(count, 1)
+    if len(rows) < needed:
+        raise CalibrationRefused(
+            f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
+            f"{readings.flow_name}; {needed} are needed for {count} parameters"
+        )
+    return rows
 
 
 def _observer_plan(model: TypeModel, observer: str) -> Plan:

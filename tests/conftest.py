@@ -26,15 +26,6 @@ def recordings_folder() -> Path:
 
 
 @pytest.fixture
-def recordings() -> Path:
-    """Real recordings; the test is skipped, with the reason, where they are absent."""
-    folder = recordings_folder()
-    if not folder.is_dir():
-        pytest.skip(f"no real recordings at {folder} (set RULEC_RECORDINGS)")
-    return folder
-
-
-@pytest.fixture
 def abc() -> Ruleset:
     """The plant of the seed paper's Figure 1."""
     return compiled("abc")

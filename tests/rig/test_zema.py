@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import recordings_folder
 from tests.rig.zema import Score, run
 
 
 @pytest.fixture(scope="module")
-def warm(request: pytest.FixtureRequest) -> Score:
+def warm() -> Score:
     """Score of the pump law with oil temperature over unseen blocks."""
     return _score("with temperature")
 
@@ -22,8 +23,6 @@ def cold() -> Score:
 
 
 def _score(law: str) -> Score:
-    from tests.conftest import recordings_folder
-
     folder = recordings_folder() / "zema-hydraulic"
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder} (set RULEC_RECORDINGS)")
