@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 from rulec.link import Network
 
@@ -28,10 +26,6 @@ class Residuals:
 
     network: Network
     residuals: tuple[Residual, ...]
-
-    @cached_property
-    def by_id(self) -> Mapping[str, Residual]:
-        return {r.id: r for r in self.residuals}
 
 
 def derive_residuals(network: Network) -> Residuals:

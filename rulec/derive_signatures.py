@@ -13,10 +13,7 @@ from rulec.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
 from rulec.differentiate import G
 from rulec.graph import Node
 from rulec.reference import solve_reference
-
-THRESHOLD = 3.0
-"""A residual counts as non-zero beyond this many standard uncertainties (docs/method.md: zero
-false alarms needs 3 or more)."""
+from runtime.ruleset import THRESHOLD
 
 NEGLIGIBLE = 1e-6
 """Share of the flow below which an effect counts as none: it cancels at a fault-free point."""

@@ -9,10 +9,10 @@ import numpy as np
 from runtime.isolate import Isolation
 from runtime.observe import Observed
 from runtime.plan import Array
-from runtime.ruleset import FaultSpec, Ruleset
+from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
 from runtime.runs import COVERAGE, runs_of
 from runtime.stationary import LONGEST, Stretches
-from runtime.verdict import THRESHOLD, Verdict, partly_blind
+from runtime.verdict import Verdict, partly_blind
 
 MENTION = 0.02
 """Alternatives less probable than this are not mentioned."""

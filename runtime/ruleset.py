@@ -13,6 +13,10 @@ from runtime.plan import Plan
 
 FORMAT_VERSION = 1
 
+THRESHOLD = 3.0
+"""A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
+of the matrix and in the evidence of a finding alike."""
+
 UNCERTAINTIES = ("full scale", "reading", "value")
 """What the systematic uncertainty of a sensor is a share of, or a value."""
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from runtime.isolate import Isolation
-from runtime.verdict import THRESHOLD, Verdict
+from runtime.ruleset import THRESHOLD
+from runtime.verdict import Verdict
 
 COVERAGE = 2.0
 """Bounds are a degree plus and minus this many standard uncertainties (about 95 %)."""

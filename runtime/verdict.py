@@ -8,13 +8,10 @@ import numpy as np
 
 from runtime.isolate import Isolation
 from runtime.observe import Observed, reason
-from runtime.ruleset import Ruleset
+from runtime.ruleset import THRESHOLD, Ruleset
 
 NAMED = 4
 """Faults named in a remark."""
-
-THRESHOLD = 3.0
-"""A residual is shown as non-zero beyond this many standard uncertainties."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,9 @@ def run(options: argparse.Namespace) -> int:
     """Run the passes up to the named one and print its result."""
     out = console(options)
     names = [p.__name__ for p in PASSES]
+    short = [n for n in names if options.step in n.split("_")]
+    if len(short) == 1:
+        options.step = short[0]
     if options.step not in names:
         asked = options.step == "passes"
         text = (
