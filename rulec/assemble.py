@@ -18,6 +18,7 @@ from rulec.differentiate import GATHERED, Models, TypeFault, TypeModel
 from rulec.graph import Graph, Node
 from rulec.plant import Module
 from rulec.undo import undo_graph
+from runtime.ruleset import MISFIT
 
 Gradient = Mapping[str, Node]
 
@@ -187,7 +188,7 @@ class _Instance:
             misfit = self.module.misfit.get(name, 0.0)
             if misfit:
                 node = self.graph.mul(self.graph.constant(misfit), self.graph.input(MODEL))
-                gradient[f"{key}~"] = node
+                gradient[f"{key}{MISFIT}"] = node
             gradients[key] = gradient
             guards[key] = tuple(
                 (condition.text, self.lower(condition.value))

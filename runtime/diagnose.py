@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.baseline import Baselines, against, learn, nothing_learned
+from runtime.causes import Seen
 from runtime.findings import Finding, Period, findings_of
 from runtime.isolate import Isolation, isolate
 from runtime.observe import Observed, observe, points_of_samples, points_of_stretches
@@ -14,7 +17,7 @@ from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.runs import COVERAGE
-from runtime.stationary import SHORTEST, find_stretches, noise_of
+from runtime.stationary import SHORTEST, Stretches, find_stretches, noise_of
 from runtime.verdict import Verdict, verdict_at
 
 BLOCK = 16_384
@@ -52,15 +55,12 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
             float(recording.time[0]), float(recording.time[-1]), _restless(len(recording))
         )
         return Diagnosis(ruleset, mode, len(recording), 0, "C", (), (), (period,), tuple(notes))
-    observed = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
-    isolation = isolate(ruleset, observed)
-    if mode == "paper":
-        isolation = _by_paper(ruleset, observed, isolation)
-    verdicts = [verdict_at(ruleset, observed, isolation, i) for i in range(len(stretches))]
-    findings, unknown, not_judged = findings_of(
-        recording.time, ruleset, stretches, observed, isolation, verdicts
-    )
-    judged = int(stretches.lengths[isolation.judged].sum())
+    seen = _see(recording, ruleset, stretches, noise, mode)
+    verdicts = [
+        verdict_at(ruleset, seen.observed, seen.isolation, i) for i in range(len(stretches))
+    ]
+    findings, unknown, not_judged = findings_of(recording.time, ruleset, stretches, seen, verdicts)
+    judged = int(stretches.lengths[seen.isolation.judged].sum())
     status = _status(findings, unknown, judged)
     return Diagnosis(
         ruleset,
@@ -83,6 +83,24 @@ def _restless(samples: int) -> str:
     return f"no settled stretch was found: no {SHORTEST} samples in a row without a jump"
 
 
+def _see(
+    recording: Recording,
+    ruleset: Ruleset,
+    stretches: Stretches,
+    noise: Mapping[str, float],
+    mode: str,
+) -> Seen:
+    """Observe the stretches, learn the baseline, isolate; the paper knows no baseline."""
+    observed = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
+    if mode == "paper":
+        nothing = Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
+        paper = _by_paper(ruleset, observed, isolate(ruleset, observed))
+        return Seen(observed, observed, nothing, paper, combined=False)
+    baselines = learn(ruleset, observed)
+    compared = against(ruleset, observed, baselines)
+    return Seen(observed, compared, baselines, isolate(ruleset, compared))
+
+
 def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation:
     """Put the paper's verdicts in the place of ours; its winner counts as certain."""
     paper = judge_by_paper(ruleset, observed)
@@ -91,16 +109,14 @@ def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Iso
     chosen = np.zeros_like(paper.degree)
     chosen[paper.winner(), np.arange(len(observed))] = deviating
     half = (paper.upper - paper.lower) / (2 * COVERAGE)
-    return Isolation(
-        isolation.judged,
-        deviating,
-        isolation.misfit,
-        isolation.freedom,
-        paper.degree,
-        np.maximum(half, 1e-12),
-        isolation.floor,
-        np.where(chosen > 0, 0.0, np.inf),
-        chosen,
+    return replace(
+        isolation,
+        deviating=deviating,
+        degree=paper.degree,
+        u=np.maximum(half, 1e-12),
+        distance=np.where(chosen > 0, 0.0, np.inf),
+        probability=chosen,
+        pair=np.full((len(observed), 2), -1),
     )
 
 
@@ -127,16 +143,22 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     """Judge every sample of the settled stretches on its own; the others are ``moving``."""
     noise = {name: noise_of(values) for name, values in recording.values.items()}
     stretches = find_stretches(recording, ruleset, noise)
+    if not len(stretches):
+        blank = np.zeros((len(ruleset.faults), len(recording)))
+        return Trace(recording.time, ("moving",) * len(recording), blank, blank, blank)
     settled = [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
-    index = np.concatenate(settled) if settled else np.zeros(0, dtype=int)
+    index = np.concatenate(settled)
     points = points_of_samples(recording, ruleset, noise)
     words = ["moving"] * len(recording)
     degree = np.zeros((len(ruleset.faults), len(recording)))
     half = np.zeros_like(degree)
+    baselines = _see(recording, ruleset, stretches, noise, mode).baselines
+    state = np.repeat(baselines.at, stretches.lengths)
     for low in range(0, len(index), BLOCK):
         chosen = index[low : low + BLOCK]
         observed = observe(ruleset, points.at(chosen))
-        isolation = isolate(ruleset, observed)
+        observed = against(ruleset, observed, baselines, state[low : low + BLOCK])
+        isolation = isolate(ruleset, observed, len(index))
         if mode == "paper":
             isolation = _by_paper(ruleset, observed, isolation)
         for i, sample in enumerate(chosen):
@@ -152,5 +174,5 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
 def _word(ruleset: Ruleset, verdict: Verdict) -> str:
     """A verdict as it stands in the trace: a fault's id, or what else is to be said."""
     if verdict.kind == "fault":
-        return ruleset.faults[verdict.fault].id
+        return " + ".join(ruleset.faults[i].id for i in verdict.faults)
     return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)

@@ -6,16 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.isolate import Isolation
+from runtime.causes import Cause, Seen, causes_of
+from runtime.combine import ENDED, ONSET
 from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
 from runtime.runs import COVERAGE, runs_of
 from runtime.stationary import LONGEST, Stretches
 from runtime.verdict import Verdict, partly_blind
-
-MENTION = 0.02
-"""Alternatives less probable than this are not mentioned."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,12 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault that fits, over a period; times in s."""
+    """A fault that fits, over a period; times in s.
+
+    `alternatives` fit about as well, `remote` ones hardly; `together` are faults found at the same
+    time, without which this one does not explain the readings. `baseline` is the number of
+    fault-free stretches of the recording that the residuals are compared with.
+    """
 
     fault: FaultSpec
     degree: float
@@ -47,9 +50,12 @@ class Finding:
     since: float
     until: float
     alternatives: tuple[tuple[str, float], ...]
+    remote: tuple[tuple[str, float], ...]
+    together: tuple[str, ...]
     evidence: tuple[Evidence, ...]
     readings: tuple[tuple[str, float], ...]
     flows: tuple[tuple[str, float, float], ...]
+    baseline: int
     text: str
 
 
@@ -66,37 +72,53 @@ def findings_of(
     time: Array,
     ruleset: Ruleset,
     stretches: Stretches,
-    observed: Observed,
-    isolation: Isolation,
+    seen: Seen,
     verdicts: list[Verdict],
 ) -> tuple[list[Finding], list[Period], list[Period]]:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
     findings: list[Finding] = []
     periods: dict[str, list[Period]] = {"unknown": [], "outside": [], "blind": []}
-    for kind, members in runs_of(verdicts, isolation, _pauses(time, stretches)):
+    known: frozenset[int] = frozenset()
+    for kind, members in runs_of(verdicts, seen.isolation, _pauses(time, stretches)):
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
         if kind == "fault":
-            findings.append(_finding(ruleset, observed, isolation, members, since, until))
+            causes = causes_of(ruleset, seen, members, known)
+            known = frozenset(cause.fault for cause in causes)
+            for cause in causes:
+                since_, until_ = _when(time, stretches, seen, cause, members)
+                findings.append(_finding(ruleset, seen, cause, members, since_, until_))
         elif kind in periods:
             periods[kind].append(Period(since, until, verdicts[members[0]].text))
-    blind = periods["blind"] + _in_part(time, ruleset, stretches, observed, isolation)
+        if kind == "ok":
+            known = frozenset()
+    blind = periods["blind"] + _in_part(time, ruleset, stretches, seen)
     unknown = sorted([*periods["unknown"], *periods["outside"]], key=lambda p: p.since)
     return sorted(findings, key=lambda f: f.since), unknown, sorted(blind, key=lambda p: p.since)
+
+
+def _when(
+    time: Array, stretches: Stretches, seen: Seen, cause: Cause, members: list[int]
+) -> tuple[float, float]:
+    """First and last time of a cause: that of the run, of its baseline, or of both."""
+    points = list(members)
+    learned = list(seen.baselines.states[seen.baselines.at[members[0]]].learned)
+    if cause.when != ONSET:
+        points = learned if cause.when == ENDED else learned + points
+    return float(time[stretches.first[points[0]]]), float(time[stretches.last[points[-1]] - 1])
 
 
 def _in_part(
     time: Array,
     ruleset: Ruleset,
     stretches: Stretches,
-    observed: Observed,
-    isolation: Isolation,
+    seen: Seen,
 ) -> list[Period]:
     """Periods in which some estimates were missing, neighbouring ones joined."""
     found: list[Period] = []
     last = ""
     for i in range(len(stretches)):
-        text = partly_blind(ruleset, observed, isolation, i)
+        text = partly_blind(ruleset, seen.observed, seen.isolation, i)
         since, until = float(time[stretches.first[i]]), float(time[stretches.last[i] - 1])
         if text and text == last:
             found[-1] = replace(found[-1], until=until)
@@ -117,41 +139,31 @@ def _pauses(time: Array, stretches: Stretches) -> set[int]:
 
 def _finding(
     ruleset: Ruleset,
-    observed: Observed,
-    isolation: Isolation,
+    seen: Seen,
+    cause: Cause,
     members: list[int],
     since: float,
     until: float,
 ) -> Finding:
-    """Sum a run up: degree weighted by precision, evidence at the strongest point."""
-    best = int(np.argmax(isolation.probability[:, members].mean(axis=1)))
-    fault = ruleset.faults[best]
-    degrees, u = isolation.degree[best, members], isolation.u[best, members]
-    weights = 1.0 / np.maximum(u, 1e-12) ** 2
-    degree = float(np.sum(weights * degrees) / np.sum(weights))
-    # Systematic errors do not average out over a run, so the uncertainty is that of one stretch;
-    # the scatter of the stretches is added.
-    half = COVERAGE * float(np.hypot(np.min(u), np.sqrt(np.average((degrees - degree) ** 2))))
-    strongest = members[int(np.argmax(isolation.misfit[members]))]
-    mean = isolation.probability[:, members].mean(axis=1)
-    others = tuple(
-        (ruleset.faults[i].id, float(mean[i]))
-        for i in np.argsort(-mean, kind="stable")
-        if i != best and mean[i] > MENTION
-    )
+    """A cause with its evidence at the strongest point of a run."""
+    fault, half = ruleset.faults[cause.fault], COVERAGE * cause.u
+    strongest = members[int(np.argmax(seen.isolation.misfit[members]))]
     return Finding(
         fault,
-        degree,
-        max(degree - half, fault.lowest),
-        min(degree + half, fault.highest),
-        float(mean[best]),
+        cause.degree,
+        max(cause.degree - half, fault.lowest),
+        min(cause.degree + half, fault.highest),
+        cause.probability,
         since,
         until,
-        others,
-        _evidence(ruleset, observed, fault, strongest),
-        _readings(ruleset, observed, strongest),
-        _flows(ruleset, observed, strongest),
-        fault.text.replace("{degree}", _percent(degree)),
+        tuple((ruleset.faults[i].id, p) for i, p in cause.rivals),
+        tuple((ruleset.faults[i].id, p) for i, p in cause.remote),
+        tuple(ruleset.faults[i].id for i in cause.together),
+        _evidence(ruleset, seen.observed, fault, strongest),
+        _readings(ruleset, seen.observed, strongest),
+        _flows(ruleset, seen.observed, strongest),
+        len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
+        fault.text.replace("{degree}", _percent(cause.degree)),
     )
 
 
@@ -191,9 +203,9 @@ def _readings(ruleset: Ruleset, observed: Observed, point: int) -> tuple[tuple[s
 def _flows(
     ruleset: Ruleset, observed: Observed, point: int
 ) -> tuple[tuple[str, float, float], ...]:
-    spread = np.sqrt(np.sum(observed.gradients[:, :, point] ** 2, axis=1))
+    spread = np.sqrt(np.diagonal(observed.covariance[point]))
     return tuple(
-        (o.id, float(observed.flows[i, point]), float(spread[i]))
+        (o.id, float(observed.flows[i, point] - observed.offsets[i, point]), float(spread[i]))
         for i, o in enumerate(ruleset.observers)
         if observed.valid[i, point]
     )

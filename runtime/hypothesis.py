@@ -1,8 +1,8 @@
-"""Test one fault hypothesis by undoing it: which degree makes all estimates agree best?"""
+"""Test a hypothesis by undoing its faults: which degrees make all estimates agree best?"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,15 +23,15 @@ CONVERGED = 1e-9
 STARTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.5, 2.5, 5.0, 10.0)
 """Degrees tried first. Far from its start Gauss-Newton may run into a pole of the law."""
 
+APART = 1e-4
+"""Determinant of the information over its diagonal below which degrees are not told apart."""
+
+Faults = tuple[FaultSpec, ...]
+"""The faults of one hypothesis, at the same time."""
+
 Undone = Callable[[Array], tuple[Array, Array]]
-"""Degree, shape (n,), to flows and their slopes by the degree, both (touched observers, n)."""
-
-
-def covariance_of(gradients: Array, basis: Array) -> Array:
-    """Covariance of the residual basis, shape (n, rank, rank)."""
-    spread = np.einsum("ro,ovn->nrv", basis, gradients)
-    covariance: Array = spread @ np.swapaxes(spread, 1, 2)
-    return covariance
+"""Degrees, shape (n, faults), to flows (touched observers, n) and their slopes by each degree
+(touched observers, faults, n)."""
 
 
 def inverse_of(covariance: Array) -> Array:
@@ -50,20 +50,16 @@ def inverse_of(covariance: Array) -> Array:
     return inverse
 
 
-def _weighted(inverse: Array, a: Array, b: Array) -> Array:
+def products(inverse: Array, a: Array, b: Array) -> Array:
     """Products of vectors in the metric of the inverse covariances, shape (n,)."""
     product: Array = np.einsum("nr,nrs,ns->n", a, inverse, b, optimize=True)
     return product
 
 
-def distance_of(covariance: Array, residuals: Array) -> Array:
-    """Chi-square of residuals, shape (n,)."""
-    return _weighted(inverse_of(covariance), residuals, residuals)
-
-
 @dataclass(frozen=True)
 class Outcome:
-    """Best degree per point with its standard uncertainty, chi-square left, log-likelihood."""
+    """Per problem: best degrees and their standard uncertainties, shape (n, faults), chi-square
+    left, log-likelihood, both shape (n,)."""
 
     degree: Array
     u: Array
@@ -73,7 +69,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _State:
-    """Where the search stands: shapes (n,), (n, rank), (n, rank), (n,)."""
+    """Where the search stands: shapes (n, faults), (n, rank, faults), (n, rank), (n,)."""
 
     degree: Array
     effect: Array
@@ -84,8 +80,8 @@ class _State:
         """Take over the points where `other` is better."""
         wide = better[:, None]
         return _State(
-            np.where(better, other.degree, self.degree),
-            np.where(wide, other.effect, self.effect),
+            np.where(wide, other.degree, self.degree),
+            np.where(wide[:, None], other.effect, self.effect),
             np.where(wide, other.residuals, self.residuals),
             np.where(better, other.distance, self.distance),
         )
@@ -93,7 +89,12 @@ class _State:
 
 @dataclass(frozen=True)
 class HypothesisTest:
-    """Tests hypotheses on a group of points that share their usable observers."""
+    """Tests hypotheses on points that share their usable observers.
+
+    Each point is a problem of its own. If `present` is given, shape (points,), all points together
+    are one problem with the same degrees wherever the faults are present (1) and none elsewhere
+    (0); `covariance` then has shape (1, points * rank, points * rank).
+    """
 
     ruleset: Ruleset
     observed: Observed
@@ -101,51 +102,83 @@ class HypothesisTest:
     basis: Array
     members: np.ndarray
     covariance: Array
+    present: Array | None = None
 
-    def floor(self, fault: FaultSpec) -> Array:
-        """Standard uncertainty of a small degree at each point; inf where it cannot show."""
-        touched, places = self._touched(fault)
-        if not touched:
-            return np.full(len(self.members), np.inf)
-        _, slopes = self._undone(fault, touched)(np.zeros(len(self.members)))
-        effect = np.einsum("ro,on->nr", self.basis[:, places], slopes)
-        size = np.sqrt(np.einsum("nr,nr->n", effect, effect))
-        visible = size > NEGLIGIBLE * np.max(np.abs(slopes), axis=0)
-        information = np.where(visible, distance_of(self.covariance, effect), 0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            floor: Array = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
-        return floor
+    def residuals(self) -> Array:
+        """Residuals as measured, shape (problems, rank)."""
+        return self._residuals_of(self._flows())
 
-    def _touched(self, fault: FaultSpec) -> tuple[list[str], list[int]]:
-        """Usable observers that a fault makes wrong, and their places among the usable ones."""
-        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
-        column = np.cumsum(self.valid) - 1
-        touched = [o for o in fault.affects if self.valid[index[o]]]
-        return touched, [int(column[index[o]]) for o in touched]
-
-    def run(self, fault: FaultSpec) -> Outcome | None:
-        """Fit the degree of one fault; None where it touches no usable observer."""
-        touched, places = self._touched(fault)
+    def effect(self, fault: FaultSpec) -> Array | None:
+        """Slope of the residuals by a small degree, shape (problems, rank); 0 where it cancels."""
+        touched, places = self._touched((fault,))
         if not touched:
             return None
-        undone = self._undone(fault, touched)
-        pure = self._fit(fault, undone, places, self.covariance, STARTS)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = 1.0 / np.sqrt(distance_of(self.covariance, pure.effect))
+        _, slopes = self._undone((fault,), touched)(np.zeros((len(self.members), 1)))
+        effect = self._effects_of(slopes, places)[..., 0]
+        size = np.sqrt(np.einsum("nr,nr->n", effect, effect))
+        own = np.max(np.abs(slopes), axis=(0, 1))
+        visible = size > NEGLIGIBLE * (own if self.present is None else np.max(own, keepdims=True))
+        return np.where(visible[:, None], effect, 0.0)
+
+    def run(self, faults: Faults, starts: Iterable[Array] | None = None) -> Outcome | None:
+        """Fit the degrees of a hypothesis; None where it touches no usable observer.
+
+        `starts` are degrees to begin with, each of a shape that broadcasts to (n, faults).
+        """
+        touched, places = self._touched(faults)
+        if not touched:
+            return None
+        undone = self._undone(faults, touched)
+        begin = [np.array([s]) for s in STARTS] if starts is None else list(starts)
+        pure = self._fit(faults, undone, places, self.covariance, begin)
+        information = _information(inverse_of(self.covariance), pure.effect)
+        u = _spread(information)
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
-        widened = self._widened(fault, undone, pure.degree, places)
-        best = self._fit(fault, undone, places, widened, (pure.degree,))
+        widened = self._widened(faults, undone, pure.degree, places)
+        best = self._fit(faults, undone, places, widened, (pure.degree,))
         _, volume = np.linalg.slogdet(np.where(np.isfinite(widened), widened, 0.0))
-        usable = np.isfinite(volume) & np.isfinite(best.distance)
+        usable = np.isfinite(volume) & np.isfinite(best.distance) & np.isfinite(u).all(axis=1)
+        if len(faults) > 1:
+            usable &= _told_apart(information)
         evidence = np.full(len(volume), -np.inf)
         evidence[usable] = -0.5 * (best.distance[usable] + volume[usable])
-        return Outcome(pure.degree, u, best.distance, evidence)
+        distance = np.where(usable, best.distance, np.inf) if len(faults) > 1 else best.distance
+        return Outcome(pure.degree, u, distance, evidence)
 
-    def _undone(self, fault: FaultSpec, touched: list[str]) -> Undone:
-        """Function of the degree: flows and slopes of the touched observers, fault undone."""
-        names = [f"q:{o}" for o in touched] + [f"dq:{o}:{fault.id}" for o in touched]
-        plan = self.ruleset.undo.select(names)
+    def _flows(self) -> Array:
+        """Usable flows less what the baseline takes, shape (usable observers, n)."""
+        seen = self.observed
+        flows: Array = (seen.flows[self.valid] - seen.offsets[self.valid])[:, self.members]
+        return flows
+
+    def _residuals_of(self, flows: Array) -> Array:
+        residuals: Array = np.einsum("ro,on->nr", self.basis, flows)
+        return residuals if self.present is None else residuals.reshape(1, -1)
+
+    def _effects_of(self, slopes: Array, places: Sequence[int]) -> Array:
+        effect: Array = np.einsum("ro,odn->nrd", self.basis[:, places], slopes)
+        if self.present is None:
+            return effect
+        return (effect * self.present[:, None, None]).reshape(1, -1, effect.shape[2])
+
+    def _everywhere(self, degree: Array) -> Array:
+        """Degrees of the problems, shape (problems, faults), as degrees at all points."""
+        return degree if self.present is None else degree * self.present[:, None]
+
+    def _touched(self, faults: Faults) -> tuple[list[str], list[int]]:
+        """Usable observers that the faults make wrong, and their places among the usable ones."""
+        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
+        column = np.cumsum(self.valid) - 1
+        affected = dict.fromkeys(o for f in faults for o in f.affects)
+        touched = [o for o in affected if self.valid[index[o]]]
+        return touched, [int(column[index[o]]) for o in touched]
+
+    def _undone(self, faults: Faults, touched: list[str]) -> Undone:
+        """Function of the degrees: flows and slopes of the touched observers, faults undone."""
+        plan = self.ruleset.undone(tuple(touched), tuple(f.id for f in faults))
+        names = [f"q:{o}" for o in touched]
+        slopes = [[f"dq:{o}:{f.id}" for f in faults] for o in touched]
         needed = plan.used_inputs()
         inputs: dict[str, Array | float] = {
             name: values[self.members]
@@ -154,66 +187,127 @@ class HypothesisTest:
         }
         inputs.update({f"x:{f.id}": 0.0 for f in self.ruleset.faults if f"x:{f.id}" in needed})
         shape = (len(self.members),)
+        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
+        offsets = self.observed.offsets[[index[o] for o in touched]][:, self.members]
+        none = np.zeros(shape)
 
         def evaluate(degree: Array) -> tuple[Array, Array]:
-            out = plan.run({**inputs, f"x:{fault.id}": degree})
-            values = [np.broadcast_to(out[name], shape) for name in names]
-            return np.array(values[: len(touched)]), np.array(values[len(touched) :])
+            out = plan.run({**inputs, **{f"x:{f.id}": degree[:, i] for i, f in enumerate(faults)}})
+            values = np.array([np.broadcast_to(out[name], shape) for name in names])
+            gradient = [[np.broadcast_to(out.get(s, none), shape) for s in row] for row in slopes]
+            return values - offsets, np.array(gradient)
 
         return evaluate
 
+    def _state(
+        self, undone: Undone, places: Sequence[int], inverse: Array, degree: Array
+    ) -> _State:
+        """Residuals and distance with the faults undone at degrees, shape (problems, faults)."""
+        values, slopes = undone(self._everywhere(degree))
+        flows = self._flows()
+        flows[places] = values
+        residuals = self._residuals_of(flows)
+        distance = products(inverse, residuals, residuals)
+        finite = np.where(np.isfinite(distance), distance, np.inf)
+        return _State(degree, self._effects_of(slopes, places), residuals, finite)
+
     def _fit(
         self,
-        fault: FaultSpec,
+        faults: Faults,
         undone: Undone,
-        places: list[int],
+        places: Sequence[int],
         covariance: Array,
-        starts: tuple[Array | float, ...],
+        starts: Iterable[Array],
     ) -> _State:
-        """Degree of least distance: best start, then Gauss-Newton with halved steps."""
-        n, top = len(self.members), fault.highest * (1.0 - 1e-6)
+        """Degrees of least distance: best start, then Gauss-Newton with halved steps."""
+        low = np.array([f.lowest for f in faults])
+        top = np.array([f.highest for f in faults]) * (1.0 - 1e-6)
         inverse = inverse_of(covariance)
-        flows = self.observed.flows[self.valid][:, self.members].copy()
-
-        def state(degree: Array) -> _State:
-            values, slopes = undone(degree)
-            flows[places] = values
-            residuals = np.einsum("ro,on->nr", self.basis, flows)
-            effect = np.einsum("ro,on->nr", self.basis[:, places], slopes)
-            distance = _weighted(inverse, residuals, residuals)
-            return _State(
-                degree, effect, residuals, np.where(np.isfinite(distance), distance, np.inf)
-            )
-
-        best = state(np.clip(starts[0] + np.zeros(n), fault.lowest, top))
-        for start in starts[1:]:
-            if fault.lowest < np.min(start) < top:
-                other = state(start + np.zeros(n))
-                best = best.where(other.distance < best.distance, other)
-        share = np.ones(n)
+        blank = np.zeros((len(covariance), len(faults)))
+        best: _State | None = None
+        for start in starts:
+            if best is not None and start.size == 1 and not low.min() < start.min() < top.max():
+                continue
+            here = self._state(undone, places, inverse, np.clip(start + blank, low, top))
+            best = here if best is None else best.where(here.distance < best.distance, here)
+        assert best is not None
+        share = np.ones(len(covariance))
         for _ in range(STEPS):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                change = -_weighted(inverse, best.effect, best.residuals) / _weighted(
-                    inverse, best.effect, best.effect
-                )
-            change = share * np.where(np.isfinite(change), change, 0.0)
-            trial = state(np.clip(best.degree + change, fault.lowest, top))
+            change = share[:, None] * _newton_step(inverse, best.effect, best.residuals)
+            trial = self._state(undone, places, inverse, np.clip(best.degree + change, low, top))
             better = trial.distance < best.distance
-            moved = np.abs(trial.degree - best.degree)
+            moved = np.max(np.abs(trial.degree - best.degree), initial=0.0)
             best = best.where(better, trial)
             share = np.where(better, 1.0, 0.5 * share)
-            if np.max(moved, initial=0.0) < CONVERGED:
+            if moved < CONVERGED:
                 break
         return best
 
-    def _widened(self, fault: FaultSpec, undone: Undone, degree: Array, places: list[int]) -> Array:
-        """Covariance plus the tolerance of the fault: a real one never looks quite like its law.
+    def _widened(
+        self, faults: Faults, undone: Undone, degree: Array, places: Sequence[int]
+    ) -> Array:
+        """Covariance plus the tolerance of each fault: a real one never looks quite like its law.
 
-        Each observer's own part of the effect may be off by the tolerance, independently.
+        Each observer's own part of an effect may be off by the tolerance, independently of the
+        other observers, but alike at all points of one problem.
         """
-        measured, _ = undone(np.zeros(len(degree)))
-        values, _ = undone(degree)
-        spread = fault.tolerance * (values - measured)
-        parts = np.einsum("ro,on->nro", self.basis[:, places], spread)
-        widened: Array = self.covariance + parts @ np.swapaxes(parts, 1, 2)
+        everywhere = self._everywhere(degree)
+        values, _ = undone(everywhere)
+        widened = self.covariance
+        for i, fault in enumerate(faults):
+            without = everywhere.copy()
+            without[:, i] = 0.0
+            spread = fault.tolerance * (values - undone(without)[0])
+            parts = np.einsum("ro,on->nro", self.basis[:, places], spread)
+            if self.present is not None:
+                parts = parts.reshape(1, -1, parts.shape[2])
+            widened = widened + parts @ np.swapaxes(parts, 1, 2)
         return widened
+
+
+def _information(inverse: Array, effect: Array) -> Array:
+    """Information on the degrees of each problem, shape (n, faults, faults)."""
+    information: Array = np.swapaxes(effect, 1, 2) @ (inverse @ effect)
+    return information
+
+
+def _newton_step(inverse: Array, effect: Array, residuals: Array) -> Array:
+    """Gauss-Newton change of the degrees, shape (n, faults); 0 where there is none."""
+    weighted = np.swapaxes(effect, 1, 2) @ inverse
+    information, pull = weighted @ effect, (weighted @ residuals[:, :, None])[:, :, 0]
+    if effect.shape[2] == 1:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            change = -pull / information[:, :, 0]
+    else:
+        change = -np.einsum("nij,nj->ni", _inverted(information), pull)
+    return np.where(np.isfinite(change).all(axis=1, keepdims=True), change, 0.0)
+
+
+def _inverted(information: Array) -> Array:
+    """Inverse of small information matrices; NaN where they have none."""
+    size = np.einsum("nii->n", information)
+    sound = np.isfinite(information).all(axis=(1, 2)) & (size > 0)
+    count = information.shape[1]
+    regular = np.where(sound[:, None, None], information, np.eye(count))
+    regular = regular + (1e-14 * np.where(sound, size, 1.0))[:, None, None] * np.eye(count)
+    inverse: Array = np.linalg.inv(regular)
+    inverse[~sound] = np.nan
+    return inverse
+
+
+def _spread(information: Array) -> Array:
+    """Standard uncertainties of degrees from their information, shape (n, faults)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if information.shape[1] == 1:
+            u: Array = 1.0 / np.sqrt(information[:, :, 0])
+        else:
+            u = np.sqrt(np.einsum("nii->ni", _inverted(information)))
+    return np.where(np.isfinite(u), u, np.inf)
+
+
+def _told_apart(information: Array) -> np.ndarray:
+    """Whether the effects of simultaneous faults point in different directions, shape (n,)."""
+    own = np.prod(np.einsum("nii->ni", information), axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart: np.ndarray = np.linalg.det(information) > APART * own
+    return apart

@@ -11,19 +11,22 @@ Source: own derivation, see docs/method.md; generalised least squares as in any 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
-from runtime.hypothesis import HypothesisTest, covariance_of, distance_of
+from runtime.hypothesis import HypothesisTest, inverse_of, products
 from runtime.observe import Observed
+from runtime.pairs import PairFits, fit_pairs
 from runtime.plan import Array
+from runtime.redundancy import chi_square_limit, residual_basis
 from runtime.ruleset import Ruleset
 
-ALARM = 4.0
-"""Normal quantile of the test that something is wrong at all (3e-5 a point)."""
+PER_RECORDING = 1e-4
+"""Probability of a false alarm in a recording of few stretches."""
 
-ACCEPT = 3.0
-"""Normal quantile up to which a hypothesis counts as fitting (1e-3)."""
+PER_STRETCH = 3e-6
+"""Probability of a false alarm in a stretch of a long recording."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,10 @@ class Isolation:
     floor : shape (faults, n), standard uncertainty of a degree near 0; inf where the usable
         estimates cannot show the fault.
     distance : shape (faults, n), chi-square left when the fault is undone; inf if untestable.
-    probability : shape (faults, n), among the faults that fit; 0 for the others.
+    chance : probability of a false alarm that each point was given.
+    probability : shape (faults, n), among the hypotheses that fit; 0 for the others. Where
+        only two faults together explain a point, a fault has the sum over its pairs.
+    pair : shape (n, 2), the most probable two faults where only two together fit, else -1.
     """
 
     judged: np.ndarray
@@ -50,103 +56,140 @@ class Isolation:
     floor: Array
     distance: Array
     probability: Array
+    pair: np.ndarray
+    chance: float
 
 
-def chi_square_limit(freedom: int, quantile: float) -> float:
-    """Quantile of chi-square for a normal quantile (Wilson and Hilferty 1931)."""
-    part = 2.0 / (9.0 * freedom)
-    return float(freedom * (1.0 - part + quantile * np.sqrt(part)) ** 3)
+def alarm_chance(looks: int) -> float:
+    """Probability of a false alarm that each of a number of stretches may have.
 
-
-def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
-    """Independent combinations of valid observers that vanish in a healthy plant.
-
-    The flows of all modules obey the junction balances; what the observers say beyond one value
-    per free flow is redundant. Shape (rank, valid observers), orthonormal rows.
+    Lasting errors are drawn once per recording, so short recordings share one probability; long
+    ones have one per stretch.
     """
-    modules = {name: i for i, name in enumerate(ruleset.modules)}
-    balances = np.zeros((len(ruleset.junctions), len(modules)))
-    for row, junction in zip(balances, ruleset.junctions, strict=True):
-        for name in junction.outlets:
-            row[modules[name]] += 1.0
-        for name in junction.inlets:
-            row[modules[name]] -= 1.0
-    free_flows = _null_space(balances)
-    chosen = [modules[o.module] for o, ok in zip(ruleset.observers, valid, strict=True) if ok]
-    return _null_space(free_flows[chosen].T).T
+    return max(PER_RECORDING / max(looks, 1), PER_STRETCH)
 
 
-def _null_space(matrix: Array) -> Array:
-    """Orthonormal basis of the null space, shape (columns, dimension)."""
-    if not matrix.size:
-        return np.eye(matrix.shape[1])
-    _, sizes, rows = np.linalg.svd(matrix)
-    rank = int(np.sum(sizes > 1e-10 * max(sizes.max(initial=0.0), 1.0)))
-    return rows[rank:].T
+def quantile(chance: float) -> float:
+    """Normal quantile that is exceeded with a probability."""
+    return NormalDist().inv_cdf(1.0 - chance)
 
 
-def isolate(ruleset: Ruleset, observed: Observed) -> Isolation:
-    """Judge every point; points with the same usable observers are judged together."""
-    n, faults = len(observed), ruleset.faults
-    result = Isolation(
+def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
+    """Blank result."""
+    return Isolation(
         np.zeros(n, dtype=bool),
         np.zeros(n, dtype=bool),
         np.zeros(n),
         np.zeros(n, dtype=int),
-        np.zeros((len(faults), n)),
-        np.full((len(faults), n), np.inf),
-        np.full((len(faults), n), np.inf),
-        np.full((len(faults), n), np.inf),
-        np.zeros((len(faults), n)),
+        np.zeros((faults, n)),
+        np.full((faults, n), np.inf),
+        np.full((faults, n), np.inf),
+        np.full((faults, n), np.inf),
+        np.zeros((faults, n)),
+        np.full((n, 2), -1),
+        chance,
     )
+
+
+def isolate(ruleset: Ruleset, observed: Observed, looks: int | None = None) -> Isolation:
+    """Judge every point on its own; points with the same usable observers together.
+
+    `looks` is the number of stretches that share one chance of a false alarm (default: all).
+    """
+    chance = alarm_chance(len(observed) if looks is None else looks)
+    result = _nothing_judged(len(ruleset.faults), len(observed), chance)
     patterns, group = np.unique(observed.valid, axis=1, return_inverse=True)
     for i in range(patterns.shape[1]):
         members = np.flatnonzero(np.ravel(group) == i)
         basis = residual_basis(ruleset, patterns[:, i])
         if len(basis):
-            _judge_group(ruleset, observed, patterns[:, i], basis, members, result)
+            test = test_of(ruleset, observed, patterns[:, i], basis, members)
+            _judge_group(test, result)
     return result
 
 
-def _judge_group(
-    ruleset: Ruleset,
-    observed: Observed,
-    valid: np.ndarray,
-    basis: Array,
-    members: np.ndarray,
-    result: Isolation,
-) -> None:
-    flows = observed.flows[valid][:, members]
-    covariance = covariance_of(observed.gradients[valid][:, :, members], basis)
-    residuals = np.einsum("ro,on->nr", basis, flows)
-    misfit = distance_of(covariance, residuals)
+def test_of(
+    ruleset: Ruleset, observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
+) -> HypothesisTest:
+    """Test of points on their own, with the covariance they have."""
+    own = observed.covariance[members][:, valid][:, :, valid]
+    return HypothesisTest(ruleset, observed, valid, basis, members, basis @ own @ basis.T)
+
+
+def _judge_group(test: HypothesisTest, result: Isolation) -> None:
+    faults, members, rank = test.ruleset.faults, test.members, len(test.basis)
+    chance = result.chance
+    inverse, residuals = inverse_of(test.covariance), test.residuals()
+    misfit = products(inverse, residuals, residuals)
     result.judged[members] = True
     result.misfit[members] = misfit
-    result.freedom[members] = len(basis)
-    deviating = misfit > chi_square_limit(len(basis), ALARM)
+    result.freedom[members] = rank
+    # Half of the chance of a false alarm goes to "anything is wrong", half to the known faults:
+    # a test in the direction of a fault sees smaller ones.
+    deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
+    strongest = quantile(chance / (2 * max(len(faults), 1)))
+    for i, fault in enumerate(faults):
+        effect = test.effect(fault)
+        if effect is None:
+            continue
+        information = products(inverse, effect, effect)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
+            deviating |= -products(inverse, effect, residuals) * floor > strongest
+        result.floor[i, members] = floor
     result.deviating[members] = deviating
-    every = HypothesisTest(ruleset, observed, valid, basis, members, covariance)
-    for i, fault in enumerate(ruleset.faults):
-        result.floor[i, members] = every.floor(fault)
     if not deviating.any():
         return
     chosen = members[deviating]
-    test = HypothesisTest(ruleset, observed, valid, basis, chosen, covariance[deviating])
-    evidence = np.full((len(ruleset.faults), len(chosen)), -np.inf)
-    for i, fault in enumerate(ruleset.faults):
-        outcome = test.run(fault)
+    test = test_of(test.ruleset, test.observed, test.valid, test.basis, chosen)
+    evidence = np.full((len(faults), len(chosen)), -np.inf)
+    for i, fault in enumerate(faults):
+        outcome = test.run((fault,))
         if outcome is None:
             continue
-        result.degree[i, chosen], result.u[i, chosen] = outcome.degree, outcome.u
+        result.degree[i, chosen], result.u[i, chosen] = outcome.degree[:, 0], outcome.u[:, 0]
         result.distance[i, chosen], evidence[i] = outcome.distance, outcome.evidence
-    fits = result.distance[:, chosen] <= _accepted(len(basis))
-    evidence[~fits] = -np.inf
+    evidence[~(result.distance[:, chosen] <= accepted(rank, 1, chance))] = -np.inf
+    result.probability[:, chosen] = shares(evidence)
+    unexplained = chosen[~np.isfinite(evidence).any(axis=0)]
+    if len(unexplained) and rank > 2:
+        _take_pairs(fit_pairs(test_of(
+            test.ruleset, test.observed, test.valid, test.basis, unexplained
+        ), accepted(rank, 2, chance)), unexplained, result)  # fmt: skip
+
+
+def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:
+    """Enter what pairs explain: per fault the sum over its pairs, and the best pair's degree."""
+    if not fits.pairs:
+        return
+    probability = shares(fits.evidence)
+    places = np.array(fits.pairs)
+    best = np.argmax(probability, axis=0)
+    found = probability.max(axis=0) > 0
+    for column in np.flatnonzero(found):
+        point = members[column]
+        result.pair[point] = places[best[column]]
+        for side in (0, 1):
+            np.add.at(result.probability[:, point], places[:, side], probability[:, column])
+            # The most probable pair of each fault comes last and stays.
+            for k in np.argsort(probability[:, column], kind="stable"):
+                result.degree[places[k, side], point] = fits.degree[k, column, side]
+                result.u[places[k, side], point] = fits.u[k, column, side]
+
+
+def shares(evidence: Array) -> Array:
+    """Log-likelihoods, shape (hypotheses, n), to probabilities with equal priors; 0 if none."""
     best = np.max(evidence, axis=0, initial=-np.inf)
-    weight = np.where(fits, np.exp(evidence - np.where(np.isfinite(best), best, 0.0)), 0.0)
+    known = np.isfinite(best)
+    weight = np.where(known, np.exp(evidence - np.where(known, best, 0.0)), 0.0)
     total = weight.sum(axis=0)
-    result.probability[:, chosen] = weight / np.where(total > 0, total, 1.0)
+    result: Array = weight / np.where(total > 0, total, 1.0)
+    return result
 
 
-def _accepted(rank: int) -> float:
-    """Limit of the distance with one degree fitted; with one residual alone anything fits."""
-    return chi_square_limit(rank - 1, ACCEPT) if rank > 1 else ACCEPT**2
+def accepted(rank: int, fitted: int, chance: float) -> float:
+    """Distance up to which a hypothesis fits: what it leaves would not alarm by itself.
+
+    With as many degrees fitted as there are residuals anything fits.
+    """
+    return chi_square_limit(max(rank - fitted, 1), quantile(chance))

@@ -36,6 +36,8 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "since": finding.since,
         "until": finding.until,
         "alternatives": [{"fault": name, "probability": p} for name, p in finding.alternatives],
+        "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
+        "together": list(finding.together),
         "evidence": [
             {
                 "residual": e.residual,

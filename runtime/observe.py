@@ -50,8 +50,13 @@ class Observed:
     Attributes
     ----------
     flows : shape (observers, n), m3/s.
-    gradients : shape (observers, inputs, n): derivative times standard uncertainty, m3/s.
     valid : shape (observers, n).
+    noise : shape (n, observers, observers), covariance of what is new at every point: the noise
+        of readings and the observers' own misfit; (m3/s)^2.
+    shared : shape (observers, errors, n): derivative by each error that stays over a recording
+        (systematic errors of sensors, the calibration) times its standard uncertainty, m3/s.
+    offsets : shape (observers, n), what the baseline says to take from each flow, m3/s.
+    covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
     residuals, residual_u : shape (residuals, n), m3/s.
     residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
         sensors' systematic errors and the calibration.
@@ -60,8 +65,11 @@ class Observed:
 
     points: Points
     flows: Array
-    gradients: Array
     valid: np.ndarray
+    noise: Array
+    shared: Array
+    offsets: Array
+    covariance: Array
     residuals: Array
     residual_u: Array
     residual_systematic: Array
@@ -168,26 +176,29 @@ def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[st
 
 def observe(ruleset: Ruleset, points: Points) -> Observed:
     """Run the plan on points and decide which estimates may be used."""
-    names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "s", "guard", "R", "u")]
+    names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
-    inputs = plan_inputs(points)
-    results = ruleset.plan.select(names).run(inputs)
+    results = ruleset.plan.select(names).run(plan_inputs(points))
     spreads = [f"u:{r.id}" for r in ruleset.residuals]
-    shared = ruleset.plan.select(spreads).run(plan_inputs(points, points.systematic))
+    systematic = ruleset.plan.select(spreads).run(plan_inputs(points, points.systematic))
     out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
     observers = ruleset.observers
     flows = np.array([out[f"q:{o.id}"] for o in observers])
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= _usable(ruleset, observer, points, out, n)
+    noise, shared = _errors(ruleset, points, n)
     return Observed(
         points,
         flows,
-        _gradients(ruleset, out, n),
         valid,
+        noise,
+        shared,
+        np.zeros_like(flows),
+        noise + np.einsum("omn,pmn->nop", shared, shared, optimize=True),
         np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
         np.array([out[name] for name in spreads]).reshape(-1, n),
-        np.array([np.broadcast_to(shared[name], (n,)) for name in spreads]).reshape(-1, n),
+        np.array([np.broadcast_to(systematic[name], (n,)) for name in spreads]).reshape(-1, n),
         _extrapolated(ruleset, points),
     )
 
@@ -207,17 +218,35 @@ def _usable(
     return usable
 
 
-def _gradients(ruleset: Ruleset, out: Mapping[str, Array], n: int) -> Array:
-    """Dense table of scaled gradients; absent entries are zero."""
-    names = [n_ for n_ in out if n_.startswith("s:")]
-    inputs = {name.split(":", 2)[2] for name in names}
-    column = {name: i for i, name in enumerate(sorted(inputs))}
+def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array]:
+    """Covariance of what is new at every point, and gradients by what stays over a recording."""
+    names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
+    unit = dict.fromkeys(points.values, np.ones(n))
+    slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
     row = {o.id: i for i, o in enumerate(ruleset.observers)}
-    gradients = np.zeros((len(row), len(column), n))
+    fleeting: dict[str, Array] = {}
+    lasting: dict[str, Array] = {}
     for name in names:
-        _, observer, variable = name.split(":", 2)
-        gradients[row[observer], column[variable]] = out[name]
-    return gradients
+        _, observer, error = name.split(":", 2)
+        systematic, statistical = np.ones(n), np.zeros(n)
+        if error in points.values:
+            systematic = points.systematic[error]
+            statistical = np.sqrt(np.maximum(points.u[error] ** 2 - systematic**2, 0.0))
+        elif error in ruleset.misfits:
+            systematic, statistical = statistical, systematic
+        for table, u in ((lasting, systematic), (fleeting, statistical)):
+            column = table.setdefault(error, np.zeros((len(row), n)))
+            column[row[observer]] = slopes[name] * u
+    scattered = _stacked(fleeting, len(row), n)
+    noise = np.einsum("omn,pmn->nop", scattered, scattered, optimize=True)
+    return noise, _stacked(lasting, len(row), n)
+
+
+def _stacked(columns: Mapping[str, Array], observers: int, n: int) -> Array:
+    """Columns by name as one table, shape (observers, columns, n)."""
+    if not columns:
+        return np.zeros((observers, 0, n))
+    return np.stack([columns[name] for name in sorted(columns)], axis=1)
 
 
 def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:

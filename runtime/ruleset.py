@@ -17,6 +17,9 @@ THRESHOLD = 3.0
 """A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
 of the matrix and in the evidence of a finding alike."""
 
+MISFIT = "~"
+"""Mark behind an observer's id: its own misfit as an input of gradients."""
+
 UNCERTAINTIES = ("full scale", "reading", "value")
 """What the systematic uncertainty of a sensor is a share of, or a value."""
 
@@ -207,6 +210,11 @@ class Ruleset:
         return {o.id: o for o in self.observers}
 
     @cached_property
+    def misfits(self) -> frozenset[str]:
+        """Inputs of gradients that are an observer's own misfit: new at every operating point."""
+        return frozenset(f"{o.id}{MISFIT}" for o in self.observers)
+
+    @cached_property
     def signal_by_id(self) -> Mapping[str, SignalSpec]:
         return {s.id: s for s in self.signals}
 
@@ -216,6 +224,19 @@ class Ruleset:
         for cell in self.cells:
             found[cell.fault].append(cell)
         return {name: tuple(cells) for name, cells in found.items()}
+
+    def undone(self, observers: tuple[str, ...], faults: tuple[str, ...]) -> Plan:
+        """Plan of flows with faults undone (``q:``), and their slopes by the degrees (``dq:``)."""
+        key = (observers, faults)
+        if key not in self._undone:
+            names = [f"q:{o}" for o in observers]
+            names += [f"dq:{o}:{f}" for o in observers for f in faults]
+            self._undone[key] = self.undo.select(n for n in names if n in self.undo.outputs)
+        return self._undone[key]
+
+    @cached_property
+    def _undone(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], Plan]:
+        return {}
 
     def to_json(self) -> str:
         """The ruleset as text; the same ruleset always gives the same bytes."""

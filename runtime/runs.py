@@ -58,12 +58,14 @@ def runs_of(
 def _cannot_see(
     verdicts: list[Verdict], isolation: Isolation, members: list[int], point: int
 ) -> bool:
-    """Is a stretch that looks healthy merely unable to show the fault of the run?"""
+    """Is a stretch that looks healthy merely unable to show the faults of the run?"""
     last = members[-1]
     if verdicts[point].kind != "ok" or verdicts[last].kind != "fault":
         return False
-    fault = verdicts[last].fault
-    return bool(isolation.floor[fault, point] * THRESHOLD > isolation.degree[fault, last])
+    return all(
+        isolation.floor[fault, point] * THRESHOLD > isolation.degree[fault, last]
+        for fault in verdicts[last].faults
+    )
 
 
 def _continues(
@@ -71,7 +73,7 @@ def _continues(
 ) -> bool:
     """Does a stretch go on with a run?"""
     first, here = verdicts[members[0]], verdicts[point]
-    if first.kind != here.kind:
+    if first.kind != here.kind or len(first.faults) != len(here.faults):
         return False
     if here.kind in ASIDE:
         return first.text == here.text
@@ -79,12 +81,15 @@ def _continues(
         return True
     recent = members[-LOOK_BACK:]
     common = (isolation.probability[:, [*recent, point]] > PLAUSIBLE).all(axis=1)
-    if not common.any():
-        return False
-    best = int(np.argmax(np.where(common, isolation.probability[:, point], 0.0)))
-    before = isolation.degree[best, recent]
+    steady = [i for i in np.flatnonzero(common) if _steady(isolation, int(i), recent, point)]
+    return len(steady) >= len(here.faults)
+
+
+def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> bool:
+    """Does the degree stay what it was, within its bounds and scatter?"""
+    before = isolation.degree[fault, recent]
     # Systematic errors are shared by neighbouring stretches, so their scatter is the measure;
     # too few stretches have no scatter yet.
-    spread = COVERAGE * before.std() if len(recent) > 2 else COVERAGE * isolation.u[best, point]
-    change = abs(isolation.degree[best, point] - before.mean())
+    spread = COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
+    change = abs(isolation.degree[fault, point] - before.mean())
     return bool(change <= spread + STEADY * before.mean())

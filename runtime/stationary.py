@@ -89,8 +89,29 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
         latest = np.maximum.accumulate(np.where(readable, np.arange(n), 0))
         with np.errstate(invalid="ignore"):
             jumps[1:] |= np.abs(np.diff(values[latest])) > limit
+            jumps |= _shifts(values[latest], max(limit / np.sqrt(SHORTEST), floor))
         breaks[_edges_of_long(~readable)] = True
     return _cut(breaks | jumps, jumps)
+
+
+def _shifts(values: Array, limit: float) -> np.ndarray:
+    """First samples of a new level: where the means before and behind differ most, and enough.
+
+    Means over a few samples show a shift that the noise hides between two samples.
+    """
+    found = np.zeros(len(values), dtype=bool)
+    readable = np.isfinite(values)
+    if len(values) < 2 * SHORTEST or not readable.any():
+        return found
+    # Only before the first reading is there none: that is no shift.
+    known = np.where(readable, values, values[np.argmax(readable)])
+    sums = np.concatenate([[0.0], np.cumsum(known)])
+    means = (sums[SHORTEST:] - sums[:-SHORTEST]) / SHORTEST
+    size = np.abs(means[SHORTEST:] - means[:-SHORTEST])
+    padded = np.concatenate([[-np.inf], size, [-np.inf]])
+    peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
+    found[SHORTEST : SHORTEST + len(size)] = peak
+    return found
 
 
 def _edges_of_long(blank: np.ndarray) -> np.ndarray:

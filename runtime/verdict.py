@@ -16,11 +16,11 @@ NAMED = 4
 
 @dataclass(frozen=True)
 class Verdict:
-    """One stretch: ``ok``, ``fault`` (its index), ``unknown``, ``outside`` the calibrated range,
-    or ``blind``."""
+    """One stretch: ``ok``, ``fault`` (with the indexes of one fault, or of two at once),
+    ``unknown``, ``outside`` the calibrated range, or ``blind``."""
 
     kind: str
-    fault: int
+    faults: tuple[int, ...]
     text: str
 
 
@@ -28,16 +28,17 @@ def verdict_at(ruleset: Ruleset, observed: Observed, isolation: Isolation, point
     """What one stretch says."""
     if not isolation.judged[point]:
         because = why_blind(ruleset, observed, point) or "too few estimates of the same flow"
-        return Verdict("blind", -1, because)
+        return Verdict("blind", (), because)
     if not isolation.deviating[point]:
-        return Verdict("ok", -1, "")
+        return Verdict("ok", (), "")
     outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
     if outside:
-        return Verdict("outside", -1, _outside(ruleset, outside[0]))
+        return Verdict("outside", (), _outside(ruleset, outside[0]))
     chances = isolation.probability[:, point]
     if chances.max(initial=0.0) <= 0:
-        return Verdict("unknown", -1, _unexplained(ruleset, observed, isolation, point))
-    return Verdict("fault", int(np.argmax(chances)), "")
+        return Verdict("unknown", (), _unexplained(ruleset, observed, isolation, point))
+    pair = tuple(int(i) for i in isolation.pair[point])
+    return Verdict("fault", (int(np.argmax(chances)),) if pair[0] < 0 else pair, "")
 
 
 def why_blind(ruleset: Ruleset, observed: Observed, point: int) -> str:
@@ -83,4 +84,4 @@ def _unexplained(ruleset: Ruleset, observed: Observed, isolation: Isolation, poi
     ratio[~np.isfinite(ratio)] = 0.0
     fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > THRESHOLD][:3]
     names = ", ".join(fired) or "the residuals together"
-    return f"nothing known fits: {names} deviate in a way that no single fault explains"
+    return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rulec.pipeline import compile_plant
-from runtime.isolate import residual_basis
+from runtime.redundancy import residual_basis
 from runtime.ruleset import Ruleset
 from tests.conftest import ROOT
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from runtime.isolate import isolate, residual_basis
+from runtime.isolate import isolate
+from runtime.redundancy import residual_basis
 from runtime.observe import observe
 from runtime.paper_mode import judge_by_paper
 from runtime.plan import Array

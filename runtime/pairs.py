@@ -1,0 +1,95 @@
+"""Two faults at once, where no single one fits: a sparse non-negative fit.
+
+To first order simultaneous faults add up, so linear effects screen all pairs at once; the best
+ones are then fitted in full. Two is the end: each further degree takes away evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from runtime.hypothesis import HypothesisTest, Outcome, inverse_of
+from runtime.plan import Array
+
+SCREENED = 12
+"""Pairs per point that pass the screening."""
+
+
+@dataclass(frozen=True)
+class PairFits:
+    """Fitted pairs: indexes of faults, and per pair and point degrees and uncertainties, shape
+    (pairs, n, 2), and log-likelihood, shape (pairs, n), -inf where the pair does not fit."""
+
+    pairs: tuple[tuple[int, int], ...]
+    degree: Array
+    u: Array
+    evidence: Array
+
+
+def fit_pairs(test: HypothesisTest, limit: float) -> PairFits:
+    """Fit the pairs that pass the screening; `limit` is the distance up to which one fits."""
+    fitted = [(pair, _fit(test, pair)) for pair in _screened(test)]
+    sound = [(pair, outcome) for pair, outcome in fitted if outcome is not None]
+    evidence = [np.where(o.distance <= limit, o.evidence, -np.inf) for _, o in sound]
+    return PairFits(
+        tuple(pair for pair, _ in sound),
+        np.array([o.degree for _, o in sound]),
+        np.array([o.u for _, o in sound]),
+        np.array(evidence).reshape(len(sound), -1),
+    )
+
+
+def _screened(test: HypothesisTest) -> list[tuple[int, int]]:
+    """Pairs whose linear effects come closest to the residuals at some point."""
+    pairs, left = [], []
+    for pair, distance in _linear(test):
+        pairs.append(pair)
+        left.append(distance)
+    if not pairs:
+        return []
+    order = np.argsort(np.array(left), axis=0)[:SCREENED]
+    return [pairs[k] for k in np.unique(order)]
+
+
+def _linear(test: HypothesisTest) -> Iterator[tuple[tuple[int, int], Array]]:
+    """Distance left by each pair with linear effects and non-negative degrees."""
+    root = _root(inverse_of(test.covariance))
+    measured = np.einsum("nrs,ns->nr", root, test.residuals())
+    effects: dict[int, Array] = {}
+    for i, fault in enumerate(test.ruleset.faults):
+        effect = test.effect(fault)
+        if effect is not None and np.any(effect):
+            effects[i] = np.einsum("nrs,ns->nr", root, effect)
+    size = {i: np.sum(e * e, axis=1) for i, e in effects.items()}
+    pull = {i: -np.sum(e * measured, axis=1) for i, e in effects.items()}
+    whole = np.sum(measured**2, axis=1)
+    for i, j in combinations(effects, 2):
+        cross = np.sum(effects[i] * effects[j], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            determinant = size[i] * size[j] - cross**2
+            a = (size[j] * pull[i] - cross * pull[j]) / determinant
+            b = (size[i] * pull[j] - cross * pull[i]) / determinant
+            left = whole - a * pull[i] - b * pull[j]
+        both = np.asarray((a > 0) & (b > 0) & np.isfinite(left))
+        if both.any():
+            yield (i, j), np.where(both, left, np.inf)
+
+
+def _root(inverse: Array) -> Array:
+    """A square root of each inverse covariance; 0 where there is none."""
+    sound = np.isfinite(inverse).all(axis=(1, 2))
+    safe = np.where(sound[:, None, None], inverse, 0.0)
+    sizes, axes = np.linalg.eigh(safe)
+    root: Array = np.sqrt(np.maximum(sizes, 0.0))[:, :, None] * np.swapaxes(axes, 1, 2)
+    return root
+
+
+def _fit(test: HypothesisTest, pair: tuple[int, int]) -> Outcome | None:
+    """Fit both degrees in full."""
+    first, second = (test.ruleset.faults[i] for i in pair)
+    starts = [np.array([[a, b]]) for a in (0.1, 0.3) for b in (0.1, 0.3)]
+    return test.run((first, second), starts)

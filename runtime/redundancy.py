@@ -1,0 +1,41 @@
+"""What several estimates of the same flows say beyond the flows themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from runtime.plan import Array
+from runtime.ruleset import Ruleset
+
+
+def chi_square_limit(freedom: int, quantile: float) -> float:
+    """Quantile of chi-square for a normal quantile (Wilson and Hilferty 1931)."""
+    part = 2.0 / (9.0 * freedom)
+    return float(freedom * (1.0 - part + quantile * np.sqrt(part)) ** 3)
+
+
+def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
+    """Independent combinations of valid observers that vanish in a healthy plant.
+
+    The flows of all modules obey the junction balances; what the observers say beyond one value
+    per free flow is redundant. Shape (rank, valid observers), orthonormal rows.
+    """
+    modules = {name: i for i, name in enumerate(ruleset.modules)}
+    balances = np.zeros((len(ruleset.junctions), len(modules)))
+    for row, junction in zip(balances, ruleset.junctions, strict=True):
+        for name in junction.outlets:
+            row[modules[name]] += 1.0
+        for name in junction.inlets:
+            row[modules[name]] -= 1.0
+    free_flows = _null_space(balances)
+    chosen = [modules[o.module] for o, ok in zip(ruleset.observers, valid, strict=True) if ok]
+    return _null_space(free_flows[chosen].T).T
+
+
+def _null_space(matrix: Array) -> Array:
+    """Orthonormal basis of the null space, shape (columns, dimension)."""
+    if not matrix.size:
+        return np.eye(matrix.shape[1])
+    _, sizes, rows = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > 1e-10 * max(sizes.max(initial=0.0), 1.0)))
+    return rows[rank:].T
