@@ -14,7 +14,7 @@ from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.runs import COVERAGE
-from runtime.stationary import SHORTEST, find_stretches, noise_of
+from runtime.stationary import SHORTEST, find_stretches, noise_at_work
 from runtime.verdict import Verdict, verdict_at
 
 BLOCK = 16_384
@@ -43,7 +43,7 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
     """
-    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     notes = list(recording.notes)
     notes += [f"{name} is not in the recording" for name in recording.missing]
@@ -125,7 +125,7 @@ class Trace:
 
 def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
     """Judge every sample of the settled stretches on its own; the others are ``moving``."""
-    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     settled = [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
     index = np.concatenate(settled) if settled else np.zeros(0, dtype=int)

@@ -21,7 +21,7 @@ from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
 from runtime.recording import read_recording
 from runtime.ruleset import Ruleset
-from runtime.stationary import find_stretches, noise_of, systematic_u
+from runtime.stationary import find_stretches, noise_at_work, systematic_u
 
 
 def run(options: argparse.Namespace) -> int:
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     recording = read_recording(Path(options.recording), ruleset)
-    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     if not len(stretches):
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
