@@ -19,7 +19,7 @@ from runtime.plan import Array, Plan
 
 STEPS = 40
 FREE = 1e-14
-"""Cost of a flow over that of a reading, each in its own scale; not 0, so that the step is unique."""
+"""Cost of a flow over that of a reading, each in its own scale: the step must be unique."""
 
 VANISHED = 1e-6
 """Share of the largest flow below which a residual counts as zero."""

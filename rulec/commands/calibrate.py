@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
-    """Fit every module whose true flow is known; refuses if there is none."""
+    """Fit every module that ran and whose true flow is known; refuses if there is none."""
     plant = models.residuals.network.plant
     flows = _reference_flows(models, ruleset, points)
     fits = []
@@ -56,6 +56,8 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
         name, flow, shared = flows[module.name]
+        if not np.isfinite(flow).any():  # it stood all the time: what it was remains
+            continue
         values, systematic = _local(models, ruleset, points, module)
         readings = Readings(values, systematic, flow, shared, name)
         fits.append(fit_module(module, model, readings))
