@@ -41,9 +41,18 @@ def run(options: argparse.Namespace) -> int:
     header = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
     write_text(Path(options.output), header + yaml.safe_dump(data, sort_keys=False, width=100))
     out.print(_table(models, fits))
+    left = _left_out(models, fits)
+    if left:
+        out.print(f"no true flow in this recording, left as they were: {', '.join(left)}")
     out.print(f"[green]✓[/] {options.output}: from {len(stretches)} settled stretches")
     write_json(options, data)
     return 0
+
+
+def _left_out(models: Models, fits: list[ModuleFit]) -> list[str]:
+    """Modules with estimates of their own that were not fitted."""
+    plant, fitted = models.residuals.network.plant, {fit.module for fit in fits}
+    return [m.name for m in plant.modules.values() if m.type.observers and m.name not in fitted]
 
 
 def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
