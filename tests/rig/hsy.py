@@ -165,6 +165,9 @@ def show(folder: Path) -> None:
                     f"Spearman {found.spearman:.2f}, Kendall {found.kendall:.2f} "
                     f"(p {found.p:.3f}); day to day {same} of {total} pairs in the same order"
                 )
+        for level in (1.5, 1.8):
+            kendall = halves(station.judged_above(level, fault)).kendall
+            print(f"  judged only above {level} m, all: Kendall {kendall:.2f}")
         for name, changes in zip(
             ("over a run of 6 h or more", "over the stop after it"),
             while_running(station, fault),

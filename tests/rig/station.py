@@ -88,6 +88,11 @@ class Station:
             np.broadcast_to(self.settled, (len(PUMPS), len(self.settled)))
         )
 
+    def judged_above(self, level: float, fault: str) -> Degrees:
+        """Degrees in settled stretches while the tunnel is at least this full (m)."""
+        full = self.recording.values["channel.l"] >= level
+        return self.judged(fault).only(np.broadcast_to(full, (len(PUMPS), len(full))))
+
     def fresh(self, fault: str) -> Degrees:
         """Degrees in the first hour after a start, without its first quarter."""
         chosen = np.zeros((len(PUMPS), len(self.settled)), dtype=bool)
