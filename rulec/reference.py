@@ -18,6 +18,9 @@ from rulec.link import Network
 from runtime.plan import Array, Plan
 
 STEPS = 40
+FREE = 1e-14
+"""Cost of a flow over that of a reading, each in its own scale: the step must be unique."""
+
 VANISHED = 1e-6
 """Share of the largest flow below which a residual counts as zero."""
 
@@ -138,7 +141,7 @@ def _step(
     flow = float(np.median(np.abs(q))) or 1.0
     unknowns, equations = len(free) + len(modules), len(right)
     jacobian = sparse.csc_matrix((np.array(entries), (rows, columns)), (equations, unknowns))
-    weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), 1e-9)])
+    weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), FREE / flow)])
     system = sparse.bmat(
         [
             [sparse.diags(weights), jacobian.T],

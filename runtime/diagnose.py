@@ -17,7 +17,7 @@ from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.runs import COVERAGE
-from runtime.stationary import SHORTEST, Stretches, find_stretches, noise_of
+from runtime.stationary import SHORTEST, Stretches, find_stretches, noise_at_work
 from runtime.verdict import Verdict, verdict_at
 
 BLOCK = 16_384
@@ -46,7 +46,7 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
     """
-    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     notes = list(recording.notes)
     notes += [f"{name} is not in the recording" for name in recording.missing]
@@ -141,7 +141,7 @@ class Trace:
 
 def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
     """Judge every sample of the settled stretches on its own; the others are ``moving``."""
-    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     if not len(stretches):
         blank = np.zeros((len(ruleset.faults), len(recording)))

@@ -41,7 +41,9 @@ def assign(
     path: Path, titles: Sequence[str], ruleset: Ruleset, header: Header, notes: list[str]
 ) -> None:
     """Find out which column is which signal."""
-    foreign = {c.column.strip(): c for c in ruleset.columns}
+    foreign: dict[str, list[tuple[str, float, float]]] = {}
+    for c in ruleset.columns:
+        foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
     signals = ruleset.signal_by_id
     source: dict[str, str] = {}
     for index, title in enumerate(t.strip() for t in titles):
@@ -52,22 +54,21 @@ def assign(
             header.time, header.time_title, header.time_unit = index, title, unit.strip()
             continue
         if title in foreign:
-            column = foreign[title]
-            signal, factor, offset = column.signal, column.factor, column.offset
+            meant = foreign[title]
         elif name in signals:
-            signal = name
-            factor, offset = _conversion(path, title, unit, signals[name], ruleset, notes)
+            meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, notes))]
         else:
             if title:
                 header.strangers.append(title)
             continue
-        if signal in source:
-            raise RecordingRefused(
-                f"{path}: two columns hold {signal}: '{source[signal]}' and '{title}'; "
-                "take one of them out"
-            )
-        source[signal] = title
-        header.targets.append(Target(index, signal, factor, offset))
+        for signal, factor, offset in meant:
+            if signal in source:
+                raise RecordingRefused(
+                    f"{path}: two columns hold {signal}: '{source[signal]}' and '{title}'; "
+                    "take one of them out"
+                )
+            source[signal] = title
+            header.targets.append(Target(index, signal, factor, offset))
     if header.time < 0:
         expected = ruleset.time_column or "time [s]"
         raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'")

@@ -57,6 +57,27 @@ def noise_of(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if len(second) else 0.0
 
 
+def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
+    """Noise of every reading, SI, without the samples in which its module stands.
+
+    A pump that stands most of the time shows no noise in most samples; its readings while it
+    runs would then all count as jumps.
+    """
+    signals = ruleset.signal_by_id
+    return {
+        name: noise_of(_working(signals[name], values)) for name, values in recording.values.items()
+    }
+
+
+def _working(signal: SignalSpec, values: Array) -> Array:
+    """Readings not below the smallest one at which the equations hold."""
+    if signal.minimum is None:
+        return values
+    with np.errstate(invalid="ignore"):
+        working: Array = values[values >= signal.minimum]
+    return working
+
+
 def systematic_u(signal: SignalSpec, values: Array | float) -> Array:
     """Systematic standard uncertainty of readings, SI."""
     size = {
@@ -82,7 +103,8 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
         values = recording.values.get(signal.id)
         if values is None or signal.id not in used:
             continue
-        level = np.nanmedian(np.abs(values)) if np.isfinite(values).any() else 0.0
+        working = _working(signal, values)
+        level = np.nanmedian(np.abs(working)) if np.isfinite(working).any() else 0.0
         floor = float(systematic_u(signal, level))
         limit = max(JUMP * np.sqrt(2.0) * noise[signal.id], floor)
         readable = np.isfinite(values)

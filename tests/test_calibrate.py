@@ -74,6 +74,25 @@ def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:
     assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-2)
 
 
+def test_a_module_that_stood_keeps_its_values(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where one of several pumps never ran, the others are calibrated, and this one is named."""
+    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
+    text = text.replace("connections:\n  - A -> C\n  - B -> C\n", "").replace(
+        "static-mixer", "pump-set"
+    )
+    (tmp_path / "plant.yaml").write_text(f"{text}kb: {ROOT / 'kb'}\n", encoding="utf-8")
+    readings = dict(record(calibration_run(abc()), NOISE_FREE).readings)
+    readings["C.Q [l/min]"] = np.zeros(len(readings["A.Q [l/h]"]))
+    write_csv(tmp_path / "r.csv", readings, digits=12)
+    target = tmp_path / "found.json"
+    arguments = ["calibrate", str(tmp_path), str(tmp_path / "r.csv")]
+    assert 0 == main([*arguments, "-o", str(tmp_path / "f.yaml"), "--json", str(target)])
+    assert "left as they were: C\n" in capsys.readouterr().out
+    assert {"A", "B"} == set(json.loads(target.read_text(encoding="utf-8"))["modules"])
+
+
 def test_a_recording_that_cannot_calibrate_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

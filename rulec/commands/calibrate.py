@@ -21,7 +21,7 @@ from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
 from runtime.recording import read_recording
 from runtime.ruleset import Ruleset
-from runtime.stationary import find_stretches, noise_of, systematic_u
+from runtime.stationary import find_stretches, noise_at_work, systematic_u
 
 
 def run(options: argparse.Namespace) -> int:
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     recording = read_recording(Path(options.recording), ruleset)
-    noise = {name: noise_of(values) for name, values in recording.values.items()}
+    noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     if not len(stretches):
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
@@ -41,13 +41,22 @@ def run(options: argparse.Namespace) -> int:
     header = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
     write_text(Path(options.output), header + yaml.safe_dump(data, sort_keys=False, width=100))
     out.print(_table(models, fits))
+    left = _left_out(models, fits)
+    if left:
+        out.print(f"no true flow in this recording, left as they were: {', '.join(left)}")
     out.print(f"[green]✓[/] {options.output}: from {len(stretches)} settled stretches")
     write_json(options, data)
     return 0
 
 
+def _left_out(models: Models, fits: list[ModuleFit]) -> list[str]:
+    """Modules with estimates of their own that were not fitted."""
+    plant, fitted = models.residuals.network.plant, {fit.module for fit in fits}
+    return [m.name for m in plant.modules.values() if m.type.observers and m.name not in fitted]
+
+
 def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
-    """Fit every module whose true flow is known; refuses if there is none."""
+    """Fit every module that ran and whose true flow is known; refuses if there is none."""
     plant = models.residuals.network.plant
     flows = _reference_flows(models, ruleset, points)
     fits = []
@@ -56,6 +65,8 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
         name, flow, shared = flows[module.name]
+        if not np.isfinite(flow).any():  # it stood all the time: what it was remains
+            continue
         values, systematic = _local(models, ruleset, points, module)
         readings = Readings(values, systematic, flow, shared, name)
         fits.append(fit_module(module, model, readings))

@@ -21,6 +21,7 @@ PLANTS = {
     "centrifugal": {"A": "dosing-centrifugal", "B": "dosing-membrane", "C": "static-mixer"},
     "pump set": {"A": "pump-set"},
     "warm pump set": {"A": "pump-set-warm"},
+    "waste water": {"A": "grundfos-s3-145", "B": "grundfos-s3-120", "C": "discharge-channel"},
 }
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from runtime.isolate import isolate
-from runtime.redundancy import residual_basis
 from runtime.observe import observe
 from runtime.paper_mode import judge_by_paper
 from runtime.plan import Array
+from runtime.redundancy import residual_basis
 from runtime.ruleset import Ruleset
 from tests.method.readings import PUMPS, evaluate, noise_free, points, ruleset
 

@@ -301,6 +301,16 @@ def test_foreign_column_map(tmp_path: Path, abc: Ruleset, expected: Recording) -
         read(twice.text(), tmp_path, foreign)
 
 
+def test_one_column_for_several_signals(tmp_path: Path, abc: Ruleset) -> None:
+    """A sensor that several modules read stands once in the file, each signal in its own unit."""
+    columns = (ColumnMap("A.T", "TT-1", 1.0, 273.15), ColumnMap("B.T", "TT-1", 1.0, 273.15))
+    shared = dataclasses.replace(abc, columns=columns)
+    sheet = SHEET.without("B.T").renamed("A.T", "TT-1")
+    found = read(sheet.text(), tmp_path, shared)
+    assert found.values["A.T"].tolist() == found.values["B.T"].tolist()
+    assert "B.T" not in found.missing
+
+
 def test_folder_in_order_of_time(tmp_path: Path, abc: Ruleset, expected: Recording) -> None:
     """Files whose times follow one another are joined by time, not by name."""
     first, second = Sheet(SHEET.header, SHEET.rows[:25]), Sheet(SHEET.header, SHEET.rows[25:])

@@ -1,0 +1,157 @@
+"""Diagnosis against a data sheet: pumps of the waste-water station, simulated from the sheet.
+
+The simulator here is independent of the compiler: it finds the flow by bisection and puts the
+faults in where they act (head curve, power, flow through the impeller).
+"""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+import yaml
+
+from runtime.diagnose import Diagnosis, diagnose
+from runtime.observe import observe, points_of_samples
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from runtime.stationary import find_stretches, noise_at_work
+from tests.conftest import ROOT, compiled, recordings_folder
+
+SAMPLES = 40
+SHEETS = {
+    "grundfos-s3-145": ("pump_curve_large_743rpm_50Hz.csv", 1250.0),
+    "grundfos-s3-120": ("pump_curve_small_991rpm_50Hz.csv", 640.0),
+}
+
+
+@pytest.fixture
+def station() -> Ruleset:
+    """The waste-water pumping station."""
+    return compiled("hsy-pumping")
+
+
+def large_pump(
+    frequency: float, level: float, head: float = 0.0, power: float = 0.0, back: float = 0.0
+) -> tuple[float, float]:
+    """Flow (m3/h) and electric power (kW) of the large pump with missing head, excess power and
+    recirculation of these degrees."""
+    speed = frequency / 50.0
+    low, high = 0.0, 6000.0
+    for _ in range(80):
+        flow = (low + high) / 2
+        inner = flow / (1.0 - back)
+        curve = 42.637 * speed**2 - 4.355e-4 * speed * inner - 8.7658e-7 * inner**2
+        enough = (1.0 - head) * curve > 30.0 - level + 2.5e-7 * flow**2
+        low, high = (flow, high) if enough else (low, flow)
+    drawn = speed**3 * 246.98 + speed**2 * 2.3052e-2 * inner
+    drawn += speed * 9.9386e-6 * inner**2 - 2.0515e-9 * inner**3
+    return flow, (1.0 + power) * drawn / 0.98
+
+
+def recording(**faults: float) -> Recording:
+    """Pump 1.4 runs with faults, all others stand; readings every 15 min with a little noise."""
+    random = np.random.default_rng(11)
+    flow, power = large_pump(49.4, 2.0, **faults)
+    values = {f"P{p}.{s}": np.zeros(SAMPLES) for p in (11, 12, 13, 21, 22, 23, 24) for s in "fQ"}
+    values |= {name.replace(".Q", ".P_el"): np.zeros(SAMPLES) for name in values if ".Q" in name}
+    noisy = 1.0 + 1e-3 * random.standard_normal((3, SAMPLES))
+    values["P14.f"] = 49.4 + 0.0 * noisy[0]
+    values["P14.Q"], values["P14.P_el"] = flow / 3600 * noisy[0], power * 1e3 * noisy[1]
+    values["channel.l"] = 2.0 * noisy[2]
+    return Recording(900.0 * np.arange(SAMPLES), values, np.zeros(SAMPLES), (), ())
+
+
+def found(diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:
+    """Degree and probability of every fault named first."""
+    return {f.fault.id: (f.degree, f.probability) for f in diagnosis.findings}
+
+
+def test_a_sound_pump_raises_no_alarm(station: Ruleset) -> None:
+    """By the sheet: nothing found, all samples judged."""
+    diagnosis = diagnose(recording(), station)
+    assert (SAMPLES, "ok") == (diagnosis.judged, diagnosis.status)
+
+
+def test_a_pump_within_the_tolerance_of_its_sheet_raises_no_alarm(station: Ruleset) -> None:
+    """7 % less head or 9 % more power is what grade 3B allows."""
+    assert {} == found(diagnose(recording(head=0.07), station))
+    assert {} == found(diagnose(recording(power=0.09), station))
+
+
+def test_missing_head_is_found_with_its_degree(station: Ruleset) -> None:
+    """20 % less head is named, by itself or with what looks the same at one operating point."""
+    (finding,) = diagnose(recording(head=0.2), station).findings
+    causes = {finding.fault.id, *(name for name, _ in finding.alternatives)}
+    assert {"P14.missing-head", "P14.recirculation", "P14.Q.low"} == causes
+
+
+def test_excess_power_cannot_be_told_from_a_wrong_power_reading(station: Ruleset) -> None:
+    """25 % more power: both causes are named, half and half, with the right degree."""
+    (finding,) = diagnose(recording(power=0.25), station).findings
+    shares = {finding.fault.id: finding.probability, **dict(finding.alternatives)}
+    assert {"P14.excess-power", "P14.P_el.high"} == set(shares)
+    assert 0.5 == pytest.approx(shares["P14.excess-power"], abs=1e-6)
+    assert 0.25 == pytest.approx(finding.degree, abs=0.003)
+
+
+@pytest.mark.parametrize(("head", "power"), [(0.2, 0.0), (0.0, 0.2), (0.15, 0.15)])
+def test_each_degree_has_a_residual_of_its_own(station: Ruleset, head: float, power: float) -> None:
+    """Missing head and excess power at once: each is found as if the other were not there."""
+    readings = recording(head=head, power=power)
+    points = points_of_samples(readings, station, noise_at_work(readings, station))
+    names = {
+        "x:exact:P14.missing-head:P14.pump-flow": head,
+        "x:exact:P14.excess-power:P14.power-flow": power,
+    }
+    out = station.plan.select(names).run(
+        {**points.values, **{f"u:{n}": u for n, u in points.u.items()}}
+        | {"u:parameters": 1.0, "u:model": 1.0}
+    )
+    for name, degree in names.items():
+        assert degree == pytest.approx(float(np.mean(out[name])), abs=0.002)
+
+
+def test_a_pump_that_mostly_stands_has_settled_stretches(station: Ruleset) -> None:
+    """Its noise is that of the samples in which it runs."""
+    short = recording()
+    running = np.arange(SAMPLES) >= SAMPLES - 8
+    values = {n: v * running if n.startswith("P14") else v for n, v in short.values.items()}
+    rarely = Recording(short.time, values, short.segment, (), ())
+    noise = noise_at_work(rarely, station)
+    stretches = find_stretches(rarely, station, noise)
+    judged = observe(station, points_of_samples(rarely, station, noise)).valid.any(axis=0)
+    assert noise["P14.Q"] > 0.0
+    assert (SAMPLES - 7, SAMPLES) == (stretches.first[-1], stretches.last[-1])
+    assert running.tolist() == judged.tolist()
+
+
+@pytest.mark.parametrize("kind", SHEETS)
+def test_curves_are_fits_to_the_makers_points(kind: str) -> None:
+    """Head: parabola, power: cubic, least squares over the points named in the module."""
+    file, largest = SHEETS[kind]
+    path = recordings_folder() / "hsy-wastewater-pumping" / file
+    if not path.is_file():
+        pytest.skip(f"no real recordings at {path} (set RULEC_RECORDINGS)")
+    with path.open(encoding="utf-8") as sheet:
+        rows = [r for r in csv.DictReader(sheet) if float(r["Q_lps"]) <= largest]
+    flow = np.array([3.6 * float(r["Q_lps"]) for r in rows])
+    head = _fit(flow, [float(r["H_m"]) for r in rows], 2)
+    power = _fit(flow, [float(r["P1_kW"]) for r in rows], 3)
+    module = ROOT / "kb" / "modules" / f"{kind}.yaml"
+    parameters = yaml.safe_load(module.read_text(encoding="utf-8"))["parameters"]
+    stated = {name: float(parameters[name]["value"]) for name in parameters}
+    assert [stated["h0"], -stated["h1"], -stated["h2"]] == pytest.approx(head[0], rel=1e-4)
+    fitted = [stated["p0"], stated["p1"], stated["p2"], -stated["p3"]]
+    assert fitted == pytest.approx(power[0], rel=1e-4)
+    assert float(parameters["h0"]["u"]) == pytest.approx(head[1], rel=0.02)
+    assert float(parameters["p0"]["u"]) == pytest.approx(power[1], rel=0.02)
+
+
+def _fit(flow: np.ndarray, values: list[float], degree: int) -> tuple[list[float], float]:
+    """Coefficients, lowest first, and standard deviation of the points about the fit."""
+    coefficients = np.polyfit(flow, values, degree)
+    off = np.array(values) - np.polyval(coefficients, flow)
+    spread = float(np.sqrt(off @ off / (len(flow) - degree - 1)))
+    return [float(c) for c in coefficients[::-1]], spread
