@@ -1,11 +1,12 @@
-"""The baseline: what the fault-free part of a recording says of errors that stay.
+"""The baseline: what the fault-free part of a recording says of errors that last.
 
-A systematic error of a sensor and an error of the calibration are the same all through a
-recording. Stretches in which nothing contradicts bound them, so a later stretch is judged against
+A systematic error of a sensor and an error of the calibration hardly change from one minute to
+the next. Stretches in which nothing contradicts bound them, so a later stretch is judged against
 these: what was off by the same amount before is no fault. Errors are unknowns with a standard
-normal prior; each healthy stretch conditions them in turn (recursive least squares).
+normal prior that drift slowly; each healthy stretch conditions them in turn.
 
-Source: own derivation, docs/method.md; the recursion is the Kalman measurement update.
+Source: own derivation, docs/method.md; the recursion is a Kalman filter of an Ornstein-Uhlenbeck
+process.
 """
 
 from __future__ import annotations
@@ -27,16 +28,29 @@ WORTH = 0.02
 """Information (nat) below which a further stretch is not worth learning."""
 
 
+LASTING = 6.0 * 3600.0
+"""Time, s, over which lasting errors lose their memory: a quarter of the daily cycle of ambient
+temperature, which moves most of them [assumed]."""
+
+
 @dataclass(frozen=True)
 class Baseline:
     """Mean, shape (errors,), and covariance of the lasting errors, in standard uncertainties.
 
-    `learned` are the points it rests on.
+    `learned` are the points it rests on, `time` is that of the last of them, s.
     """
 
     mean: Array
     covariance: Array
     learned: tuple[int, ...]
+    time: float
+
+    def later(self, time: float) -> Baseline:
+        """What is still known at a later time: the rest of the errors is as before anything."""
+        kept = float(remembered(time - self.time))
+        drifted = (1.0 - kept**2) * np.eye(len(self.mean))
+        covariance = kept**2 * self.covariance + drifted
+        return replace(self, mean=kept * self.mean, covariance=covariance, time=time)
 
 
 @dataclass(frozen=True)
@@ -50,18 +64,26 @@ class Baselines:
 def nothing_learned(observed: Observed) -> Baseline:
     """What is known of the lasting errors without any fault-free stretch: their uncertainties."""
     count = observed.shared.shape[1]
-    return Baseline(np.zeros(count), np.eye(count), ())
+    return Baseline(np.zeros(count), np.eye(count), (), 0.0)
+
+
+def remembered(seconds: Array | float) -> Array:
+    """Correlation of a lasting error with itself after some time."""
+    correlation: Array = np.exp(-np.abs(seconds) / LASTING)
+    return correlation
 
 
 def learn(ruleset: Ruleset, observed: Observed) -> Baselines:
     """Go through the points in order of time and learn from those that nothing contradicts."""
     states = [nothing_learned(observed)]
     at = np.zeros(len(observed), dtype=int)
+    time = times_of(observed)
     outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
     for point, residuals, shared, noise in _residuals(ruleset, observed):
         at[point] = len(states) - 1
         if not outside[point]:
-            updated = _update(states[-1], point, residuals, shared, noise)
+            before = states[-1].later(time[point])
+            updated = _update(before, point, residuals, shared, noise)
             if updated is not None:
                 states.append(updated)
     return Baselines(tuple(states), _filled(at))
@@ -102,7 +124,14 @@ def _update(
         before.mean + crossed @ solved[:, 0],
         0.5 * (covariance + covariance.T),
         (*before.learned, point),
+        before.time,
     )
+
+
+def times_of(observed: Observed) -> Array:
+    """Time of each point, s; all the same where the points do not follow each other."""
+    time = observed.points.time
+    return np.zeros(len(observed)) if time is None else time
 
 
 def _filled(at: np.ndarray) -> np.ndarray:
@@ -121,13 +150,16 @@ def against(
     offsets = np.zeros_like(observed.flows)
     lasting = np.zeros_like(observed.noise)
     at = baselines.at if at is None else at
+    time, unconditioned = times_of(observed), observed.covariance - observed.noise
     for index in np.unique(at):
         here, state = np.flatnonzero(at == index), baselines.states[index]
+        kept = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
-        offsets[:, here] = np.einsum("omn,m->on", shared, state.mean)
-        factor = _factor(state.covariance)
-        spread = np.einsum("omn,mk->nok", shared, factor, optimize=True)
-        lasting[here] = spread @ np.swapaxes(spread, 1, 2)
+        offsets[:, here] = kept * np.einsum("omn,m->on", shared, state.mean)
+        spread = np.einsum("omn,mk->nok", shared, _factor(state.covariance), optimize=True)
+        known = (kept**2)[:, None, None]
+        lasting[here] = known * (spread @ np.swapaxes(spread, 1, 2))
+        lasting[here] += (1.0 - known) * unconditioned[here]
     covariance = observed.noise + lasting
     return replace(
         observed,

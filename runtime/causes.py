@@ -67,24 +67,34 @@ def causes_of(
     for hypothesis in hypotheses:
         for fault in hypothesis.faults:
             chance[fault] = chance.get(fault, 0.0) + hypothesis.probability
-    return [_cause(best, place, chance) for place in range(len(best.faults))]
+    return [_cause(ruleset, best, place, chance) for place in range(len(best.faults))]
 
 
-def _cause(best: Hypothesis, place: int, chance: Mapping[int, float]) -> Cause:
-    """One fault of the best hypothesis, and what could be in its stead."""
+def _cause(ruleset: Ruleset, best: Hypothesis, place: int, chance: Mapping[int, float]) -> Cause:
+    """One fault of the best hypothesis, and what could be in its stead.
+
+    Faults that move all residuals in the same proportion are rivals even where assumptions (the
+    tolerance of a law) favour one of them: no reading tells them apart.
+    """
     fault = best.faults[place]
+    twins = {
+        name
+        for group in ruleset.ambiguous
+        if group.kind == "coincide" and ruleset.faults[fault].id in group.faults
+        for name in group.faults
+    }
     others = sorted(
         ((f, p) for f, p in chance.items() if f not in best.faults and p > MENTION),
         key=lambda other: -other[1],
     )
-    limit = RIVAL * chance[fault]
+    close = [p >= RIVAL * chance[fault] or ruleset.faults[f].id in twins for f, p in others]
     return Cause(
         fault,
         best.degrees[place],
         best.u[place],
         min(chance[fault], 1.0),
-        tuple(other for other in others if other[1] >= limit),
-        tuple(other for other in others if other[1] < limit),
+        tuple(other for other, near in zip(others, close, strict=True) if near),
+        tuple(other for other, near in zip(others, close, strict=True) if not near),
         tuple(f for f in best.faults if f != fault),
         best.when,
     )

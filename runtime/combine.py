@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from runtime.baseline import Baselines
+from runtime.baseline import Baselines, remembered, times_of
 from runtime.hypothesis import HypothesisTest, Outcome, inverse_of, products
 from runtime.isolate import Isolation, accepted, shares
 from runtime.observe import Observed
@@ -143,7 +143,8 @@ def stacked_covariance(
     """Covariance of the residuals of several points, shape (1, points * rank, points * rank)."""
     rank = len(basis)
     gradients = np.vstack([basis @ observed.shared[valid, :, k] for k in points])
-    covariance = gradients @ gradients.T
+    time = np.repeat(times_of(observed)[points], rank)
+    covariance = gradients @ gradients.T * remembered(time[:, None] - time)
     for row, point in enumerate(points):
         own = observed.noise[point][np.ix_(valid, valid)]
         block = slice(row * rank, (row + 1) * rank)

@@ -16,6 +16,14 @@ from runtime.stationary import LONGEST, Stretches
 from runtime.verdict import Verdict, partly_blind
 
 
+PERSISTENCE = 5
+"""Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
+
+BRIEF = (
+    f"estimates of the flow disagreed too briefly to judge; a finding takes {PERSISTENCE} samples"
+)
+
+
 @dataclass(frozen=True)
 class Evidence:
     """A residual at the strongest point of a finding; flows in m3/s.
@@ -82,7 +90,9 @@ def findings_of(
     for kind, members in runs_of(verdicts, seen.isolation, _pauses(time, stretches)):
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
-        if kind == "fault":
+        if kind == "fault" and stretches.lengths[members].sum() < PERSISTENCE:
+            periods["blind"].append(Period(since, until, BRIEF))
+        elif kind == "fault":
             causes = causes_of(ruleset, seen, members, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:

@@ -25,7 +25,7 @@ class Points:
 
     `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
     systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
-    flags with a reason in `why`.
+    flags with a reason in `why`; `time` shape (n,), s, where the points follow each other.
     """
 
     values: Mapping[str, Array]
@@ -33,6 +33,7 @@ class Points:
     systematic: Mapping[str, Array]
     bad: Mapping[str, np.ndarray]
     why: Mapping[str, str]
+    time: Array | None = None
 
     def at(self, chosen: np.ndarray) -> Points:
         """Some of the points."""
@@ -40,7 +41,8 @@ class Points:
             {name: part[chosen] for name, part in table.items()}
             for table in (self.values, self.u, self.systematic, self.bad)
         )
-        return Points(values, u, systematic, bad, self.why)
+        time = None if self.time is None else self.time[chosen]
+        return Points(values, u, systematic, bad, self.why, time)
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,8 @@ def points_of_stretches(
         values[signal.id] = np.where(flags[signal.id], np.nan, mean)
         systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
         u[signal.id] = np.hypot(systematic[signal.id], statistical)
-    return Points(values, u, systematic, flags, why)
+    middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
+    return Points(values, u, systematic, flags, why, middle)
 
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
@@ -162,7 +165,7 @@ def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str
         values[signal.id] = np.where(bad[signal.id], np.nan, readings)
         systematic[signal.id] = systematic_u(signal, readings) + np.zeros(len(readings))
         u[signal.id] = np.hypot(systematic[signal.id], noise[signal.id])
-    return Points(values, u, systematic, bad, why)
+    return Points(values, u, systematic, bad, why, recording.time)
 
 
 def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:

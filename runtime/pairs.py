@@ -74,8 +74,8 @@ def _linear(test: HypothesisTest) -> Iterator[tuple[tuple[int, int], Array]]:
             a = (size[j] * pull[i] - cross * pull[j]) / determinant
             b = (size[i] * pull[j] - cross * pull[i]) / determinant
             left = whole - a * pull[i] - b * pull[j]
-        both: np.ndarray = np.asarray((a > 0) & (b > 0) & np.isfinite(left))
-        if both.any():
+        both = np.logical_and.reduce([a > 0, b > 0, np.isfinite(left)])
+        if np.any(both):
             yield (i, j), np.where(both, left, np.inf)
 
 

@@ -19,7 +19,7 @@ from runtime.recording import Recording
 from runtime.ruleset import Ruleset, SignalSpec
 
 SHORTEST = 3
-"""Samples a stretch must have; also the persistence that a finding needs."""
+"""Samples a stretch must have."""
 
 LONGEST = 60
 """Samples after which a stretch is cut, so that slow change is followed."""
@@ -119,7 +119,8 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
 def _shifts(values: Array, limit: float) -> np.ndarray:
     """First samples of a new level: where the means before and behind differ most, and enough.
 
-    Means over a few samples show a shift that the noise hides between two samples.
+    Means over a few samples show a step that the noise hides between two samples. On a slope the
+    values change within the means as well: that is drift or settling, and no end.
     """
     found = np.zeros(len(values), dtype=bool)
     readable = np.isfinite(values)
@@ -129,10 +130,12 @@ def _shifts(values: Array, limit: float) -> np.ndarray:
     known = np.where(readable, values, values[np.argmax(readable)])
     sums = np.concatenate([[0.0], np.cumsum(known)])
     means = (sums[SHORTEST:] - sums[:-SHORTEST]) / SHORTEST
+    within = np.abs(known[SHORTEST - 1 :] - known[: 1 - SHORTEST])
     size = np.abs(means[SHORTEST:] - means[:-SHORTEST])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
     peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
-    found[SHORTEST : SHORTEST + len(size)] = peak
+    step = 2.0 * np.maximum(within[SHORTEST:], within[:-SHORTEST]) < size
+    found[SHORTEST : SHORTEST + len(size)] = peak & step
     return found
 
 
