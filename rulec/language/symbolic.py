@@ -69,8 +69,9 @@ def to_sympy(
     expression: Expression,
     symbols: Mapping[str, sympy.Expr],
     gathered: Mapping[str, sympy.Expr] | None = None,
+    properties: Mapping[str, Callable[[sympy.Expr], sympy.Expr]] | None = None,
 ) -> sympy.Expr:
-    """Translate to sympy, each name by the given table (a KeyError is our own bug)."""
+    """Translate to sympy, each name by the given tables (a KeyError is our own bug)."""
 
     def walk(node: ast.expr) -> sympy.Expr:
         match node:
@@ -105,7 +106,8 @@ def to_sympy(
                     assert isinstance(args[0], ast.Name)
                     return gathered[args[0].id]
                 assert function is not None
-                return _FUNCTIONS[function](*(walk(a) for a in args))
+                known = _FUNCTIONS if function in _FUNCTIONS else properties or {}
+                return known[function](*(walk(a) for a in args))
         raise AssertionError(ast.dump(node))
 
     return walk(expression.tree)
