@@ -21,6 +21,7 @@ PLANTS = {
     "centrifugal": {"A": "dosing-centrifugal", "B": "dosing-membrane", "C": "static-mixer"},
     "pump set": {"A": "pump-set"},
     "warm pump set": {"A": "pump-set-warm"},
+    "warm": {"A": "dosing-pcp-warm", "B": "dosing-pcp-warm", "C": "straight-pipe"},
 }
 
 
@@ -28,7 +29,7 @@ PLANTS = {
 def ruleset(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
     """A small plant of some module types."""
     modules = PLANTS[request.param]
-    lines = ["plant: small", "title: small", f"kb: {ROOT / 'kb'}", "modules:"]
+    lines = ["plant: small", "title: small", "fluid: meg-30", f"kb: {ROOT / 'kb'}", "modules:"]
     lines += [f"  {name}: {{type: {kind}}}" for name, kind in modules.items()]
     if "C" in modules:
         lines += ["connections:", "  - A -> C", "  - B -> C"]
