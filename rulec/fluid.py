@@ -9,12 +9,9 @@ from functools import partial
 import sympy
 
 from rulec.knowledge import Fluid, Parameter, Property
-from rulec.language.symbolic import to_sympy
+from rulec.language.symbolic import TEMPERATURE, closed_form, to_sympy
 from rulec.language.units import NONE, Unit
 from rulec.plant import Module
-
-TEMPERATURE = sympy.Symbol("T", real=True)
-"""What the equations of a fluid stand over, K."""
 
 
 def fill(module: Module, fluid: Fluid) -> Module:
@@ -66,11 +63,11 @@ def closed_forms(
 
 
 def _at(fluid: Fluid, name: str, factor: sympy.Expr, temperature: sympy.Expr) -> sympy.Expr:
-    return factor * closed_form(fluid, name).xreplace({TEMPERATURE: temperature})
+    return factor * closed_form(name, property_of(fluid, name))(temperature)
 
 
-def closed_form(fluid: Fluid, name: str) -> sympy.Expr:
-    """A property over the symbol `TEMPERATURE`, SI, numbers for all else."""
+def property_of(fluid: Fluid, name: str) -> sympy.Expr:
+    """A property over `TEMPERATURE`, SI, numbers for all else."""
     table = {"T": TEMPERATURE, **{n: sympy.Float(v) for n, v in fluid.coefficients.items()}}
     for part, expression in fluid.definitions.items():
         table[part] = to_sympy(expression, table)

@@ -13,9 +13,10 @@ import sympy
 
 from rulec.check_knowledge import check_knowledge
 from rulec.differentiate import TypeModel
-from rulec.fluid import TEMPERATURE, closed_form
+from rulec.fluid import property_of
 from rulec.graph import Graph
 from rulec.knowledge import Fluid
+from rulec.language.symbolic import TEMPERATURE
 from rulec.pipeline import compile_plant, run_passes, up_to
 from rulec.read import read_files
 from runtime.plan import Plan
@@ -59,7 +60,7 @@ def fluids() -> dict[str, Fluid]:
 @functools.cache
 def formula(fluid: str, name: str) -> Callable[[Array], Array]:
     """A property by the knowledge base, SI, as a function of temperature (K)."""
-    return sympy.lambdify(TEMPERATURE, closed_form(fluids()[fluid], name), "numpy")
+    return sympy.lambdify(TEMPERATURE, property_of(fluids()[fluid], name), "numpy")
 
 
 def bound(fluid: str, name: str) -> float:
@@ -208,6 +209,20 @@ def test_symbolic_work_is_once_per_type_and_fluid(tmp_path: Path) -> None:
   N: {type: static-mixer, fluid: meg-30}"""
     models = _models(_plant(tmp_path, "water", modules))
     assert ["straight-pipe with water", "straight-pipe with meg-30", "static-mixer"] == list(models)
+
+
+def test_two_fluids_in_one_plant(tmp_path: Path) -> None:
+    """At equal readings the flows through two valves are as the roots of the densities."""
+    modules = """\
+  A: {type: dosing-pcp-warm}
+  B: {type: dosing-pcp-warm, fluid: meg-50}"""
+    ruleset = compile_plant(_plant(tmp_path, "water", modules))
+    readings = {"n": 15.0, "dp": 1.8e5, "P_el": 150.0, "T": 293.15}
+    out = ruleset.plan.select(["q:A.plant", "q:B.plant"]).run(
+        {f"{m}.{name}": value for m in "AB" for name, value in readings.items()}
+    )
+    ratio = formula("meg-50", "density")(293.15) / formula("water", "density")(293.15)
+    assert math.sqrt(ratio) == pytest.approx(float(out["q:A.plant"][0] / out["q:B.plant"][0]))
 
 
 def test_error_of_a_property_enters_the_budget_once(tmp_path: Path) -> None:
