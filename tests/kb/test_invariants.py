@@ -21,6 +21,7 @@ PLANTS = {
     "centrifugal": {"A": "dosing-centrifugal", "B": "dosing-membrane", "C": "static-mixer"},
     "pump set": {"A": "pump-set"},
     "warm pump set": {"A": "pump-set-warm"},
+    "oil pump set": {"A": "pump-set-oil"},
     "warm": {"A": "dosing-pcp-warm", "B": "dosing-pcp-warm", "C": "straight-pipe"},
 }
 
