@@ -111,7 +111,7 @@ class _Instance:
 
     def __init__(self, module: Module, models: Models, graph: Graph) -> None:
         self.module, self.graph = module, graph
-        self.model: TypeModel = models.types[module.type.name]
+        self.model: TypeModel = models.types[module.type.key]
         network = models.residuals.network
         self.gathers = {
             name: tuple(f"{m}.{s}" for m, s in network.gathers[module.name, name])
@@ -154,10 +154,9 @@ class _Instance:
                 for signal in self.gathers[name.removeprefix(GATHERED)]:
                     contribute(signal, graph.mul(node, graph.input(f"u:{signal}")))
             elif name not in self._blocks and self.module.parameters[name].u:
-                u = graph.mul(
-                    graph.constant(self.module.parameters[name].u), graph.input(PARAMETERS)
-                )
-                contribute(self.id(name), graph.mul(node, u))
+                parameter = self.module.parameters[name]
+                u = graph.mul(graph.constant(parameter.u), graph.input(PARAMETERS))
+                contribute(name if parameter.shared else self.id(name), graph.mul(node, u))
         self._whiten(lowered, contribute)
         return {name: node for name, node in result.items() if not graph.is_zero(node)}
 

@@ -13,7 +13,7 @@ from rulec.language.document import Document
 from rulec.language.expression import Expression, Rejected
 from rulec.language.part_readers import read_unit, within
 from rulec.language.symbolic import to_sympy
-from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
+from rulec.language.units import PROPERTIES, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
 
 def provided_names(
@@ -75,9 +75,10 @@ def check_comparisons(document: Document, module: ModuleType, found: list[Diagno
     names = (*module.signals, *module.parameters)
     table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
     gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
+    asked = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}
     for path, part in parts:
         try:
-            table[part.name] = to_sympy(part.expression, table, gathered)
+            table[part.name] = to_sympy(part.expression, table, gathered, asked)
         except ValueError:
             message = "min() or max() gets something that is no real number"
             hint = "is there a root of something below 0, or a division by 0?"

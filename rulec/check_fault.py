@@ -44,7 +44,7 @@ def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic
     before = len(found)
     expression = read_expression(document, path, found)
     place = document.place(*path)
-    for name, column in (*expression.names(), *expression.gathered()):
+    for name, column in (*expression.names(), *expression.gathered(), *expression.properties()):
         if name not in ("g", "x"):
             spot = within(place, column, len(name), expression.text)
             message = f"the law of a fault speaks of g and x only, not of '{name}'"

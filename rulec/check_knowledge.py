@@ -1,4 +1,4 @@
-"""Pass 2a, check knowledge: documents to checked module types, faults and sensors, in SI."""
+"""Pass 2a, check knowledge: documents to checked module types, faults, sensors, fluids, in SI."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Iterable
 
 from rulec.check_dimensions import check_comparisons, check_dimensions, provided_names
 from rulec.check_fault import check_fault
+from rulec.check_fluid import check_fluid
 from rulec.check_module import check_module
 from rulec.knowledge import Knowledge, SensorClass
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.language.part_readers import origin_of, read_unit
-from rulec.language.units import NONE, Dimension, UnitTable, unit_table
+from rulec.language.units import NONE, UnitTable, unit_table
 from rulec.read import Sources
 
 
@@ -25,8 +26,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
     }
     sensors = {d.data["sensor"]: _sensor(d, units, found) for d in table["sensor"]}
     faults = {d.data["fault"]: check_fault(d, found) for d in table["fault"]}
-    for document in table["fluid"]:
-        _fluid(document, units, found)
+    fluids = {d.data["fluid"]: check_fluid(d, units, found) for d in table["fluid"]}
     modules = {
         d.data["module"]: check_module(d, units, sensors, faults, found) for d in table["module"]
     }
@@ -37,7 +37,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
         check_comparisons(document, modules[document.data["module"]], found)
     if found:
         raise Refused(found)
-    return Knowledge(units, sensors, faults, modules)
+    return Knowledge(units, sensors, faults, modules, fluids)
 
 
 def _refuse_twins(
@@ -71,15 +71,3 @@ def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> Se
         unit,
         origin_of(document, "systematic", source=data["source"]),
     )
-
-
-def _fluid(document: Document, units: UnitTable, found: list[Diagnostic]) -> None:
-    expected = {"density": {"kg": 1, "m": -3}, "viscosity": {"kg": 1, "m": -1, "s": -1}}
-    for key, exponents in expected.items():
-        unit = read_unit(document, (key, "unit"), units, found)
-        wanted = Dimension.of(exponents)
-        if not unit.dimension.fits(wanted):
-            message = f"'{unit.text}' is not a unit of {key}"
-            found.append(
-                Diagnostic(document.place(key, "unit"), "KB053", message, units.like(wanted))
-            )

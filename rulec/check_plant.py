@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rulec.check_knowledge import check_knowledge
+from rulec.fluid import fill
 from rulec.knowledge import Knowledge, ModuleType, Parameter
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
@@ -30,10 +31,11 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     """Check a plant against checked knowledge."""
     document = sources.plant
     assert document is not None
-    reader = _PlantReader(document, knowledge, sources.module_types())
+    reader = _PlantReader(document, knowledge, sources.names("module"), sources.names("fluid"))
     modules = reader.modules()
     for calibration in sources.calibrations:
         modules = reader.calibrate(modules, calibration)
+    modules = reader.fill(modules)
     connections = reader.connections(sources.adjacency)
     columns, time_column = reader.columns(modules, sources.columns)
     if reader.found:
@@ -61,6 +63,7 @@ class _PlantReader:
     document: Document
     knowledge: Knowledge
     types: set[str]
+    fluids: set[str]
     found: list[Diagnostic] = field(default_factory=list)
 
     @property
@@ -248,6 +251,31 @@ class _PlantReader:
             return None
         factor = factor * (spread * scale)[:, None]
         return Block(names, tuple(tuple(float(f"{v:.12g}") for v in row) for row in factor))
+
+    def fill(self, modules: dict[str, Module]) -> dict[str, Module]:
+        """Modules with the fluid that their equations ask for: their own, else the plant's."""
+        data, known = self.document.data, self.knowledge.fluids
+        named: dict[Path_, str | None]
+        named = {("modules", n, "fluid"): m.get("fluid") for n, m in data["modules"].items()}
+        for path, fluid in (*named.items(), (("fluid",), data.get("fluid"))):
+            if fluid is not None and fluid not in known:
+                hint = did_you_mean(fluid, self.fluids)
+                self._report(
+                    self.document.place(*path), "KB065", f"there is no fluid '{fluid}'", hint
+                )
+        result = dict(modules)
+        for name, module in modules.items():
+            if not module.type.asks:
+                continue
+            fluid = data["modules"][name].get("fluid", data.get("fluid"))
+            if fluid in known:
+                result[name] = fill(module, known[fluid])
+            elif fluid is None:
+                asked = " and ".join(module.type.asks)
+                message = f"'{module.type.name}' asks for {asked}, but no fluid is named"
+                hint = "add 'fluid: ...' to the plant; " + did_you_mean("", self.fluids)
+                self._report(self.document.place("modules", name, "type"), "KB066", message, hint)
+        return result
 
     def connections(self, adjacency: tuple[str, str] | None) -> tuple[tuple[str, str], ...]:
         if adjacency is not None:

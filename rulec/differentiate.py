@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.derive_residuals import Residuals
+from rulec.fluid import closed_forms
 from rulec.knowledge import FaultType, Knowledge, ModuleType, Variant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
@@ -128,7 +129,7 @@ class Models:
 def differentiate(residuals: Residuals) -> Models:
     """Differentiate every module type that the plant uses."""
     plant = residuals.network.plant
-    used = {module.type.name: module.type for module in plant.modules.values()}
+    used = {module.type.key: module.type for module in plant.modules.values()}
     models = {name: type_model(kind, plant.knowledge) for name, kind in used.items()}
     return Models(residuals, models)
 
@@ -163,8 +164,9 @@ def _observers(
 ) -> dict[str, sympy.Expr]:
     """Observers over the local symbols; `replaced` keeps some definitions as given."""
     table = _table(kind, symbols, replaced)
-    gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
-    return {o.name: to_sympy(o.expression, table, gathered) for o in kind.observers.values()}
+    return {
+        o.name: _translated(kind, o.expression, table, symbols) for o in kind.observers.values()
+    }
 
 
 def _table(
@@ -172,13 +174,23 @@ def _table(
 ) -> dict[str, sympy.Expr]:
     """Names to expressions, definitions written out (they stand in order of use)."""
     table = dict(symbols)
-    gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
-    for definition in kind.definitions.values():
-        name = definition.name
-        table[name] = (
-            replaced[name] if name in replaced else to_sympy(definition.expression, table, gathered)
-        )
+    for name, definition in kind.definitions.items():
+        if name in replaced:
+            table[name] = replaced[name]
+        else:
+            table[name] = _translated(kind, definition.expression, table, symbols)
     return table
+
+
+def _translated(
+    kind: ModuleType,
+    expression: Expression,
+    table: Mapping[str, sympy.Expr],
+    symbols: Mapping[str, sympy.Expr],
+) -> sympy.Expr:
+    """An equation of a module type in sympy, with what it gathers and its fluid's properties."""
+    gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
+    return to_sympy(expression, table, gathered, closed_forms(kind.fluid, symbols))
 
 
 def _gradient(expression: sympy.Expr, symbols: Mapping[str, sympy.Symbol]) -> dict[str, sympy.Expr]:
@@ -192,13 +204,13 @@ def _guards(
 ) -> Iterator[Condition]:
     """Arguments of roots and logarithms, through all definitions used, as the author wrote them."""
     table = _table(kind, symbols, {})
-    gathered = {name: symbols[GATHERED + name] for name in kind.gathers}
     for part in _with_definitions(kind, expression):
         for node in ast.walk(part.tree):
             match node:
                 case ast.Call(func=ast.Name(id="sqrt" | "log"), args=[inner]):
                     text = ast.unparse(inner)
-                    yield Condition(text, to_sympy(Expression(text, inner), table, gathered))
+                    value = _translated(kind, Expression(text, inner), table, symbols)
+                    yield Condition(text, value)
 
 
 def _with_definitions(kind: ModuleType, expression: Expression) -> Iterator[Expression]:

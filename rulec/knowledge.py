@@ -53,7 +53,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A constant of a module type, value and standard uncertainty in SI."""
+    """A constant of a module type, value and standard uncertainty in SI.
+
+    `shared` tells that its error is one and the same in all modules that have it.
+    """
 
     name: str
     value: float
@@ -62,6 +65,7 @@ class Parameter:
     fit: bool
     title: str
     origin: Origin
+    shared: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,8 +98,38 @@ class FaultUse:
 
 
 @dataclass(frozen=True)
+class Property:
+    """A property of a fluid over ``T``; `u` is the relative standard uncertainty of it."""
+
+    name: str
+    expression: Expression
+    u: float
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Fluid:
+    """A liquid, all in SI.
+
+    The equations of its properties stand over the temperature ``T``, `coefficients`, and
+    `definitions`, each over what comes before it. They hold from `lowest` to `highest`, in K.
+    """
+
+    name: str
+    title: str
+    lowest: float
+    highest: float
+    coefficients: Mapping[str, float]
+    definitions: Mapping[str, Expression]
+    properties: Mapping[str, Property]
+
+
+@dataclass(frozen=True)
 class ModuleType:
-    """Everything a maker says of a module. Definitions are in order of use."""
+    """Everything a maker says of a module. Definitions are in order of use.
+
+    `fluid` is what its equations are filled with, where they ask for properties of one.
+    """
 
     name: str
     version: int
@@ -109,6 +143,22 @@ class ModuleType:
     faults: tuple[FaultUse, ...]
     gathers: tuple[str, ...]
     file: str
+    fluid: Fluid | None = None
+
+    @property
+    def key(self) -> str:
+        """What symbolic work is shared by: the type, and its fluid where it matters."""
+        return f"{self.name} with {self.fluid.name}" if self.fluid else self.name
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """Properties of a fluid that the equations ask for."""
+        return tuple(sorted({name for e in self.equations() for name, _ in e.properties()}))
+
+    def equations(self) -> list[Expression]:
+        """Equations of all definitions and observers."""
+        definitions = [d.expression for d in self.definitions.values()]
+        return definitions + [o.expression for o in self.observers.values()]
 
     def components(self) -> dict[str, list[str]]:
         """Observers of each component, the primary one first."""
@@ -153,3 +203,4 @@ class Knowledge:
     sensors: Mapping[str, SensorClass]
     faults: Mapping[str, FaultType]
     modules: Mapping[str, ModuleType]
+    fluids: Mapping[str, Fluid]

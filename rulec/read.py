@@ -21,7 +21,8 @@ class Sources:
     """All documents that a plant or a check needs, by kind, with the schema already checked.
 
     Of module types that the plant does not have, the kind ``provider`` holds those whose provided
-    names its modules may ask for, and ``other`` the rest, unchecked, for their names.
+    names its modules may ask for, and ``other`` the rest, and fluids that do not flow in it,
+    unchecked, for their names.
     """
 
     kb: Path
@@ -41,10 +42,10 @@ class Sources:
         texts.append(self.adjacency[1] if self.adjacency else "")
         return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16]
 
-    def module_types(self) -> set[str]:
-        """Names of all module types of the knowledge base, for messages."""
-        kinds = ("module", "provider", "other")
-        return {str(d.data["module"]) for kind in kinds for d in self.by_kind.get(kind, ())}
+    def names(self, kind: str) -> set[str]:
+        """Names of all module types or fluids of the knowledge base, for messages."""
+        documents = [d for k in (kind, "provider", "other") for d in self.by_kind.get(k, ())]
+        return {str(d.data[kind]) for d in documents if kind in d.data}
 
 
 def find_kb(near: Path) -> Path:
@@ -83,7 +84,11 @@ def read_plant(path: Path) -> Sources:
             message = f"there is no knowledge base in '{plant.data['kb']}'"
             hint = "a folder with a units.yaml, as seen from this file"
             raise Refused([Diagnostic(plant.place("kb"), "KB001", message, hint)])
-    wanted = {str(m["type"]) for m in plant.data["modules"].values()}
+    modules = plant.data["modules"].values()
+    wanted = {
+        "module": {str(m["type"]) for m in modules},
+        "fluid": {str(part["fluid"]) for part in (plant.data, *modules) if "fluid" in part},
+    }
     by_kind = _read_kb(kb, found, wanted)
     columns = None
     if "columns" in plant.data:
@@ -152,10 +157,10 @@ def _yaml_in(folder: Path) -> list[Path]:
 def _read_kb(
     kb: Path,
     found: list[Diagnostic],
-    wanted: set[str] | None,
+    wanted: Mapping[str, set[str]] | None,
     given: frozenset[Path] = frozenset(),
 ) -> dict[str, tuple[Document, ...]]:
-    """Read the knowledge base without the given files; only the wanted modules (None: all)."""
+    """Read the knowledge base without the given files; only what is wanted (None: all)."""
     by_kind: dict[str, list[Document]] = {}
     skip = {os.path.realpath(file) for file in given}
     for file in _yaml_in(kb):
@@ -164,7 +169,7 @@ def _read_kb(
             continue
         kind = kind_of(document) or ""
         mistakes = found
-        if kind == "module" and wanted is not None and str(document.data[kind]) not in wanted:
+        if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:
             kind, mistakes = "provider", []
         if kind == "provider" and "provides" not in document.data:
             by_kind.setdefault("other", []).append(document)

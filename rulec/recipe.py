@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy
 
-from rulec.language.symbolic import Absolute, Larger, Signum, Smaller
+from rulec.language.symbolic import Absolute, ClosedForm, Larger, Signum, Smaller
 from runtime.plan import UNARY
 
 Step = tuple[str, Any, int]
@@ -48,6 +48,8 @@ class _Writer:
             return self._append("symbol", expression)
         if expression.is_Number or expression.is_NumberSymbol:
             return self._append("constant", float(expression))
+        if isinstance(expression, ClosedForm):
+            return self.write(expression.written_out())
         if isinstance(expression, sympy.Add):
             return self._sum(expression)
         if isinstance(expression, sympy.Mul):

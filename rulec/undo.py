@@ -30,7 +30,7 @@ def undo_graph(models: Models, faults: tuple[str, ...]) -> Graph:
 
 
 def _model(models: Models, network: Network, module: str) -> TypeModel:
-    return models.types[network.plant.modules[module].type.name]
+    return models.types[network.plant.modules[module].type.key]
 
 
 def _symbol_nodes(

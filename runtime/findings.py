@@ -15,7 +15,6 @@ from runtime.runs import COVERAGE, runs_of
 from runtime.stationary import LONGEST, Stretches
 from runtime.verdict import Verdict, partly_blind
 
-
 PERSISTENCE = 5
 """Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
 

@@ -74,14 +74,14 @@ def _linear(test: HypothesisTest) -> Iterator[tuple[tuple[int, int], Array]]:
             a = (size[j] * pull[i] - cross * pull[j]) / determinant
             b = (size[i] * pull[j] - cross * pull[i]) / determinant
             left = whole - a * pull[i] - b * pull[j]
-        both = np.logical_and.reduce([a > 0, b > 0, np.isfinite(left)])
+        both = (a > 0) & (b > 0) & np.isfinite(left)
         if np.any(both):
             yield (i, j), np.where(both, left, np.inf)
 
 
 def _root(inverse: Array) -> Array:
     """A square root of each inverse covariance; 0 where there is none."""
-    sound = np.isfinite(inverse).all(axis=(1, 2))
+    sound = np.asarray(np.isfinite(inverse).all(axis=(1, 2)))
     safe = np.where(sound[:, None, None], inverse, 0.0)
     sizes, axes = np.linalg.eigh(safe)
     root: Array = np.sqrt(np.maximum(sizes, 0.0))[:, :, None] * np.swapaxes(axes, 1, 2)

@@ -119,6 +119,8 @@ SPOILT = [
     ("modules/static-mixer.yaml", "Q: sqrt(loss/k2)", "Q: sqrt(loss/k2"),
     ("modules/static-mixer.yaml", "module: static-mixer", "module: static mixer"),
     ("modules/dosing-pcp.yaml", "unit: rpm, sensor", "unit: bar, sensor"),
+    ("fluids/water.yaml", "A*exp(B/(T - C))", "A*exp(B/(T - C)))"),
+    ("fluids/water.yaml", "unit: kg/m3/K}", "unit: kg/m3}"),
     ("units.yaml", "units:", "unit:"),
 ]
 

@@ -437,7 +437,7 @@ def test_scalars_are_read_by_yaml_1_2(text: str, value: object) -> None:
 
 def test_byte_order_mark_and_line_ends_leave_places_alone(here: Path) -> None:
     """The column of a mistake is the one an editor shows."""
-    text = "fluid: 5\ntitle: a\ndensity: {}\nviscosity: {}\n"
+    text = "fluid: 5\ntitle: a\nvalid: {}\ncoefficients: {}\ndensity: {}\nviscosity: {}\n"
     for content in (text, "\ufeff" + text, text.replace("\n", "\r\n"), text.replace("\n", "\r")):
         first = _check(here / "m.yaml", content)[0]
         assert (first.code, first.place.line, first.place.column) == ("KB022", 1, 8)

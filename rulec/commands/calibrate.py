@@ -61,7 +61,7 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
     flows = _reference_flows(models, ruleset, points)
     fits = []
     for module in plant.modules.values():
-        model = models.types[module.type.name]
+        model = models.types[module.type.key]
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
         name, flow, shared = flows[module.name]
@@ -203,7 +203,7 @@ def _table(models: Models, fits: list[ModuleFit]) -> Table:
     for fit in fits:
         found = dict(zip(fit.parameters, fit.values, strict=True))
         for o in fit.observers:
-            expression = models.types[plant.modules[fit.module].type.name].observers[o.observer]
+            expression = models.types[plant.modules[fit.module].type.key].observers[o.observer]
             used = [n for n in found if n in {s.name for s in expression.free_symbols}]
             table.add_row(
                 f"{fit.module}.{o.observer}",

@@ -15,7 +15,7 @@ from rulec.language.document import Document
 from rulec.link import link
 from rulec.read import Sources, read_files, read_plant
 
-_LACKING = ("KB031", "KB047", "KB056", "KB070")
+_LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -80,7 +80,7 @@ def _residuals(residuals: Residuals) -> Iterator[str]:
 
 def _models(models: Models) -> Iterator[str]:
     for model in models.types.values():
-        yield f"\n{model.type.name}"
+        yield f"\n{model.type.key}"
         for name, expression in model.observers.items():
             yield f"  Q_{name} = {expression}"
         for target in model.targets.values():

@@ -13,7 +13,7 @@ from rulec.language.expression import (
     function_of,
     rejected_at,
 )
-from rulec.language.units import NONE, Dimension
+from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, Dimension
 
 
 def dimension(
@@ -49,6 +49,11 @@ def dimension(
             assert isinstance(argument, ast.Name)
             return gathered[argument.id]
         parts = [walk(argument) for argument in node.args]
+        if name in PROPERTIES:
+            if not _solid(parts[0]).fits(TEMPERATURE):
+                message = f"{name}() takes a temperature, but this has {_solid(parts[0])}"
+                raise rejected_at(node.args[0], "KB052", message, f"as in {name}(T)")
+            return PROPERTIES[name]
         if name == "sqrt":
             return zero if parts[0] is zero else _solid(parts[0]) ** Fraction(1, 2)
         if name == "abs":

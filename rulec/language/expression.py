@@ -19,6 +19,7 @@ from fractions import Fraction
 from typing import Any
 
 from rulec.language.diagnostics import did_you_mean
+from rulec.language.units import PROPERTIES
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 MAX_LENGTH = 600
@@ -27,6 +28,7 @@ MAX_POWER = 8
 MAX_NUMBER = 1e30
 ARITY = {
     "sqrt": 1, "abs": 1, "sign": 1, "exp": 1, "log": 1, "tanh": 1, "min": 2, "max": 2,
+    **dict.fromkeys(PROPERTIES, 1),
 }  # fmt: skip
 GATHER = "downstream"
 
@@ -58,6 +60,22 @@ class Expression:
                 argument = node.args[0]
                 assert isinstance(argument, ast.Name)
                 yield argument.id, argument.col_offset
+
+    def properties(self) -> Iterator[tuple[str, int]]:
+        """Properties of the fluid that are asked for, as in ``density(T)``, with their columns."""
+        for name, node in self._property_calls():
+            yield name, node.col_offset
+
+    def thermometers(self) -> Iterator[str]:
+        """Names that stand alone as the temperature of a property."""
+        for _, node in self._property_calls():
+            if isinstance(node.args[0], ast.Name):
+                yield node.args[0].id
+
+    def _property_calls(self) -> Iterator[tuple[str, ast.Call]]:
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Call) and (name := function_of(node)) in PROPERTIES:
+                yield name or "", node
 
     def __str__(self) -> str:
         return self.text
@@ -270,7 +288,10 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
                 if isinstance(op, ast.Div) and parts[1] == 0:
                     raise rejected_at(right, "KB041", "this divides by zero")
             case ast.Call(args=args):
-                parts, function = [walk(a) for a in args], _PLAIN.get(function_of(node) or "", min)
+                name = function_of(node) or ""
+                if name in PROPERTIES:
+                    return None
+                parts, function = [walk(a) for a in args], _PLAIN.get(name, min)
         if None in parts:
             return None
         return bounded(node, lambda: function(*parts))

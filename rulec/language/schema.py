@@ -28,7 +28,8 @@ def kind_of(document: Document) -> str | None:
     data = document.data
     if not isinstance(data, dict):
         return None
-    for kind in KINDS:
+    # A plant names its fluid under the key that tells a fluid's own file.
+    for kind in ("plant", *KINDS):
         if kind in data and not isinstance(data[kind], _IN_A_PLANT.get(kind, ())):
             return kind
     return None

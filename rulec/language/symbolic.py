@@ -8,7 +8,9 @@ derivatives.
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import sympy
 
@@ -53,6 +55,39 @@ class Larger(sympy.Function):  # type: ignore[misc]
         return (1 + Signum(a - b)) / 2
 
 
+TEMPERATURE = sympy.Symbol("T", real=True)
+"""What the equations of a fluid stand over, K."""
+
+
+class ClosedForm(sympy.Function):  # type: ignore[misc]
+    """A function of temperature that stays one symbol until its value is needed.
+
+    Written out at once it would make every derivative long, and equations unreadable.
+    """
+
+    nargs = 1
+    form: sympy.Expr
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        derivative = closed_form(f"{self.func.__name__}'", sympy.diff(self.form, TEMPERATURE))
+        return derivative(self.args[0])
+
+    def written_out(self) -> sympy.Expr:
+        return self.form.xreplace({TEMPERATURE: self.args[0]})
+
+
+@functools.lru_cache(maxsize=1000)
+def closed_form(name: str, form: sympy.Expr) -> type[ClosedForm]:
+    """The function of `TEMPERATURE` that an expression is; equal ones are the same.
+
+    >>> closed_form("density", 1000 - 2 * TEMPERATURE)(sympy.Symbol("t")).diff()
+    density'(t)
+    """
+    metaclass: Any = type(ClosedForm)
+    kind: type[ClosedForm] = metaclass(name, (ClosedForm,), {"form": form})
+    return kind
+
+
 _FUNCTIONS: Mapping[str, Callable[..., sympy.Expr]] = {
     "sqrt": sympy.sqrt,
     "abs": Absolute,
@@ -69,8 +104,9 @@ def to_sympy(
     expression: Expression,
     symbols: Mapping[str, sympy.Expr],
     gathered: Mapping[str, sympy.Expr] | None = None,
+    properties: Mapping[str, Callable[[sympy.Expr], sympy.Expr]] | None = None,
 ) -> sympy.Expr:
-    """Translate to sympy, each name by the given table (a KeyError is our own bug)."""
+    """Translate to sympy, each name by the given tables (a KeyError is our own bug)."""
 
     def walk(node: ast.expr) -> sympy.Expr:
         match node:
@@ -105,7 +141,8 @@ def to_sympy(
                     assert isinstance(args[0], ast.Name)
                     return gathered[args[0].id]
                 assert function is not None
-                return _FUNCTIONS[function](*(walk(a) for a in args))
+                known = _FUNCTIONS if function in _FUNCTIONS else properties or {}
+                return known[function](*(walk(a) for a in args))
         raise AssertionError(ast.dump(node))
 
     return walk(expression.tree)

@@ -54,6 +54,12 @@ class Dimension:
 NONE = Dimension()
 UNKNOWN = Dimension(())
 VOLUME_FLOW = Dimension.of({"m": 3, "s": -1})
+TEMPERATURE = Dimension.of({"K": 1})
+PROPERTIES = {
+    "density": Dimension.of({"kg": 1, "m": -3}),
+    "viscosity": Dimension.of({"kg": 1, "m": -1, "s": -1}),
+}
+"""What an equation may ask of the fluid, as a function of temperature."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ PLANTS = {
     "pump set": {"A": "pump-set"},
     "warm pump set": {"A": "pump-set-warm"},
     "waste water": {"A": "grundfos-s3-145", "B": "grundfos-s3-120", "C": "discharge-channel"},
+    "oil pump set": {"A": "pump-set-oil"},
+    "warm": {"A": "dosing-pcp-warm", "B": "dosing-pcp-warm", "C": "straight-pipe"},
 }
 
 
@@ -29,7 +31,7 @@ PLANTS = {
 def ruleset(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ruleset:
     """A small plant of some module types."""
     modules = PLANTS[request.param]
-    lines = ["plant: small", "title: small", f"kb: {ROOT / 'kb'}", "modules:"]
+    lines = ["plant: small", "title: small", "fluid: meg-30", f"kb: {ROOT / 'kb'}", "modules:"]
     lines += [f"  {name}: {{type: {kind}}}" for name, kind in modules.items()]
     if "C" in modules:
         lines += ["connections:", "  - A -> C", "  - B -> C"]
