@@ -6,26 +6,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.findings import Finding
-from runtime.report.series import Curves, largest_run, persistent, sides_of
-from runtime.report.text import counted, listed, moment, number, percent
+from runtime.diagnose import Diagnosis
+from runtime.report.series import Curves, persistent, sides_of
+from runtime.report.text import counted, listed, number, percent, period
 from runtime.report.truth import Cases
+from runtime.wording import worst_first
 
 NAMED = 4
 """Names in one sentence."""
 
 
-def period(since: float, until: float) -> str:
-    """A period in words."""
-    return f"from {moment(since)} s to {moment(until)} s"
-
-
 def say_estimates(curves: Curves) -> str:
     """Which two estimates of the module disagree most, by how much and when."""
     module = curves.sides[0].module
-    names = listed([side.short for side in curves.sides])
+    names = [
+        side.short
+        for side, flow in zip(curves.sides, curves.flows, strict=True)
+        if np.isfinite(flow[curves.judged]).any()
+    ]
     if not curves.judged.any():
         return f"No sample was judged; the estimates of {module} are drawn where they exist."
+    if len(names) < 2:
+        only = f"only the {names[0]} estimate of {module}" if names else f"no estimate of {module}"
+        return f"Where samples were judged, {only} could be formed; there is nothing to compare."
     compared = [sides_of(r) for r in curves.residuals]
     own = [
         (i, runs)
@@ -34,51 +37,68 @@ def say_estimates(curves: Curves) -> str:
     ]
     if not own:
         judged = counted(int(curves.judged.sum()), "judged sample")
-        return f"The estimates of {module} ({names}) agree within their limits in {judged}."
-    i, runs = max(own, key=lambda pair: excess(curves, *pair))
-    first, last = largest_run(curves.values[i], runs)
+        return f"The estimates of {module} ({listed(names)}) agree within their limits in {judged}."
+    strongest = [(i, *curves.main_run(i, runs), len(runs)) for i, runs in own]
+    i, first, last, times = max(strongest, key=lambda row: _excess(curves, *row[:3]))
     mean = float(np.mean(curves.values[i, first : last + 1]))
     limit = float(np.mean(curves.limits[i, first : last + 1]))
     one, other = (side.short for side in compared[i])
     side = "above" if mean > 0 else "below"
     when = period(curves.time[first], curves.time[last])
-    again = f"; it leaves its limit in {counted(len(runs), 'period')}" if len(runs) > 1 else ""
+    again = f"; so it does in {counted(times - 1, 'other period')} shown" if times > 1 else ""
     return (
         f"The {one} estimate of {module} stands {number(abs(mean))} l/h {side} the {other} "
-        f"estimate {when}, where {number(limit, 2)} l/h is the limit{again}."
+        f"estimate {when}, beyond the limit of {number(limit, 2)} l/h{again}."
     )
 
 
 def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
-    """Size of a residual over its limit, mean over the run where it is largest."""
-    first, last = largest_run(curves.values[row], runs)
-    ratio = np.abs(curves.values[row]) / curves.limits[row]
-    return float(np.mean(ratio[first : last + 1]))
+    """Size of a residual over its limit, mean over the run where that is largest."""
+    return max(_excess(curves, row, first, last) for first, last in runs)
+
+
+def _excess(curves: Curves, row: int, first: int, last: int) -> float:
+    ratio = np.abs(curves.values[row, first : last + 1]) / curves.limits[row, first : last + 1]
+    return float(np.mean(ratio))
 
 
 def say_residuals(curves: Curves) -> str:
     """Which residuals leave their limits, and how far."""
-    total = len(curves.residuals)
+    formed = int(curves.formed().sum())
     if not curves.judged.any():
         return "No sample was judged, so no residual counts as fired."
     found = sorted(
         ((excess(curves, i, runs), curves.residuals[i].id) for i, runs in persistent(curves)),
         reverse=True,
     )
+    lost = [r.id for r, ok in zip(curves.residuals, curves.formed(), strict=True) if not ok]
+    absent = f"; {_some(lost)} could not be formed" if lost else ""
     if not found:
-        return f"None of the {total} residuals leaves its limit for three samples in a row."
-    names = [f"{name} ({number(times, 2)} times its limit)" for times, name in found[:NAMED]]
-    if len(found) > NAMED:
-        names.append(counted(len(found) - NAMED, "other"))
-    rest = total - len(found)
+        if not formed:
+            return "No residual could be formed."
+        none = (
+            f"None of the {formed} residuals leaves" if formed > 1 else "The residual never leaves"
+        )
+        return f"{none} its limit for three samples in a row{absent}."
+    names = _some([f"{name} ({number(times, 2)} times its limit)" for times, name in found])
+    rest = formed - len(found)
     stay = f"; the other {rest} stay{'s' * (rest == 1)} inside" if rest else ""
-    return f"{listed(names)} leave{'s' * (len(found) == 1)} the shaded zero band{stay}."
+    return f"{names} leave{'s' * (len(found) == 1)} the shaded zero band{stay}{absent}."
 
 
-def say_degrees(findings: Sequence[Finding], worst: Sequence[Finding]) -> str:
+def _some(names: Sequence[str]) -> str:
+    """The first of some names, and how many there are besides."""
+    more = [counted(len(names) - NAMED, "other")] if len(names) > NAMED else []
+    return listed([*names[:NAMED], *more])
+
+
+def say_degrees(diagnosis: Diagnosis) -> str:
     """How large each diagnosed fault becomes, and when."""
+    findings, worst = diagnosis.findings, worst_first(diagnosis.findings)
+    if not diagnosis.judged:
+        return "Nothing was judged, so no degree is known."
     if not worst:
-        return "No fault was diagnosed, so the degree stays at zero."
+        return "No fault was diagnosed, so there is no degree to show."
     parts = []
     for finding in worst:
         times = sum(f.fault.id == finding.fault.id for f in findings)

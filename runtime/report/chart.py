@@ -62,12 +62,17 @@ def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
     if not tight:
         room = 0.06 * (high - low)
         low, high = (low if low == 0 else low - room), high + room
-    rough = (high - low) / max(wanted, 1)
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = float(power * min((1, 2, 5, 10), key=lambda m: abs(np.log(m * power / rough))))
+    power = 10.0 ** np.floor(np.log10((high - low) / max(wanted, 1)))
+    steps = [float(m * power) for m in (10, 5, 2, 1, 0.5)]
+    scales = [_ticks(low, high, step) for step in steps]
+    return Axis(low, high, min(scales, key=lambda ticks: abs(len(ticks) - wanted)))
+
+
+def _ticks(low: float, high: float, step: float) -> tuple[float, ...]:
+    """Multiples of a step within a range, at least one value."""
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     ticks = tuple(float(round(i * step, 12)) for i in range(first, last + 1))
-    return Axis(low, high, ticks or ((low + high) / 2,))
+    return ticks or ((low + high) / 2,)
 
 
 @dataclass(frozen=True)
@@ -113,9 +118,11 @@ class Panel:
         """Shapes at points; those beyond the panel stand at its edge."""
         across = 100 * self.x.share(x)
         down = np.clip(self.height * (1 - self.y.share(y)), 0, self.height)
+        # Where the page is narrow only every third mark is shown.
+        style_of = ("", ' class="odd"', ' class="odd"')
         uses = (
-            f'<use href="#{symbol}" x="{a:.2f}%" y="{b:.1f}"/>'
-            for a, b in zip(across, down, strict=True)
+            f'<use href="#{symbol}"{style_of[i % 3]} x="{a:.2f}%" y="{b:.1f}"/>'
+            for i, (a, b) in enumerate(zip(across, down, strict=True))
             if np.isfinite(a) and np.isfinite(b)
         )
         body = "".join(uses)
@@ -127,10 +134,17 @@ class Panel:
         parts = [f"M{a:.1f} {b:.1f}V{c:.1f}" for a, b, c in zip(across, *ends, strict=True)]
         return f'<path class="curve {style}" d="{"".join(parts)}"/>' if parts else ""
 
-    def text(self, x: float, y: float, words: str, style: str = "") -> str:
-        """Words at a point of the panel."""
+    def text(self, x: float, y: float, words: str, style: str, shift: int = 0) -> str:
+        """Words at a point of the panel, shifted down by so many pixels."""
         across, down = 100 * float(self.x.share(x)), self.height * (1 - float(self.y.share(y)))
-        return f'<text class="{style}" x="{across:.2f}%" y="{down:.1f}">{safe(words)}</text>'
+        return (
+            f'<text class="{style}" x="{across:.2f}%" y="{down + shift:.1f}">{safe(words)}</text>'
+        )
+
+    def beside(self, words: str, loud: bool) -> str:
+        """Words to the right of the panel, at half its height."""
+        style = "note loud" if loud else "note"
+        return f'<text class="{style}" x="100%" dx="8" y="{self.height / 2}">{safe(words)}</text>'
 
     def drawn(
         self, name: str, title: str, stretched: Sequence[str], fixed: Sequence[str], foot: bool

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator
 from runtime.diagnose import Diagnosis, Trace
 from runtime.recording import Recording
 from runtime.report.chart import SYMBOLS
-from runtime.report.figures import Figure, figures_of
+from runtime.report.figure import Figure
+from runtime.report.figures import figures_of
 from runtime.report.matrix import matrix
 from runtime.report.series import curves_of
-from runtime.report.story import evidence, remarks, told
+from runtime.report.story import UNSEEN, evidence, remarks, told
 from runtime.report.style import STYLE
 from runtime.report.text import counted, moment, percent, safe
 from runtime.report.truth import Truth, cases_of
@@ -71,7 +72,7 @@ def _section(title: str, body: str) -> str:
 def _nothing(diagnosis: Diagnosis) -> str:
     """What stands in the place of evidence when there is no finding."""
     if not diagnosis.judged:
-        return f"<dl>{''.join(remarks(diagnosis.not_judged))}</dl>"
+        return "<p>Nothing could be judged; the reasons are above.</p>"
     if diagnosis.unknown:
         return "<p>The pictures show which estimates disagree; no known fault explains how.</p>"
     return (
@@ -128,9 +129,9 @@ def _facts(recording: Recording, diagnosis: Diagnosis, name: str, truth: Truth |
         for term, texts in rows
         if texts
     )
-    unjudged = "".join(remarks(diagnosis.not_judged))
-    if unjudged:
-        unjudged = f"<h3>Not judged, or only in part</h3><dl>{unjudged}</dl>"
+    unjudged = ""
+    if diagnosis.not_judged and diagnosis.findings:
+        unjudged = f"<h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}"
     return f'<div class="facts"><dl>{body}</dl>{unjudged}</div>'
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,12 +11,19 @@ from runtime.diagnose import BLOCK, Diagnosis, Trace
 from runtime.observe import Observed, observe, points_of_samples
 from runtime.plan import Array
 from runtime.recording import Recording
+from runtime.report.thin import COLUMNS
 from runtime.ruleset import THRESHOLD, ResidualSpec, Ruleset
 from runtime.stationary import SHORTEST, noise_of
 from runtime.wording import l_per_h, worst_first
 
 MOST = 12
 """Residuals drawn."""
+
+WINDOW = 600
+"""Samples of a long recording that are drawn one by one."""
+
+ASIDE = 150
+"""Samples drawn before and behind a finding."""
 
 NOT_JUDGED = ("moving", "cannot judge")
 """Words of a trace for samples that were not judged."""
@@ -30,10 +37,15 @@ class Side:
     observers: tuple[str, ...]
 
     @property
+    def is_sum(self) -> bool:
+        """Whether several observers make the estimate up."""
+        return len(self.observers) > 1
+
+    @property
     def short(self) -> str:
         """Name on a curve: what the observers have in common, behind a sign of sum."""
         names = {o.partition(".")[2] or o for o in self.observers}
-        if len(self.observers) == 1:
+        if not self.is_sum:
             own = self.observers[0].partition(".")
             return own[2] if own[0] == self.module else self.observers[0]
         return f"Σ {names.pop()}" if len(names) == 1 else " + ".join(self.observers)
@@ -49,6 +61,7 @@ class Curves:
     judged : shape (n,), samples of settled stretches that could be judged.
     flows, flows_u : shape (sides, n), l/h; NaN where an estimate cannot be used.
     values, limits : shape (residuals, n), l/h; a residual fires beyond its limit.
+    focus : period of the largest finding, s.
     """
 
     time: Array
@@ -59,6 +72,34 @@ class Curves:
     residuals: tuple[ResidualSpec, ...]
     values: Array
     limits: Array
+    focus: tuple[float, float] | None
+
+    def at(self, chosen: slice) -> Curves:
+        """Some of the samples, one behind the other."""
+        tables = (t[:, chosen] for t in (self.flows, self.flows_u, self.values, self.limits))
+        flows, flows_u, values, limits = tables
+        return replace(
+            self,
+            time=self.time[chosen],
+            judged=self.judged[chosen],
+            flows=flows,
+            flows_u=flows_u,
+            values=values,
+            limits=limits,
+        )
+
+    def main_run(self, row: int, runs: Sequence[tuple[int, int]]) -> tuple[int, int]:
+        """The run with the largest mean size; if some lie in the focus, of those."""
+        if self.focus is not None:
+            since, until = np.searchsorted(self.time, self.focus)
+            inside = [(max(a, since), min(b, until)) for a, b in runs]
+            runs = [(a, b) for a, b in inside if a < b] or runs
+        value = self.values[row]
+        return max(runs, key=lambda run: abs(float(np.mean(value[run[0] : run[1] + 1]))))
+
+    def formed(self) -> np.ndarray:
+        """Residuals that exist on some judged sample, shape (residuals,)."""
+        return np.array([np.isfinite(row[self.judged]).any() for row in self.values], dtype=bool)
 
     def fired(self) -> np.ndarray:
         """Where each residual fires on a judged sample, shape (residuals, n)."""
@@ -110,7 +151,15 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         residuals,
         factor * values,
         factor * limits,
+        _focus(diagnosis),
     )
+
+
+def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
+    """The period that the pictures are about: the largest finding, else what is unexplained."""
+    spans = [(f.since, f.until) for f in worst_first(diagnosis.findings)]
+    spans += [(p.since, p.until) for p in diagnosis.unknown]
+    return spans[0] if spans else None
 
 
 def _sum(observed: Observed, members: list[int]) -> tuple[Array, Array]:
@@ -159,14 +208,18 @@ def runs_of_firing(fired: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in pairs if b - a >= SHORTEST]
 
 
+def detail(curves: Curves) -> Curves:
+    """Of a long recording the part around its focus, else its beginning; short ones whole."""
+    if len(curves.time) <= 2 * COLUMNS:
+        return curves
+    since, until = np.searchsorted(curves.time, curves.focus or curves.time[:2])
+    first = max(int(since) - ASIDE, 0)
+    return curves.at(slice(first, min(int(until) + ASIDE, first + WINDOW)))
+
+
 def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
     """Residuals that fire for three samples in a row, with their runs."""
     for i, row in enumerate(curves.fired()):
         runs = runs_of_firing(row)
         if runs:
             yield i, runs
-
-
-def largest_run(values: Array, runs: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    """The run with the largest mean size."""
-    return max(runs, key=lambda run: abs(float(np.mean(values[run[0] : run[1] + 1]))))

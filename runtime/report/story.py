@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 from runtime.diagnose import Diagnosis
 from runtime.findings import Evidence, Finding, Period
-from runtime.report.captions import period
-from runtime.report.text import counted, listed, moment, number, percent, safe
+from runtime.report.text import counted, listed, moment, number, percent, period, safe
 from runtime.ruleset import Ruleset
 from runtime.wording import (
+    EITHER,
     STATUS,
     advice,
     agreement,
@@ -25,6 +25,11 @@ LISTED = 12
 
 ROWS = 12
 """Residuals in the evidence of a finding."""
+
+REMARKS = 8
+"""Different remarks shown."""
+
+UNSEEN = "Not judged, or only in part"
 
 SPANS = 4
 """Periods named for one remark."""
@@ -46,10 +51,14 @@ def told(diagnosis: Diagnosis) -> str:
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis.findings))
+    if diagnosis.not_judged and not diagnosis.findings:
+        parts.append(
+            f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}</div>'
+        )
     if diagnosis.unknown:
         parts.append(
             '<div class="finding is-S"><h3>Deviations that nothing known explains</h3>'
-            f"<dl>{''.join(remarks(diagnosis.unknown))}</dl></div>"
+            f"{remarks(diagnosis.unknown)}</div>"
         )
     return "".join(parts)
 
@@ -57,10 +66,12 @@ def told(diagnosis: Diagnosis) -> str:
 def _lead(diagnosis: Diagnosis) -> str:
     worst = worst_first(diagnosis.findings)
     if worst:
-        more = len({f.fault.id for f in diagnosis.findings}) - 1
-        other = f", and {counted(more, 'other possible cause')}" if more else ""
-        title = titled(worst[0].fault)
-        return title[:1].upper() + title[1:] + other
+        either = [name for name, p in worst[0].alternatives if p > EITHER]
+        faults = diagnosis.ruleset.fault_by_id
+        title = " or ".join(titled(f) for f in (worst[0].fault, *(faults[n] for n in either)))
+        more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        return title[:1].upper() + title[1:] + also
     if not diagnosis.judged:
         return "Nothing could be judged"
     if diagnosis.unknown:
@@ -83,7 +94,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
             f'<span class="degree">{number(finding.degree)}</span> '
             f"({number(finding.lower)} to {number(finding.upper)}, 95 %): {safe(fault.meaning)}",
         ),
-        ("When", safe(period(finding.since, finding.until))),
+        ("When", safe(_when(diagnosis, finding))),
         ("How sure", safe(_sure(diagnosis, finding))),
         ("What to do", safe(fault.action)),
     ]
@@ -100,6 +111,16 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
         f'<section class="finding is-{fault.status}"><h3>{badge(fault.status, True)} '
         f"{safe(headline(ruleset, finding))}</h3><dl>{body}</dl></section>"
     )
+
+
+def _when(diagnosis: Diagnosis, finding: Finding) -> str:
+    """Period of a finding, and how it stands among others of the same fault."""
+    same = [f for f in diagnosis.findings if f.fault.id == finding.fault.id]
+    text = period(finding.since, finding.until)
+    if len(same) == 1:
+        return text
+    span = period(same[0].since, max(f.until for f in same))
+    return f"{text}, the largest of {len(same)} findings {span}"
 
 
 def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
@@ -190,14 +211,18 @@ def _estimates(ruleset: Ruleset, finding: Finding) -> str:
     )
 
 
-def remarks(periods: Sequence[Period], shown: int = 8) -> Iterator[str]:
-    """Remarks with the periods they hold for, as rows of a list of terms."""
+def remarks(periods: Sequence[Period]) -> str:
+    """Remarks with the periods they hold for."""
+    return f'<dl class="remarks">{"".join(_remarks(periods))}</dl>'
+
+
+def _remarks(periods: Sequence[Period]) -> Iterator[str]:
     kinds: dict[str, list[Period]] = {}
     for item in periods:
         kinds.setdefault(item.text, []).append(item)
-    for text, members in list(kinds.items())[:shown]:
-        spans = ", ".join(f"{moment(p.since)}–{moment(p.until)} s" for p in members[:SPANS])
+    for text, members in list(kinds.items())[:REMARKS]:
+        spans = ", ".join(f"{moment(p.since)}–{moment(p.until)}\u00a0s" for p in members[:SPANS])
         more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
         yield f"<dt>{safe(spans + more)}</dt><dd>{safe(text)}</dd>"
-    if len(kinds) > shown:
-        yield f"<dt></dt><dd>and {counted(len(kinds) - shown, 'other remark')}</dd>"
+    if len(kinds) > REMARKS:
+        yield f"<dt></dt><dd>and {counted(len(kinds) - REMARKS, 'other remark')}</dd>"

@@ -53,14 +53,16 @@ tbody tr + tr > * { border-top: 1px solid var(--grid); }
 .agrees { color: var(--c2); } .contradicts { color: var(--alarm); font-weight: 600; }
 .weaker, .hidden, .absent { color: var(--soft); }
 .scroll { overflow-x: auto; }
+.remarks { grid-template-columns: 1fr 2fr; }
 .evidence > * + * { margin-top: 1rem; }
+.evidence + .evidence, .facts h3 { margin-top: 2.2rem; }
 figure { margin: 0 0 2.6rem; }
 figure.narrow { max-width: 34rem; }
 .key { margin-top: .1rem; font-size: .85rem; }
 figcaption { margin-top: .7rem; }
-.plot { margin: 2.1rem 6.2rem 0 3.6rem; }
-.plot + .plot { margin-top: 1.75rem; }
-.narrow .plot { margin-right: 1rem; }
+.plot { padding: 2.1rem 6.2rem 0 3.6rem; }
+.plot + .plot { padding-top: 1.75rem; }
+.narrow .plot { padding-right: 1rem; }
 .below { margin-top: 1.35rem; font-size: .8rem; text-align: right; }
 .panel { display: block; width: 100%; overflow: visible; font-size: 12px; }
 .data { overflow: hidden; }
@@ -102,19 +104,24 @@ use { stroke: var(--paper); stroke-width: .8; }
 .matrix small { display: block; color: var(--soft); }
 .matrix .found > * { background: color-mix(in srgb, var(--of) 16%, var(--paper)); }
 .matrix .found th { font-weight: 700; box-shadow: inset 4px 0 var(--of); }
-.facts dl { grid-template-columns: 11rem 1fr; font-size: .9rem; }
+.facts dl:not(.remarks) { grid-template-columns: 11rem 1fr; font-size: .9rem; }
 .facts dd + dd { grid-column: 2; }
 .symbols { position: absolute; width: 0; height: 0; }
 @media (max-width: 40rem) {
-  body { padding: 1.2rem 1rem 3rem; } dl, .facts dl { grid-template-columns: 1fr; gap: 0; }
+  body { padding: 1.2rem 1rem 3rem; }
+  dl, .remarks, .facts dl:not(.remarks) { grid-template-columns: 1fr; gap: 0; }
+  .scroll table { width: max-content; } 
+  figure:not(.narrow) .mark .odd { display: none; }
   dt { margin-top: .5rem; } .facts dd + dd { grid-column: 1; } .status strong { font-size: 1.3rem; }
-  .plot { margin-left: 2.7rem; margin-right: 4.6rem; } .panel, .panel .title { font-size: 11px; }
+  .plot { padding-left: 2.7rem; padding-right: 4.6rem; } .panel, .panel .title { font-size: 11px; }
   .panel .name { font-size: 11.5px; } .odd { display: none; } }
 @media print {
   @page { size: A4; margin: 16mm 15mm; }
-  body { max-width: none; padding: 0; font-size: 9.5pt; print-color-adjust: exact;
+  html { font-size: 9.5pt; }
+  body { max-width: none; padding: 0; print-color-adjust: exact;
     -webkit-print-color-adjust: exact; }
-  h2 { break-after: avoid; margin-top: 1.6rem; } figure, .finding, tr { break-inside: avoid; }
+  h2, h3, .key { break-after: avoid; } h2 { margin-top: 2rem; }
+  figure, .finding, tr { break-inside: avoid; }
   .tall { break-inside: auto; } .tall .plot { break-inside: avoid; }
   .scroll { overflow: visible; } }
 """

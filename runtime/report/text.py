@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 import unicodedata
 from collections.abc import Sequence
 
@@ -18,7 +19,8 @@ def safe(text: str) -> str:
     >>> safe('<b>"A & B"')
     '&lt;b&gt;&quot;A &amp; B&quot;'
     """
-    shown = ("�" if unicodedata.category(c) in _UNSHOWN else c for c in " ".join(text.split()))
+    joined = re.sub(r"[ \t\r\n]+", " ", text)
+    shown = ("�" if unicodedata.category(c) in _UNSHOWN else c for c in joined)
     return html.escape("".join(shown))
 
 
@@ -39,7 +41,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def moment(seconds: float) -> str:
-    """A time without unit: full seconds, decimals only where a recording is short.
+    """A time without its unit, in seconds.
 
     >>> moment(126839.0), moment(12.25)
     ('126\u202f839', '12.25')
@@ -48,18 +50,27 @@ def moment(seconds: float) -> str:
     return number(seconds, max(digits, len(str(int(abs(seconds))))))
 
 
+def period(since: float, until: float) -> str:
+    """A period in words.
+
+    >>> period(11.0, 19.5)
+    'from 11\xa0s to 19.5\xa0s'
+    """
+    return f"from {moment(since)}\u00a0s to {moment(until)}\u00a0s"
+
+
 def percent(share: float) -> str:
     """A share in percent; what is not quite all or nothing does not become so by rounding.
 
     >>> percent(0.5), percent(0.9999), percent(0.001), percent(1.0)
-    ('50 %', '>99 %', '<1 %', '100 %')
+    ('50\xa0%', '>99\xa0%', '<1\xa0%', '100\xa0%')
     """
     rounded = round(100 * share)
     if rounded == 100 and share < 1 - 1e-9:
-        return ">99 %"
+        return ">99\u00a0%"
     if rounded == 0 and share > 0:
-        return "<1 %"
-    return f"{rounded} %"
+        return "<1\u00a0%"
+    return f"{rounded}\u00a0%"
 
 
 def listed(names: Sequence[str]) -> str:
