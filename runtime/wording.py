@@ -50,7 +50,7 @@ def headline(ruleset: Ruleset, finding: Finding) -> str:
 
 def titled(fault: FaultSpec) -> str:
     """A fault with its module, as a phrase."""
-    if fault.module in fault.title.split(".")[0]:
+    if fault.title.startswith(f"{fault.module}."):
         return fault.title
     return f"{fault.title.lower()} in {fault.module}"
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+from contextlib import AbstractContextManager
 from pathlib import Path
 
+from rich.console import Console
 from rich.markup import escape
 
 from rulec.commands.output import console, write_json, write_text
@@ -23,29 +25,32 @@ def run(options: argparse.Namespace) -> int:
     """Diagnose a recording; findings are a result, so the exit code is 0 either way."""
     out = console(options)
     ruleset = load(Path(options.plant))
-    with (
-        out.status("reading and judging the recording")
-        if out.is_terminal
-        else contextlib.nullcontext()
-    ):
+    with _waiting(out, "reading and judging the recording"):
         recording = read_recording(Path(options.recording), ruleset)
         truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
         diagnosis = diagnose(recording, ruleset, options.mode)
     explain(out, diagnosis)
-    if options.truth and not options.report:
-        out.print("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
     if options.trace or options.report:
-        with out.status("judging every sample") if out.is_terminal else contextlib.nullcontext():
+        with _waiting(out, "judging every sample"):
             result = trace(recording, ruleset, options.mode)
     if options.trace:
         write_text(Path(options.trace), trace_csv(result, ruleset))
         out.print(f"[dim]one row per sample: {options.trace}[/]")
     if options.report:
-        page = report(recording, diagnosis, result, Path(options.recording).name, truth)
+        with _waiting(out, "drawing the report"):
+            name = Path(options.recording).resolve().name
+            page = report(recording, diagnosis, result, name, truth)
         write_text(Path(options.report), page)
         out.print(f"[dim]report: {escape(options.report)}[/]")
+    elif truth is not None:
+        out.print("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
     write_json(options, diagnosis_form(diagnosis))
     return 0
+
+
+def _waiting(out: Console, what: str) -> AbstractContextManager[object]:
+    """A spinner while something takes its time, where somebody watches."""
+    return out.status(what) if out.is_terminal else contextlib.nullcontext()
 
 
 def load(path: Path) -> Ruleset:

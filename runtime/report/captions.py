@@ -8,7 +8,7 @@ import numpy as np
 
 from runtime.diagnose import Diagnosis
 from runtime.report.series import Curves, persistent, sides_of
-from runtime.report.text import counted, listed, number, percent, period
+from runtime.report.text import bounds, counted, degree, listed, number, percent, period
 from runtime.report.truth import Cases
 from runtime.wording import worst_first
 
@@ -92,21 +92,25 @@ def _some(names: Sequence[str]) -> str:
     return listed([*names[:NAMED], *more])
 
 
-def say_degrees(diagnosis: Diagnosis) -> str:
-    """How large each diagnosed fault becomes, and when."""
+def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
+    """How large each diagnosed fault becomes, and when; `missed` were there and not named."""
     findings, worst = diagnosis.findings, worst_first(diagnosis.findings)
     if not diagnosis.judged:
         return "Nothing was judged, so no degree is known."
     if not worst:
-        return "No fault was diagnosed, so there is no degree to show."
+        absent = f", although {_some(missed)} was there" if missed else ""
+        return f"No fault was diagnosed{absent}."
     parts = []
     for finding in worst:
         times = sum(f.fault.id == finding.fault.id for f in findings)
         often = f", the largest of {times} findings" if times > 1 else ""
         parts.append(
-            f"{finding.fault.id} reaches {number(finding.degree)} (95 %: {number(finding.lower)} "
-            f"to {number(finding.upper)}) {period(finding.since, finding.until)}{often}"
+            f"{finding.fault.id} reaches {degree(finding.degree)} "
+            f"({bounds(finding.lower, finding.upper)}) "
+            f"{period(finding.since, finding.until)}{often}"
         )
+    if missed:
+        parts.append(f"truly present but never named: {_some(missed)}")
     return "; ".join(parts) + "."
 
 
@@ -132,7 +136,7 @@ def say_cases(cases: Cases) -> str:
     if healthy.any():
         alarms = int((healthy & ~right).sum())
         said = "nothing is reported" if not alarms else f"{alarms} are false alarms"
-        parts.append(f"of {counted(int(healthy.sum()), 'sample')} without a fault {said}")
+        parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {said}")
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "."
 

@@ -56,7 +56,7 @@ def axis(low: float, high: float, wanted: int = 6, tight: bool = False) -> Axis:
     >>> axis(0.0, 79.0, 8, tight=True).ticks
     (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0)
     """
-    if not high - low > 1e-9 * max(abs(low), abs(high)):
+    if not high - low > 1e-9 * max(abs(low), abs(high), 1.0):
         half = 0.5 * max(abs(low) * 0.1, 1e-3)
         low, high = low - half, high + half
     if not tight:

@@ -49,7 +49,7 @@ def draw_shares(cases: Cases) -> Figure:
         f'<tr><th scope="col">diagnosed − true</th>{head}</tr></thead><tbody>{"".join(rows)}'
         f'<tr class="total"><th scope="row">total</th>{foot}</tr></tbody></table></div>'
     )
-    key = "share of cases; bins centred as written, the outer ones open"
+    key = "share of cases; bins centred as written, outer ones open; a fault not named counts as 0"
     return Figure("shares", "Discrepancy", key, body, say_shares(cases, table), True)
 
 

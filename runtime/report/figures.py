@@ -14,6 +14,7 @@ from runtime.report.compare import draw_cases, draw_shares
 from runtime.report.figure import Figure, plot
 from runtime.report.series import NOT_JUDGED, Curves, detail, persistent
 from runtime.report.text import counted, number
+from runtime.report.text import degree as degree_text
 from runtime.report.thin import COLUMNS, thin_band, thin_marks, thin_series
 from runtime.report.truth import Cases, Truth
 from runtime.runs import COVERAGE
@@ -118,7 +119,7 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
     key = ["● named as the cause", "band: 95 % bounds"] if names else []
     key += ["dashed: truth"] if names and truth is not None else []
     key += _grey(trace.time, _with_degree(trace)) if names else []
-    caption = say_degrees(diagnosis)
+    caption = say_degrees(diagnosis, [n for n in names if n not in trace.verdict])
     title = "Degree of the diagnosed faults"
     return Figure("degrees", title, "; ".join(key), "".join(parts), caption)
 
@@ -135,7 +136,7 @@ def _degree_panel(
     if truth is not None and name in truth.faults:
         true = truth.degree[truth.faults.index(name)]
     top = float(np.nanmax([np.fmax(high, true)], initial=0.05))
-    panel = Panel(_time(trace.time), axis(0.0, top, 4), 150)
+    panel = Panel(_time(trace.time), axis(0.0, 1.1 * top, 4), 150)
     drawn = [
         _unjudged(panel, trace.time, judged),
         panel.band(*thin_band(trace.time, low, high), "s0"),
@@ -146,7 +147,9 @@ def _degree_panel(
     fixed = [panel.marks(trace.time[index], degree[index], "disc", "s0")]
     found = [f for f in diagnosis.findings if f.fault.id == name]
     for f in found if len(found) <= LABELLED else ():
-        fixed.append(panel.text((f.since + f.until) / 2, f.degree, number(f.degree), "value", -9))
+        fixed.append(
+            panel.text((f.since + f.until) / 2, f.upper, degree_text(f.degree), "value", -5)
+        )
     return plot(panel.drawn(name, f"{name}, degree [1]", drawn, fixed, last), last)
 
 

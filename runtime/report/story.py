@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from runtime.diagnose import Diagnosis
 from runtime.findings import Evidence, Finding, Period
-from runtime.report.text import counted, listed, moment, number, percent, period, safe
+from runtime.report.text import bounds, counted, degree, listed, moment, percent, period, safe
 from runtime.ruleset import Ruleset
 from runtime.wording import (
     EITHER,
@@ -50,7 +50,7 @@ def told(diagnosis: Diagnosis) -> str:
     ]
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
-        parts.append(_summary(diagnosis.findings))
+        parts.append(_summary(diagnosis))
     if diagnosis.not_judged and not diagnosis.findings:
         parts.append(
             f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}</div>'
@@ -91,8 +91,8 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
     rows = [
         (
             "Degree",
-            f'<span class="degree">{number(finding.degree)}</span> '
-            f"({number(finding.lower)} to {number(finding.upper)}, 95 %): {safe(fault.meaning)}",
+            f'<span class="degree">{degree(finding.degree)}</span> '
+            f"({bounds(finding.lower, finding.upper)}), {safe(fault.meaning)}",
         ),
         ("When", safe(_when(diagnosis, finding))),
         ("How sure", safe(_sure(diagnosis, finding))),
@@ -130,13 +130,14 @@ def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
     return text if finding.alternatives else f"{text}; no other one fits"
 
 
-def _summary(findings: Sequence[Finding]) -> str:
+def _summary(diagnosis: Diagnosis) -> str:
     """All findings in a table; of many, one row a fault."""
+    findings, weighed = diagnosis.findings, diagnosis.mode != "paper"
     groups: dict[str, list[Finding]] = {}
     for finding in findings:
         groups.setdefault(finding.fault.id, []).append(finding)
     rows = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
-    body = "".join(_summary_row(members) for members in rows)
+    body = "".join(_summary_row(members, weighed) for members in rows)
     return (
         '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
         '<th class="num">95 % bounds</th><th class="num">when [s]</th><th class="num">sure</th>'
@@ -144,12 +145,13 @@ def _summary(findings: Sequence[Finding]) -> str:
     )
 
 
-def _summary_row(members: Sequence[Finding]) -> str:
+def _summary_row(members: Sequence[Finding], weighed: bool) -> str:
     first, degrees = members[0], [f.degree for f in members]
     lower, upper = min(f.lower for f in members), max(f.upper for f in members)
     often = f"{len(members)} times, " if len(members) > 1 else ""
     when = f"{often}{moment(first.since)}–{moment(max(f.until for f in members))}"
-    sure = percent(sum(f.probability for f in members) / len(members))
+    mean = sum(f.probability for f in members) / len(members)
+    sure = percent(mean) if weighed else "–"
     cells = (_between(min(degrees), max(degrees)), _between(lower, upper), when, sure)
     numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
     return (
@@ -160,14 +162,14 @@ def _summary_row(members: Sequence[Finding]) -> str:
 
 def _between(low: float, high: float) -> str:
     if high - low < 5e-4:
-        return f"{low:.3f}"
-    return f"{low:.3f}–{high:.3f}"
+        return degree(low)
+    return f"{degree(low)}–{degree(high)}"
 
 
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     """Per fault: residuals against their limits, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
-        title = f"{finding.fault.id}, where it shows most {period(finding.since, finding.until)}"
+        title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
         residuals = _residuals(diagnosis.ruleset, finding)
         flows = _estimates(diagnosis.ruleset, finding)
         yield f'<div class="evidence"><h3>{safe(title)}</h3>{residuals}{flows}</div>'

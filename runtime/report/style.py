@@ -110,7 +110,7 @@ use { stroke: var(--paper); stroke-width: .8; }
 @media (max-width: 40rem) {
   body { padding: 1.2rem 1rem 3rem; }
   dl, .remarks, .facts dl:not(.remarks) { grid-template-columns: 1fr; gap: 0; }
-  .scroll table { width: max-content; } 
+  .scroll table { width: max-content; }
   figure:not(.narrow) .mark .odd { display: none; }
   dt { margin-top: .5rem; } .facts dd + dd { grid-column: 1; } .status strong { font-size: 1.3rem; }
   .plot { padding-left: 2.7rem; padding-right: 4.6rem; } .panel, .panel .title { font-size: 11px; }

@@ -40,6 +40,24 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace(",", "\u202f").replace("-", "−")
 
 
+def degree(value: float) -> str:
+    """A degree, with as many decimals as the terminal shows.
+
+    >>> degree(0.17)
+    '0.170'
+    """
+    return f"{value:.3f}"
+
+
+def bounds(low: float, high: float) -> str:
+    """The 95 % bounds of a degree.
+
+    >>> bounds(0.587, 0.611)
+    '95\xa0%: 0.587 to 0.611'
+    """
+    return f"95\u00a0%: {degree(low)} to {degree(high)}"
+
+
 def moment(seconds: float) -> str:
     """A time without its unit, in seconds.
 

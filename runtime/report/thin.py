@@ -89,7 +89,8 @@ def thin_marks(time: Array, size: Array, chosen: np.ndarray, count: int) -> NDAr
     if not len(index):
         return index
     low, high = float(time[0]), float(time[-1])
-    column = ((time[index] - low) / ((high - low) or 1.0) * count).astype(np.intp)
+    share = (time[index] - low) / ((high - low) or 1.0)
+    column = np.minimum((share * count).astype(np.intp), count - 1)
     order = np.lexsort((-size[index], column))
     _, first = np.unique(column[order], return_index=True)
     result: NDArray[np.intp] = index[order[first]]

@@ -109,6 +109,8 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
         raise RecordingRefused(
             f"{path}: the times are dates; write seconds since the first sample of the recording"
         )
+    if table.left_out:
+        notes.append(f"{path.name}: {table.left_out} rows are broken and left out")
     degree = np.array([column.numbers() for column in table.columns])
     if (degree < 0).any():
         raise RecordingRefused(f"{path}: a true degree is negative; degrees are shares from 0 on")
