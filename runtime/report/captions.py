@@ -129,7 +129,7 @@ def say_cases(cases: Cases) -> str:
             off = np.abs(cases.discrepancy[hit])
             covered = (cases.lower <= cases.true) & (cases.true <= cases.upper)
             parts[-1] += (
-                f", there its degree is off by {number(off.mean(), 2)} on average and "
+                f"; there its degree is off by {number(off.mean(), 2)} on average and "
                 f"{number(off.max(), 2)} at most, and the bounds hold the truth in "
                 f"{percent(float(covered[hit].mean()))}"
             )

@@ -26,6 +26,7 @@ from runtime.report.thin import COLUMNS, thin_marks, thin_series
 from runtime.report.truth import Cases, Truth, cases_of, read_truth, shares
 from runtime.ruleset import Ruleset
 from runtime.stationary import noise_of
+from runtime.wording import titled
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.runtime.sheets import Sheet, example, write
 
@@ -157,6 +158,12 @@ def test_hostile_names_stay_text(abc: Ruleset) -> None:
     assert page.encode("utf-8").decode("utf-8") == page
 
 
+def test_faults_are_titled_with_their_module(abc: Ruleset) -> None:
+    """Also where the module's name is a letter of the title; not where the title holds it."""
+    titles = {name: titled(abc.fault_by_id[name]) for name in ("C.clogging", "C.dp.high")}
+    assert {"C.clogging": "clogging in C", "C.dp.high": "C.dp reads high"} == titles
+
+
 def test_finding_comes_first(leaking: Judged) -> None:
     """Order: what is wrong, why, pictures, matrix, origin."""
     page = leaking.page()
@@ -211,7 +218,7 @@ def test_captions_of_comparison_are_computed(leaking: Judged) -> None:
     off = np.abs(degree - true)
     expected = (
         f"Figure 4. The right fault is named in {named.sum()} of {(settled & (true > 0)).sum()} "
-        f"samples with a fault, there its degree is off by {off[named].mean():.2g} on average and "
+        f"samples with a fault; there its degree is off by {off[named].mean():.2g} on average and "
         f"{off[named].max():.2g} at most, and the bounds hold the truth in 100 %; "
         f"on {(settled & (true == 0)).sum()} samples without a fault nothing is reported."
     )
