@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -71,46 +71,13 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
 
     Raises `RecordingRefused` where nothing in the file can be held against the recording.
     """
-    faults: list[str] = []
-    notes: list[str] = []
-    times: list[tuple[str, str]] = []
-
-    def choose(header: Sequence[str]) -> tuple[int, Sequence[int]]:
-        time_index, chosen = -1, []
-        for i, title in enumerate(t.strip() for t in header):
-            name, _, unit = (part.strip(" ]") for part in title.partition("["))
-            if time_index < 0 and name.lower() in NAMES:
-                time_index = i
-                times.append((title, unit))
-            elif name in ruleset.fault_by_id and unit in ("", "1"):
-                if name in faults:
-                    raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
-                faults.append(name)
-                chosen.append(i)
-            elif name in ruleset.fault_by_id:
-                raise RecordingRefused(
-                    f"{path}: column '{title}': degrees are shares; write '{name} [1]'"
-                )
-            elif unit == "1":
-                notes.append(_stranger(path, title, name, ruleset))
-        if time_index < 0:
-            raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
-        if not chosen:
-            hint = f" ({notes[0].partition(': ')[2]})" if notes else ""
-            raise RecordingRefused(
-                f"{path}: no column is a fault of this plant{hint}; expected columns such as "
-                f"'{ruleset.faults[0].id if ruleset.faults else '<fault>'} [1]'"
-            )
-        return time_index, chosen
-
-    table = read_table(path, choose)
-    time, dated = read_times(path, table.text, *times[0], ruleset.units)
+    header = _Header()
+    table = read_table(path, lambda titles: header.assign(path, titles, ruleset))
+    time, dated = read_times(path, table.text, *header.time, ruleset.units)
     if dated:
         raise RecordingRefused(
             f"{path}: the times are dates; write seconds since the first sample of the recording"
         )
-    if table.left_out:
-        notes.append(f"{path.name}: {table.left_out} rows are broken and left out")
     degree = np.array([column.numbers() for column in table.columns])
     if (degree < 0).any():
         raise RecordingRefused(f"{path}: a true degree is negative; degrees are shares from 0 on")
@@ -121,9 +88,53 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
             f"{path}: no time of it lies at a sample of the recording, which runs from "
             f"{recording.time[0]:g} s to {recording.time[-1]:g} s"
         )
+    notes = header.notes
+    if table.left_out:
+        notes.append(f"{path.name}: {table.left_out} rows are broken and left out")
     if unknown:
         notes.append(f"{path.name}: {unknown} of {len(recording)} samples have no truth")
-    return Truth(path.name, tuple(faults), matched, tuple(notes))
+    return Truth(path.name, tuple(header.faults), matched, tuple(notes))
+
+
+@dataclass
+class _Header:
+    """What the columns of a truth file are; `time` is the title and the unit of its time."""
+
+    time: tuple[str, str] = ("", "")
+    faults: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def assign(self, path: Path, titles: Sequence[str], ruleset: Ruleset) -> tuple[int, list[int]]:
+        """Indexes of the time column and of those that hold degrees of known faults."""
+        time_index, chosen = -1, []
+        for i, title in enumerate(t.strip() for t in titles):
+            name, _, unit = (part.strip(" ]") for part in title.partition("["))
+            if time_index < 0 and name.lower() in NAMES:
+                time_index, self.time = i, (title, unit)
+            elif name in ruleset.fault_by_id:
+                self._check(path, title, name, unit)
+                self.faults.append(name)
+                chosen.append(i)
+            elif unit == "1":
+                self.notes.append(_stranger(path, title, name, ruleset))
+        if time_index < 0:
+            raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
+        if not chosen:
+            hint = f" ({self.notes[0].partition(': ')[2]})" if self.notes else ""
+            known = ruleset.faults[0].id if ruleset.faults else "<fault>"
+            raise RecordingRefused(
+                f"{path}: no column is a fault of this plant{hint}; expected columns such as "
+                f"'{known} [1]'"
+            )
+        return time_index, chosen
+
+    def _check(self, path: Path, title: str, name: str, unit: str) -> None:
+        if unit not in ("", "1"):
+            raise RecordingRefused(
+                f"{path}: column '{title}': degrees are shares; write '{name} [1]'"
+            )
+        if name in self.faults:
+            raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
 
 
 def _stranger(path: Path, title: str, name: str, ruleset: Ruleset) -> str:
