@@ -102,6 +102,12 @@ def _parser() -> argparse.ArgumentParser:
         help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
     )
     diagnose.add_argument("--trace", metavar="FILE.csv", help="one row per sample")
+    diagnose.add_argument(
+        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
+    )
+    diagnose.add_argument(
+        "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
+    )
     _json(diagnose)
     return parser
 

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+from contextlib import AbstractContextManager
 from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
 
 from rulec.commands.output import console, write_json, write_text
 from runtime.diagnose import diagnose, trace
 from runtime.explain import explain
 from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.recording import read_recording
+from runtime.report.page import report
+from runtime.report.truth import read_truth
 from runtime.ruleset import Ruleset
 from runtime.ruleset_file import read_ruleset
 
@@ -19,20 +25,32 @@ def run(options: argparse.Namespace) -> int:
     """Diagnose a recording; findings are a result, so the exit code is 0 either way."""
     out = console(options)
     ruleset = load(Path(options.plant))
-    with (
-        out.status("reading and judging the recording")
-        if out.is_terminal
-        else contextlib.nullcontext()
-    ):
+    with _waiting(out, "reading and judging the recording"):
         recording = read_recording(Path(options.recording), ruleset)
+        truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
         diagnosis = diagnose(recording, ruleset, options.mode)
     explain(out, diagnosis)
+    if options.trace or options.report:
+        with _waiting(out, "judging every sample"):
+            result = trace(recording, ruleset, options.mode)
     if options.trace:
-        result = trace(recording, ruleset, options.mode)
         write_text(Path(options.trace), trace_csv(result, ruleset))
         out.print(f"[dim]one row per sample: {options.trace}[/]")
+    if options.report:
+        with _waiting(out, "drawing the report"):
+            name = Path(options.recording).resolve().name
+            page = report(recording, diagnosis, result, name, truth)
+        write_text(Path(options.report), page)
+        out.print(f"[dim]report: {escape(options.report)}[/]")
+    elif truth is not None:
+        out.print("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
     write_json(options, diagnosis_form(diagnosis))
     return 0
+
+
+def _waiting(out: Console, what: str) -> AbstractContextManager[object]:
+    """A spinner while something takes its time, where somebody watches."""
+    return out.status(what) if out.is_terminal else contextlib.nullcontext()
 
 
 def load(path: Path) -> Ruleset:

@@ -1,0 +1,1 @@
+"""A diagnosis as one self-contained HTML file, with the pictures of the seed paper."""

@@ -1,0 +1,153 @@
+"""One sentence below each picture: what it shows, in words and numbers computed from the data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from runtime.diagnose import Diagnosis
+from runtime.report.series import Curves, persistent, sides_of
+from runtime.report.text import bounds, counted, degree, listed, number, percent, period
+from runtime.report.truth import Cases
+from runtime.wording import worst_first
+
+NAMED = 4
+"""Names in one sentence."""
+
+
+def say_estimates(curves: Curves) -> str:
+    """Which two estimates of the module disagree most, by how much and when."""
+    module = curves.sides[0].module
+    names = [
+        side.short
+        for side, flow in zip(curves.sides, curves.flows, strict=True)
+        if np.isfinite(flow[curves.judged]).any()
+    ]
+    if not curves.judged.any():
+        return f"No sample was judged; the estimates of {module} are drawn where they exist."
+    if len(names) < 2:
+        only = f"only the {names[0]} estimate of {module}" if names else f"no estimate of {module}"
+        return f"Where samples were judged, {only} could be formed; there is nothing to compare."
+    compared = [sides_of(r) for r in curves.residuals]
+    own = [
+        (i, runs)
+        for i, runs in persistent(curves)
+        if len(compared[i]) == 2 and set(compared[i]) <= set(curves.sides)
+    ]
+    if not own:
+        judged = counted(int(curves.judged.sum()), "judged sample")
+        return f"The estimates of {module} ({listed(names)}) agree within their limits in {judged}."
+    strongest = [(i, *curves.main_run(i, runs), len(runs)) for i, runs in own]
+    i, first, last, times = max(strongest, key=lambda row: _excess(curves, *row[:3]))
+    mean = float(np.mean(curves.values[i, first : last + 1]))
+    limit = float(np.mean(curves.limits[i, first : last + 1]))
+    one, other = (side.short for side in compared[i])
+    side = "above" if mean > 0 else "below"
+    when = period(curves.time[first], curves.time[last])
+    again = f"; so it does in {counted(times - 1, 'other period')} shown" if times > 1 else ""
+    return (
+        f"The {one} estimate of {module} stands {number(abs(mean))} l/h {side} the {other} "
+        f"estimate {when}, beyond the limit of {number(limit, 2)} l/h{again}."
+    )
+
+
+def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
+    """Size of a residual over its limit, mean over the run where that is largest."""
+    return max(_excess(curves, row, first, last) for first, last in runs)
+
+
+def _excess(curves: Curves, row: int, first: int, last: int) -> float:
+    ratio = np.abs(curves.values[row, first : last + 1]) / curves.limits[row, first : last + 1]
+    return float(np.mean(ratio))
+
+
+def say_residuals(curves: Curves) -> str:
+    """Which residuals leave their limits, and how far."""
+    formed = int(curves.formed().sum())
+    if not curves.judged.any():
+        return "No sample was judged, so no residual counts as fired."
+    found = sorted(
+        ((excess(curves, i, runs), curves.residuals[i].id) for i, runs in persistent(curves)),
+        reverse=True,
+    )
+    lost = [r.id for r, ok in zip(curves.residuals, curves.formed(), strict=True) if not ok]
+    absent = f"; {_some(lost)} could not be formed" if lost else ""
+    if not found:
+        if not formed:
+            return "No residual could be formed."
+        none = (
+            f"None of the {formed} residuals leaves" if formed > 1 else "The residual never leaves"
+        )
+        return f"{none} its limit for three samples in a row{absent}."
+    names = _some([f"{name} ({number(times, 2)} times its limit)" for times, name in found])
+    rest = formed - len(found)
+    stay = f"; the other {rest} stay{'s' * (rest == 1)} inside" if rest else ""
+    return f"{names} leave{'s' * (len(found) == 1)} the shaded zero band{stay}{absent}."
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first of some names, and how many there are besides."""
+    more = [counted(len(names) - NAMED, "other")] if len(names) > NAMED else []
+    return listed([*names[:NAMED], *more])
+
+
+def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
+    """How large each diagnosed fault becomes, and when; `missed` were there and not named."""
+    findings, worst = diagnosis.findings, worst_first(diagnosis.findings)
+    if not diagnosis.judged:
+        return "Nothing was judged, so no degree is known."
+    if not worst:
+        absent = f", although {_some(missed)} was there" if missed else ""
+        return f"No fault was diagnosed{absent}."
+    parts = []
+    for finding in worst:
+        times = sum(f.fault.id == finding.fault.id for f in findings)
+        often = f", the largest of {times} findings" if times > 1 else ""
+        parts.append(
+            f"{finding.fault.id} reaches {degree(finding.degree)} "
+            f"({bounds(finding.lower, finding.upper)}) "
+            f"{period(finding.since, finding.until)}{often}"
+        )
+    if missed:
+        parts.append(f"truly present but never named: {_some(missed)}")
+    return "; ".join(parts) + "."
+
+
+def say_cases(cases: Cases) -> str:
+    """How often the right fault was named, and how far its degree is off."""
+    faulty, right = cases.fault >= 0, cases.named
+    healthy = ~faulty
+    parts = []
+    if faulty.any():
+        hit = faulty & right
+        parts.append(
+            f"The right fault is named in {hit.sum()} of {counted(int(faulty.sum()), 'sample')} "
+            "with a fault"
+        )
+        if hit.any():
+            off = np.abs(cases.discrepancy[hit])
+            covered = (cases.lower <= cases.true) & (cases.true <= cases.upper)
+            parts[-1] += (
+                f"; there its degree is off by {number(off.mean(), 2)} on average and "
+                f"{number(off.max(), 2)} at most, and the bounds hold the truth in "
+                f"{percent(float(covered[hit].mean()))}"
+            )
+    if healthy.any():
+        alarms = int((healthy & ~right).sum())
+        said = "nothing is reported" if not alarms else f"{alarms} are false alarms"
+        parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {said}")
+    text = "; ".join(parts)
+    return text[:1].upper() + text[1:] + "."
+
+
+def say_shares(cases: Cases, table: np.ndarray) -> str:
+    """How many cases lie close to the truth."""
+    middle = len(table) // 2
+    near, next_to = table[middle].sum(), table[middle - 1 : middle + 2].sum()
+    off = float(np.abs(cases.discrepancy).mean())
+    return (
+        f"{percent(float(near))} of {counted(len(cases), 'case')} lie within 0.05 of the true "
+        f"degree and {percent(float(next_to))} within 0.15; the mean absolute discrepancy is "
+        f"{number(off, 2)}."
+    )

@@ -1,0 +1,230 @@
+"""The findings of a diagnosis as HTML: first what is wrong, then why that is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from runtime.diagnose import Diagnosis
+from runtime.findings import Evidence, Finding, Period
+from runtime.report.text import bounds, counted, degree, listed, moment, percent, period, safe
+from runtime.ruleset import Ruleset
+from runtime.wording import (
+    EITHER,
+    STATUS,
+    advice,
+    agreement,
+    estimates,
+    headline,
+    l_per_h,
+    titled,
+    worst_first,
+)
+
+LISTED = 12
+"""Findings listed one by one; of more, one row a fault."""
+
+ROWS = 12
+"""Residuals in the evidence of a finding."""
+
+REMARKS = 8
+"""Different remarks shown."""
+
+UNSEEN = "Not judged, or only in part"
+
+SPANS = 4
+"""Periods named for one remark."""
+
+
+def badge(letter: str, small: bool = False) -> str:
+    """Symbol and letter of NE 107."""
+    style = "badge small" if small else "badge"
+    return f'<span class="{style} is-{letter}">{STATUS[letter][0]} {letter}</span>'
+
+
+def told(diagnosis: Diagnosis) -> str:
+    """Status of the whole, and each fault with what to do about it."""
+    letter = diagnosis.status
+    parts = [
+        f'<div class="status">{badge(letter)}<p><strong>{safe(_lead(diagnosis))}</strong>'
+        f'<span class="soft">{safe(_meaning(diagnosis))}</span></p></div>'
+    ]
+    parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
+    if len(diagnosis.findings) > 1:
+        parts.append(_summary(diagnosis))
+    if diagnosis.not_judged and not diagnosis.findings:
+        parts.append(
+            f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}</div>'
+        )
+    if diagnosis.unknown:
+        parts.append(
+            '<div class="finding is-S"><h3>Deviations that nothing known explains</h3>'
+            f"{remarks(diagnosis.unknown)}</div>"
+        )
+    return "".join(parts)
+
+
+def _lead(diagnosis: Diagnosis) -> str:
+    worst = worst_first(diagnosis.findings)
+    if worst:
+        either = [name for name, p in worst[0].alternatives if p > EITHER]
+        faults = diagnosis.ruleset.fault_by_id
+        title = " or ".join(titled(f) for f in (worst[0].fault, *(faults[n] for n in either)))
+        more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        return title[:1].upper() + title[1:] + also
+    if not diagnosis.judged:
+        return "Nothing could be judged"
+    if diagnosis.unknown:
+        return "Something is wrong, but nothing known explains it"
+    return "No fault found"
+
+
+def _meaning(diagnosis: Diagnosis) -> str:
+    share = diagnosis.judged / max(diagnosis.samples, 1)
+    meaning = STATUS[diagnosis.status][1]
+    return f"{meaning[:1].upper()}{meaning[1:]}; {percent(share)} of the recording was judged"
+
+
+def _card(diagnosis: Diagnosis, finding: Finding) -> str:
+    """One fault: what, how large, when, how sure, what to do."""
+    fault, ruleset = finding.fault, diagnosis.ruleset
+    rows = [
+        (
+            "Degree",
+            f'<span class="degree">{degree(finding.degree)}</span> '
+            f"({bounds(finding.lower, finding.upper)}), {safe(fault.meaning)}",
+        ),
+        ("When", safe(_when(diagnosis, finding))),
+        ("How sure", safe(_sure(diagnosis, finding))),
+        ("What to do", safe(fault.action)),
+    ]
+    if finding.alternatives:
+        others = [
+            f"{titled(ruleset.fault_by_id[name])} ({percent(p)})"
+            for name, p in finding.alternatives
+        ]
+        rows.append(("Could also be", safe(listed(others))))
+        apart = "; ".join(advice(ruleset, finding))
+        rows.append(("To tell them apart", safe(apart or "no single reading is known to do so")))
+    body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{fault.status}"><h3>{badge(fault.status, True)} '
+        f"{safe(headline(ruleset, finding))}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _when(diagnosis: Diagnosis, finding: Finding) -> str:
+    """Period of a finding, and how it stands among others of the same fault."""
+    same = [f for f in diagnosis.findings if f.fault.id == finding.fault.id]
+    text = period(finding.since, finding.until)
+    if len(same) == 1:
+        return text
+    span = period(same[0].since, max(f.until for f in same))
+    return f"{text}, the largest of {len(same)} findings {span}"
+
+
+def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
+    if diagnosis.mode == "paper":
+        return "not said: paper mode names the fault with the largest degree and weighs no other"
+    text = f"{percent(finding.probability)} among the known faults"
+    return text if finding.alternatives else f"{text}; no other one fits"
+
+
+def _summary(diagnosis: Diagnosis) -> str:
+    """All findings in a table; of many, one row a fault."""
+    findings, weighed = diagnosis.findings, diagnosis.mode != "paper"
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(finding.fault.id, []).append(finding)
+    rows = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
+    body = "".join(_summary_row(members, weighed) for members in rows)
+    return (
+        '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
+        '<th class="num">95 % bounds</th><th class="num">when [s]</th><th class="num">sure</th>'
+        f"</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def _summary_row(members: Sequence[Finding], weighed: bool) -> str:
+    first, degrees = members[0], [f.degree for f in members]
+    lower, upper = min(f.lower for f in members), max(f.upper for f in members)
+    often = f"{len(members)} times, " if len(members) > 1 else ""
+    when = f"{often}{moment(first.since)}–{moment(max(f.until for f in members))}"
+    mean = sum(f.probability for f in members) / len(members)
+    sure = percent(mean) if weighed else "–"
+    cells = (_between(min(degrees), max(degrees)), _between(lower, upper), when, sure)
+    numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
+    return (
+        f"<tr><td>{badge(first.fault.status, True)}</td><td>{safe(first.fault.id)}</td>"
+        f"{numbers}</tr>"
+    )
+
+
+def _between(low: float, high: float) -> str:
+    if high - low < 5e-4:
+        return degree(low)
+    return f"{degree(low)}–{degree(high)}"
+
+
+def evidence(diagnosis: Diagnosis) -> Iterator[str]:
+    """Per fault: residuals against their limits, and the estimates behind them."""
+    for finding in worst_first(diagnosis.findings):
+        title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
+        residuals = _residuals(diagnosis.ruleset, finding)
+        flows = _estimates(diagnosis.ruleset, finding)
+        yield f'<div class="evidence"><h3>{safe(title)}</h3>{residuals}{flows}</div>'
+
+
+def _residuals(ruleset: Ruleset, finding: Finding) -> str:
+    ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
+    body = "".join(_residual_row(ruleset, finding, e) for e in ordered[:ROWS])
+    left = len(ordered) - ROWS
+    more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
+    return (
+        '<div class="scroll"><table><thead><tr><th>estimates that should agree</th>'
+        '<th class="num">differ by [l/h]</th><th class="num">limit [l/h]</th>'
+        '<th class="mid">fired</th><th class="mid">expected</th><th></th></tr></thead>'
+        f"<tbody>{body}</tbody></table></div>{more}"
+    )
+
+
+def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> str:
+    kind, words = agreement(ruleset, finding, e)
+    absent = e.verdict == "invalid"
+    value = "–" if absent else f"{l_per_h(e.value):.1f}".replace("-", "−")
+    limit = "–" if absent else f"±{l_per_h(e.threshold):.1f}"
+    fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
+    return (
+        f'<tr><td>{safe(e.residual)}</td><td class="num">{value}</td><td class="num">{limit}</td>'
+        f'<td class="mid">{safe(fired)}</td><td class="mid">{safe(expected)}</td>'
+        f'<td class="{kind}">{safe(words)}</td></tr>'
+    )
+
+
+def _estimates(ruleset: Ruleset, finding: Finding) -> str:
+    body = "".join(
+        f'<tr><td>{safe(e.equation)}</td><td class="num">{e.flow:.1f} ± {e.half:.1f}</td>'
+        f"<td>{safe(', '.join(e.readings))}</td></tr>"
+        for e in estimates(ruleset, finding)
+    )
+    return (
+        '<div class="scroll"><table><thead><tr><th>estimate</th><th class="num">flow [l/h]</th>'
+        f"<th>from these readings</th></tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def remarks(periods: Sequence[Period]) -> str:
+    """Remarks with the periods they hold for."""
+    return f'<dl class="remarks">{"".join(_remarks(periods))}</dl>'
+
+
+def _remarks(periods: Sequence[Period]) -> Iterator[str]:
+    kinds: dict[str, list[Period]] = {}
+    for item in periods:
+        kinds.setdefault(item.text, []).append(item)
+    for text, members in list(kinds.items())[:REMARKS]:
+        spans = ", ".join(f"{moment(p.since)}–{moment(p.until)}\u00a0s" for p in members[:SPANS])
+        more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
+        yield f"<dt>{safe(spans + more)}</dt><dd>{safe(text)}</dd>"
+    if len(kinds) > REMARKS:
+        yield f"<dt></dt><dd>and {counted(len(kinds) - REMARKS, 'other remark')}</dd>"

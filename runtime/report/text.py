@@ -1,0 +1,111 @@
+"""Numbers and names as they stand in a report."""
+
+from __future__ import annotations
+
+import html
+import re
+import unicodedata
+from collections.abc import Sequence
+
+import numpy as np
+
+_UNSHOWN = ("Cc", "Cf", "Cs", "Co", "Cn")
+"""Unicode categories that a page cannot show, or that would turn its text around."""
+
+
+def safe(text: str) -> str:
+    """Text for HTML and XML: escaped, and without characters that neither can hold.
+
+    >>> safe('<b>"A & B"')
+    '&lt;b&gt;&quot;A &amp; B&quot;'
+    """
+    joined = re.sub(r"[ \t\r\n]+", " ", text)
+    shown = ("�" if unicodedata.category(c) in _UNSHOWN else c for c in joined)
+    return html.escape("".join(shown))
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, thousands set apart, a true minus sign.
+
+    >>> number(128699.0, 6), number(-0.05021), number(314.21), number(0.0)
+    ('128\u202f699', '−0.0502', '314', '0')
+    """
+    if not np.isfinite(value):
+        return "–"
+    size = int(np.floor(np.log10(abs(value)))) if value else 0
+    decimals = max(digits - 1 - size, 0)
+    text = f"{value:,.{decimals}f}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return text.replace(",", "\u202f").replace("-", "−")
+
+
+def degree(value: float) -> str:
+    """A degree, with as many decimals as the terminal shows.
+
+    >>> degree(0.17)
+    '0.170'
+    """
+    return f"{value:.3f}"
+
+
+def bounds(low: float, high: float) -> str:
+    """The 95 % bounds of a degree.
+
+    >>> bounds(0.587, 0.611)
+    '95\xa0%: 0.587 to 0.611'
+    """
+    return f"95\u00a0%: {degree(low)} to {degree(high)}"
+
+
+def moment(seconds: float) -> str:
+    """A time without its unit, in seconds.
+
+    >>> moment(126839.0), moment(12.25)
+    ('126\u202f839', '12.25')
+    """
+    digits = 3 if abs(seconds) < 1 else 6
+    return number(seconds, max(digits, len(str(int(abs(seconds))))))
+
+
+def period(since: float, until: float) -> str:
+    """A period in words.
+
+    >>> period(11.0, 19.5)
+    'from 11\xa0s to 19.5\xa0s'
+    """
+    return f"from {moment(since)}\u00a0s to {moment(until)}\u00a0s"
+
+
+def percent(share: float) -> str:
+    """A share in percent; what is not quite all or nothing does not become so by rounding.
+
+    >>> percent(0.5), percent(0.9999), percent(0.001), percent(1.0)
+    ('50\xa0%', '>99\xa0%', '<1\xa0%', '100\xa0%')
+    """
+    rounded = round(100 * share)
+    if rounded == 100 and share < 1 - 1e-9:
+        return ">99\u00a0%"
+    if rounded == 0 and share > 0:
+        return "<1\u00a0%"
+    return f"{rounded}\u00a0%"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence.
+
+    >>> listed(["A", "B", "C"])
+    'A, B and C'
+    """
+    if len(names) < 2:
+        return "".join(names)
+    return ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def counted(count: int, noun: str) -> str:
+    """A count with its noun.
+
+    >>> counted(1, "sample"), counted(1200, "sample")
+    ('1 sample', '1\u202f200 samples')
+    """
+    return f"{count:,}".replace(",", "\u202f") + f" {noun}" + "s" * (count != 1)

@@ -1,0 +1,110 @@
+"""Words that the terminal and the report share: one diagnosis, told the same way twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from runtime.findings import Evidence, Finding
+from runtime.ruleset import FaultSpec, Ruleset
+
+STATUS = {
+    "F": ("✖", "failure"),
+    "C": ("▼", "check function: too little could be judged"),
+    "S": ("▲", "out of specification"),
+    "M": ("◆", "maintenance required"),
+    "ok": ("✓", "nothing found"),
+}
+"""Letter of NE 107 to symbol and meaning; each symbol has its own shape."""
+
+EITHER = 0.2
+"""Alternatives more probable than this stand in the headline."""
+
+SHOWN = 5
+"""Faults told in full."""
+
+
+def l_per_h(flow: float) -> float:
+    """Flow in l/h from m3/s."""
+    return flow * 3.6e6
+
+
+def worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    """The largest finding of each fault, at most five: enough to see why."""
+    largest: dict[str, Finding] = {}
+    for finding in findings:
+        known = largest.get(finding.fault.id)
+        if known is None or finding.degree > known.degree:
+            largest[finding.fault.id] = finding
+    return sorted(largest.values(), key=lambda f: -f.degree)[:SHOWN]
+
+
+def headline(ruleset: Ruleset, finding: Finding) -> str:
+    """What is wrong, and what else it may be if that is nearly as probable."""
+    text = finding.text
+    for name, probability in finding.alternatives:
+        if probability > EITHER:
+            text += f"; or {titled(ruleset.fault_by_id[name])} ({100 * probability:.0f} %)"
+    return text
+
+
+def titled(fault: FaultSpec) -> str:
+    """A fault with its module, as a phrase."""
+    if fault.title.startswith(f"{fault.module}."):
+        return fault.title
+    return f"{fault.title.lower()} in {fault.module}"
+
+
+def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[str, str]:
+    """Whether a residual speaks for a finding.
+
+    Returns a kind (``agrees``, ``contradicts``, ``weaker``, ``hidden``, ``absent``) and words.
+    """
+    if evidence.verdict == "invalid":
+        return "absent", "not available"
+    if evidence.verdict == evidence.expected:
+        return "agrees", "✓ agrees"
+    cells = {c.residual: c for c in ruleset.cells_of_fault[finding.fault.id]}
+    cell = cells.get(evidence.residual)
+    if evidence.verdict == "0" and cell is not None and cell.detectable > finding.degree:
+        return "hidden", f"seen from {cell.detectable:.2g} on"
+    if evidence.verdict == "0":
+        return "weaker", "~ weaker than expected"
+    return "contradicts", "✗ contradicts"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An observer at the strongest point: equation, flow and 95 % half width in l/h, readings."""
+
+    equation: str
+    flow: float
+    half: float
+    readings: tuple[str, ...]
+
+
+def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
+    """The observers that a finding rests on, with the readings behind them."""
+    readings = dict(finding.readings)
+    terms = {r.id: r.terms for r in ruleset.residuals}
+    cells = ruleset.cells_of_fault[finding.fault.id]
+    near = {t.observer for c in cells for t in terms.get(c.residual, ())}
+    for name, flow, u in finding.flows:
+        if name not in near:
+            continue
+        spec = ruleset.observer_by_id[name]
+        parts = []
+        for signal_id in spec.signals:
+            signal = ruleset.signal_by_id[signal_id]
+            if signal_id in readings:
+                shown = (readings[signal_id] - signal.offset) / signal.factor
+                parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
+        yield Estimate(spec.equation, l_per_h(flow), 2 * l_per_h(u), tuple(parts))
+
+
+def advice(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
+    """What would tell a finding from its alternatives."""
+    others = {name for name, _ in finding.alternatives}
+    for group in ruleset.ambiguous:
+        if finding.fault.id in group.faults and others & set(group.faults):
+            yield f"{' / '.join(group.faults)}: {group.advice}"

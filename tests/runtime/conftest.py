@@ -1,0 +1,19 @@
+"""Fixtures of the runtime's tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from runtime.ruleset import Ruleset
+from tests.runtime.reports import EXAMPLES, Judged, judge
+
+
+@pytest.fixture
+def leaking(abc: Ruleset) -> Judged:
+    """The example with a fault that grows in steps, and its truth."""
+    return judge(EXAMPLES / "leakage_A.csv", abc, EXAMPLES / "leakage_A.truth.csv")
+
+
+@pytest.fixture
+def healthy(abc: Ruleset) -> Judged:
+    return judge(EXAMPLES / "healthy.csv", abc)

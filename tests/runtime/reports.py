@@ -1,0 +1,54 @@
+"""Recordings judged for a report, and what stands in the page."""
+
+from __future__ import annotations
+
+import dataclasses
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from runtime.diagnose import Diagnosis, Trace, diagnose, trace
+from runtime.recording import Recording, read_recording
+from runtime.report.page import report
+from runtime.report.series import Curves, curves_of
+from runtime.report.truth import Truth, read_truth
+from runtime.ruleset import Ruleset
+from tests.conftest import ROOT
+
+EXAMPLES = ROOT / "plants" / "abc" / "examples"
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """A recording with everything a report is made of."""
+
+    recording: Recording
+    diagnosis: Diagnosis
+    trace: Trace
+    truth: Truth | None
+
+    def page(self, name: str = "x.csv") -> str:
+        return report(self.recording, self.diagnosis, self.trace, name, self.truth)
+
+    def curves(self) -> Curves:
+        return curves_of(self.recording, self.diagnosis, self.trace)
+
+
+def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:
+    recording = read_recording(path, ruleset)
+    known = read_truth(truth, ruleset, recording) if truth else None
+    return Judged(recording, diagnose(recording, ruleset), trace(recording, ruleset), known)
+
+
+def tree(page: str) -> ET.Element:
+    """The page as XML, which is stricter than HTML."""
+    return ET.fromstring(page)
+
+
+def caption(page: str, figure: str) -> str:
+    found = tree(page).find(f".//figure[@id='{figure}']/figcaption")
+    assert found is not None
+    return "".join(found.itertext()).replace("\xa0", " ")
+
+
+def figures(page: str) -> list[str | None]:
+    return [f.get("id") for f in tree(page).iter("figure")]
