@@ -1,22 +1,16 @@
 """The equations of a plant as its ruleset holds them: what its readings and flows must obey.
 
 Each observer, its faults undone, gives the flow of its module; flows balance at junctions.
-Unknown are readings that are not inputs and the flows of modules. Where there are more unknowns
-than equations, some readings are given instead: flows count as unknown first, then readings in
-order of how few observers read them. So what one observer alone reads is predicted, and what
-several laws depend on (a temperature, say) drives them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.matching import match, surplus
 from runtime.plan import Array, Plan
 from runtime.ruleset import Ruleset, SignalSpec
 
@@ -51,9 +45,10 @@ class Equations:
 
     @cached_property
     def scales(self) -> Array:
-        """Size of each predicted reading, SI: its value at the reference point."""
-        signals = self.predicted_signals
-        return np.array([abs(s.reference) or s.full_scale or 1.0 for s in signals])
+        """Size of each predicted reading, SI: what its sensor shows at the reference point."""
+        shown = [s.reference - s.offset for s in self.predicted_signals]
+        signals = zip(shown, self.predicted_signals, strict=True)
+        return np.array([abs(size) or s.full_scale or 1.0 for size, s in signals])
 
     @cached_property
     def start(self) -> Array:
@@ -87,7 +82,8 @@ class Equations:
     @cached_property
     def module_of(self) -> Numbers:
         """Number of each observer's module among `flows`."""
-        return np.array([self.flows.index(o.module) for o in self.ruleset.observers])
+        modules = [self.flows.index(o.module) for o in self.ruleset.observers]
+        return np.array(modules, dtype=int)
 
     @cached_property
     def dependencies(self) -> tuple[Numbers, Numbers]:
@@ -124,93 +120,5 @@ class Equations:
     @cached_property
     def group_of(self) -> Numbers:
         """Group of each predicted reading."""
-        return np.array(
-            [g for i in range(len(self.predicted)) for g, m in enumerate(self.groups) if i in m]
-        )
-
-
-def equations_of(ruleset: Ruleset) -> Equations:
-    """Find what is unknown, and what has to be given.
-
-    Raises
-    ------
-    SimulationRefused
-        Some observers over-determine their readings: a healthy plant obeys them only by chance.
-    """
-    flows = tuple(m for m in ruleset.modules if any(o.module == m for o in ruleset.observers))
-    balances = _balances_between(ruleset, flows)
-    candidates = _candidates(ruleset)
-    rows = len(ruleset.observers)
-    readers = [
-        [i for i, o in enumerate(ruleset.observers) if o.module == name]
-        + [rows + i for i in np.flatnonzero(balances[:, j]).tolist()]
-        for j, name in enumerate(flows)
-    ]
-    readers += [
-        [i for i, o in enumerate(ruleset.observers) if s.id in o.signals] for s in candidates
-    ]
-    partner = match(readers)
-    many, unknowns = surplus(readers, partner, rows + len(balances))
-    names = [*flows, *(s.id for s in candidates)]
-    if many:
-        raise SimulationRefused(
-            _over_determined(ruleset, [i for i in many if i < rows], [names[i] for i in unknowns])
-        )
-    free = {names[i] for i, equation in enumerate(partner) if equation is None}
-    used = {s for o in ruleset.observers for s in o.signals}
-    unknown = {s.id for s in candidates} - free
-    return Equations(
-        ruleset,
-        tuple(s.id for s in ruleset.signals if s.id in unknown),
-        tuple(s.id for s in ruleset.signals if s.id in used - unknown),
-        flows,
-        balances,
-    )
-
-
-def _candidates(ruleset: Ruleset) -> list[SignalSpec]:
-    """Readings that may be predicted; those that few observers read come first."""
-    count = {s.id: sum(s.id in o.signals for o in ruleset.observers) for s in ruleset.signals}
-    found = [s for s in ruleset.signals if count[s.id] and not s.is_input]
-    return sorted(found, key=lambda s: count[s.id])
-
-
-def _over_determined(ruleset: Ruleset, observers: Sequence[int], unknowns: Sequence[str]) -> str:
-    names = ", ".join(ruleset.observers[i].id for i in observers) or "the junctions"
-    readings = [name for name in unknowns if name in ruleset.signal_by_id]
-    of = f"only {', '.join(readings)} and the flows" if readings else "only the flows"
-    return (
-        f"{ruleset.plant} cannot be simulated: {names} and the junctions between them are more "
-        f"equations than unknowns ({of} are free to follow). An observer too many needs a reading "
-        "of its own, which is not 'input: true'"
-    )
-
-
-def _balances_between(ruleset: Ruleset, flows: Sequence[str]) -> Array:
-    """Independent balances among the modules in `flows`; flows of all others are eliminated."""
-    others = [m for m in ruleset.modules if m not in flows]
-    column = {name: i for i, name in enumerate([*others, *flows])}
-    matrix = np.zeros((len(ruleset.junctions), len(column)))
-    for row, junction in zip(matrix, ruleset.junctions, strict=True):
-        for name in junction.outlets:
-            row[column[name]] += 1.0
-        for name in junction.inlets:
-            row[column[name]] -= 1.0
-    return _eliminated(matrix, len(others))[:, len(others) :]
-
-
-def _eliminated(matrix: Array, first: int) -> Array:
-    """Independent rows without entries in the first columns (Gauss, with pivoting)."""
-    rest, done = matrix.copy(), 0
-    kept = 0
-    for j in range(matrix.shape[1]):
-        if done == len(rest):
-            break
-        pivot = done + int(np.argmax(np.abs(rest[done:, j])))
-        if abs(rest[pivot, j]) < 1e-9:
-            continue
-        rest[[done, pivot]] = rest[[pivot, done]]
-        rest[done + 1 :] -= np.outer(rest[done + 1 :, j] / rest[done, j], rest[done])
-        done += 1
-        kept += j < first
-    return rest[kept:done]
+        groups = {i: g for g, members in enumerate(self.groups) for i in members}
+        return np.array([groups[i] for i in range(len(self.predicted))], dtype=int)

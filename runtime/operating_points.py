@@ -67,7 +67,9 @@ class OperatingPoints:
             moved[g, 1][:, members] -= step[:, members]
         copies = 2 * len(groups)
         estimates = self._estimates(
-            moved.reshape(copies * k, -1), np.tile(share, copies), np.tile(index, copies)
+            moved.reshape(copies * k, readings.shape[1]),
+            np.tile(share, copies),
+            np.tile(index, copies),
         )
         sides = estimates.reshape(len(estimates), len(groups), 2, k)
         change = sides[:, :, 0] - sides[:, :, 1]

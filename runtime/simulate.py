@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.equations import Equations, SimulationRefused, equations_of
+from runtime.equations import Equations, SimulationRefused
 from runtime.newton import follow
 from runtime.operating_points import OperatingPoints
 from runtime.plan import Array
 from runtime.ruleset import Ruleset
+from runtime.unknowns import equations_of
 
 __all__ = ["Simulated", "SimulationRefused", "simulate", "simulate_with"]
 

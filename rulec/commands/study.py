@@ -7,9 +7,8 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -20,15 +19,16 @@ from rulec.commands.output import console, write_json
 from rulec.differentiate import Models
 from rulec.perturb import true_plan
 from rulec.pipeline import PASSES, run_passes, up_to
-from runtime.equations import equations_of
 from runtime.plan import Plan
 from runtime.ruleset import Ruleset
 from runtime.sensing import SensorErrors
 from runtime.study.campaign import Group, Settings, groups_of, run_group, size_of
+from runtime.study.machine_form import study_form
 from runtime.study.points import Points, operating_points
 from runtime.study.pool import run_groups
 from runtime.study.summary import percent, rows_of, sentences
 from runtime.study.tally import Cell, Tally, tally
+from runtime.unknowns import equations_of
 
 Draw = Callable[[np.random.Generator], Plan]
 
@@ -64,8 +64,8 @@ def run(options: argparse.Namespace) -> int:
         )
     counts = tally(ruleset, types, outcomes, settings.samples, settings.lead_in)
     if options.json != "-":
-        show(console(options), ruleset, types, points, settings, counts)
-    write_json(options, machine_form(ruleset, points, settings, counts))
+        show(console(options), ruleset, types, points, counts)
+    write_json(options, study_form(ruleset, points, settings, counts))
     return 0
 
 
@@ -128,13 +128,15 @@ def show(
     ruleset: Ruleset,
     types: Mapping[str, str],
     points: Points,
-    settings: Settings,
     counts: Tally,
 ) -> None:
     """The findings in words, then a table per module type."""
     out.print(f"\n[bold]{ruleset.title}[/]: what its diagnosis can do\n")
     for sentence in sentences(counts):
-        out.print(f"  {sentence}", markup=False)
+        out.print(f"- {sentence}", markup=False)
+    held = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
+    if held:
+        out.print(f"- No equation determines {', '.join(held)}: varied like inputs.", markup=False)
     for kind in dict.fromkeys(types.values()):
         rows = {k: cells for k, cells in rows_of(counts).items() if k.type == kind}
         if rows:
@@ -169,37 +171,3 @@ def _figures(cell: Cell) -> tuple[str, ...]:
         covered = percent(cell.covered / cell.named)
         errors = (f"{cell.error:.3f}", f"{cell.bias:+.3f}", covered)
     return (*(percent(s) for s in shares), *errors)
-
-
-def machine_form(
-    ruleset: Ruleset, points: Points, settings: Settings, counts: Tally
-) -> dict[str, Any]:
-    """All counts; of each cell the `kinds` sum up to its recordings and those that cannot be."""
-    return {
-        "plant": ruleset.plant,
-        "ruleset": ruleset.sources,
-        "settings": asdict(settings),
-        "points": [
-            {name: float(values[i]) for name, values in points.given.items()}
-            for i in range(len(points))
-        ],
-        "faults": [
-            {
-                **asdict(cell.fault),
-                "degree": cell.degree,
-                "kinds": {kind.value: count for kind, count in cell.kinds.items()},
-                "recordings": cell.recordings,
-                "found": cell.found,
-                "named": cell.named,
-                "shared": cell.shared,
-                "covered": cell.covered,
-                "error": cell.error if cell.named else None,
-                "bias": cell.bias if cell.named else None,
-            }
-            for cell in counts.cells
-        ],
-        "confusions": [asdict(c) for c in counts.confusions],
-        "healthy": asdict(counts.healthy),
-        "lead_in": asdict(counts.lead_in),
-        "text": list(sentences(counts)),
-    }

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing.synchronize import Event
@@ -49,7 +51,8 @@ def run_groups(
     arguments = (ruleset, points, settings, stop)
     with ProcessPoolExecutor(jobs, context, _start, arguments) as pool:
         try:
-            futures = [pool.submit(_run, group) for group in groups]
+            with _interrupts_ignored():
+                futures = [pool.submit(_run, group) for group in groups]
             for future in as_completed(futures):
                 advance(len(future.result()))
         except BaseException:
@@ -57,6 +60,19 @@ def run_groups(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         return [outcome for future in futures for outcome in future.result()]
+
+
+@contextlib.contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Processes started in here inherit that an interrupt is the parent's business."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _run_here(
@@ -75,8 +91,6 @@ def _run_here(
 
 
 def _start(ruleset: Ruleset, points: Points, settings: Settings, stop: Event) -> None:
-    """Prepare a process; an interrupt is the parent's business."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _WORKER.append(_Worker(ruleset, points, settings, stop))
 
 

@@ -44,8 +44,10 @@ def sentences(tally: Tally) -> Iterator[str]:
     rows = rows_of(tally)
     yield from _reliable(rows)
     yield from _unreliable(rows)
+    yield from _unexplained(rows)
     mentioned = [c for c in tally.confusions if c.count >= CONFUSED * c.of][:MOST]
     yield from (_confused(c) for c in mentioned)
+    yield from _degrees(tally.cells)
     yield _alarmed(tally)
     lost = sum(c.kinds[Kind.NO_POINT] for c in tally.cells)
     if lost:
@@ -89,6 +91,32 @@ def _names(kinds: Sequence[FaultKind]) -> str:
     for kind in kinds:
         by_type.setdefault(kind.type, []).append(kind.title)
     return "; ".join(f"{', '.join(titles)} of {name}" for name, titles in by_type.items())
+
+
+def _unexplained(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
+    """Faults that are often taken for none that is known."""
+    for kind, cells in rows.items():
+        count, of = sum(c.kinds[Kind.UNKNOWN] for c in cells), sum(c.recordings for c in cells)
+        if of and count >= CONFUSED * of:
+            yield (
+                f"Found without a name: {kind.title} of {kind.type} in {count} of {of} recordings "
+                "(no law fits, or readings leave the calibrated range)."
+            )
+
+
+def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
+    """How far degrees are off, over all faults that were named first."""
+    named = sum(c.named for c in cells)
+    if named:
+        error, bias = (
+            sum(value * c.named for value, c in part) / named
+            for part in ([(c.error, c) for c in cells], [(c.bias, c) for c in cells])
+        )
+        yield (
+            f"Degree, where the true fault is named first: off by {error:.3f} on average (bias "
+            f"{bias:+.3f}); its bounds hold the true one in "
+            f"{percent(sum(c.covered for c in cells) / named)} of {named} recordings."
+        )
 
 
 def _confused(c: Confusion) -> str:
