@@ -22,7 +22,7 @@ from rulec.pipeline import PASSES, run_passes, up_to
 from runtime.plan import Plan
 from runtime.ruleset import Ruleset
 from runtime.sensing import SensorErrors
-from runtime.study.campaign import Group, Settings, groups_of, run_group, size_of
+from runtime.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
 from runtime.study.machine_form import study_form
 from runtime.study.points import Points, operating_points
 from runtime.study.pool import run_groups
@@ -42,20 +42,23 @@ def run(options: argparse.Namespace) -> int:
     try:
         settings, jobs = settings_of(options)
     except ValueError as mistake:
-        aside.print(f"rulec study: {mistake}", markup=False)
-        return 2
+        return _misused(aside, str(mistake))
     symbolic = up_to("differentiate")
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     modules = models.residuals.network.plant.modules
     types = {module.name: module.type.name for module in modules.values()}
     faults = [f.id for f in ruleset.faults]
+    if faults and not any(degrees_of(ruleset, fault, settings) for fault in faults):
+        return _misused(
+            aside, f"--degrees {options.degrees}: no fault of {ruleset.plant} has such a degree"
+        )
     points = operating_points(equations_of(ruleset), settings.points)
 
     def draw(random: np.random.Generator) -> Plan:
         return true_plan(models, faults, random)
 
-    aside.print(_announced(ruleset, points, settings, jobs, draw), markup=False)
+    aside.print(_announced(ruleset, points, settings, jobs, draw), markup=False, soft_wrap=True)
     with Progress(console=aside, transient=True) as progress:
         bar = progress.add_task("judging", total=sum(size_of(ruleset, points, settings)))
         groups = groups_of(ruleset, settings, draw)
@@ -67,6 +70,11 @@ def run(options: argparse.Namespace) -> int:
         show(console(options), ruleset, types, points, counts)
     write_json(options, study_form(ruleset, points, settings, counts))
     return 0
+
+
+def _misused(aside: Console, mistake: str) -> int:
+    aside.print(f"rulec study: {mistake}", markup=False, soft_wrap=True)
+    return 2
 
 
 def settings_of(options: argparse.Namespace) -> tuple[Settings, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import comb
+from math import exp, lgamma, log, log1p
 
 import numpy as np
 
@@ -181,5 +181,15 @@ def upper_bound(count: int, of: int) -> float:
 
 
 def _at_most(count: int, of: int, rate: float) -> float:
-    """Probability of at most `count` events."""
-    return sum(comb(of, k) * rate**k * (1.0 - rate) ** (of - k) for k in range(count + 1))
+    """Probability of at most `count` events, for a rate between 0 and 1."""
+    # By logarithms: the binomial coefficients of large studies exceed any float.
+    return sum(
+        exp(
+            lgamma(of + 1)
+            - lgamma(k + 1)
+            - lgamma(of - k + 1)
+            + k * log(rate)
+            + (of - k) * log1p(-rate)
+        )
+        for k in range(count + 1)
+    )
