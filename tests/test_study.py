@@ -241,6 +241,12 @@ def test_bad_arguments(
     assert message in " ".join(capsys.readouterr().err.split())
 
 
+def test_ruleset_in_place_of_a_plant(capsys: pytest.CaptureFixture[str]) -> None:
+    """A ruleset has no covariances to draw from."""
+    assert main(["study", "abc.ruleset.json"]) == 2
+    assert "abc.ruleset.json: give the plant's folder" in capsys.readouterr().err
+
+
 def test_missing_plant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No such plant: the compiler's message, exit code 1."""
     assert main(["study", str(tmp_path / "nowhere")]) == 1

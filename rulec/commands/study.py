@@ -43,16 +43,16 @@ def run(options: argparse.Namespace) -> int:
         settings, jobs = settings_of(options)
     except ValueError as mistake:
         return _misused(aside, str(mistake))
+    if options.plant.endswith(".json"):
+        what = "give the plant's folder; a ruleset alone cannot say how the true plant may differ"
+        return _misused(aside, f"{options.plant}: {what}")
     symbolic = up_to("differentiate")
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
-    modules = models.residuals.network.plant.modules
-    types = {module.name: module.type.name for module in modules.values()}
     faults = [f.id for f in ruleset.faults]
-    if faults and not any(degrees_of(ruleset, fault, settings) for fault in faults):
-        return _misused(
-            aside, f"--degrees {options.degrees}: no fault of {ruleset.plant} has such a degree"
-        )
+    if not any(degrees_of(ruleset, fault, settings) for fault in faults):
+        what = f"no fault of {ruleset.plant} has such a degree"
+        return _misused(aside, f"--degrees {options.degrees}: {what}")
     points = operating_points(equations_of(ruleset), settings.points)
 
     def draw(random: np.random.Generator) -> Plan:
@@ -61,10 +61,14 @@ def run(options: argparse.Namespace) -> int:
     aside.print(_announced(ruleset, points, settings, jobs, draw), markup=False, soft_wrap=True)
     with Progress(console=aside, transient=True) as progress:
         bar = progress.add_task("judging", total=sum(size_of(ruleset, points, settings)))
+
+        def advance(recordings: int) -> None:
+            progress.advance(bar, recordings)
+
         groups = groups_of(ruleset, settings, draw)
-        outcomes = run_groups(
-            ruleset, points, settings, groups, jobs, lambda n: progress.advance(bar, n)
-        )
+        outcomes = run_groups(ruleset, points, settings, groups, jobs, advance)
+    modules = models.residuals.network.plant.modules.values()
+    types = {module.name: module.type.name for module in modules}
     counts = tally(ruleset, types, outcomes, settings.samples, settings.lead_in)
     if options.json != "-":
         show(console(options), ruleset, types, points, counts)
@@ -161,7 +165,7 @@ def show(
 def _table(rows: list[list[Cell]]) -> Table:
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     table.add_column("fault", no_wrap=True)
-    for title in ("degree", "of", "found", "named", "listed", "error", "bias", "in bounds"):
+    for title in ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds"):
         table.add_column(title, justify="right", no_wrap=True)
     for cells in rows:
         for i, cell in enumerate(cells):
