@@ -227,6 +227,7 @@ def test_percent(share: float, shown: str) -> None:
         (("--degrees", "0.1,0"), "--degrees 0.1,0: a degree is a number above 0"),
         (("--degrees", "nan"), "--degrees nan: a degree is a number above 0"),
         (("--degrees", "50"), "--degrees 50: no fault of abc has such a degree"),
+        (("--json", "nowhere/file.json"), "--json nowhere/file.json: there is no such folder"),
         (("--points", "0"), "--points 0: give 1 or more"),
         (("--seeds", "-1"), "--seeds -1: give 1 or more"),
         (("--jobs", "0"), "--jobs 0: give 1 or more"),

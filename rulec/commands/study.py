@@ -46,6 +46,8 @@ def run(options: argparse.Namespace) -> int:
     if options.plant.endswith(".json"):
         what = "give the plant's folder; a ruleset alone cannot say how the true plant may differ"
         return _misused(aside, f"{options.plant}: {what}")
+    if options.json not in (None, "-") and not Path(options.json).parent.is_dir():
+        return _misused(aside, f"--json {options.json}: there is no such folder")
     symbolic = up_to("differentiate")
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
