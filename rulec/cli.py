@@ -20,6 +20,7 @@ _COMMANDS = {
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
+    "study": "find out on simulated faults what the diagnosis of a plant can do",
     "demo": "see the whole thing on a shipped example",
 }
 
@@ -60,7 +61,7 @@ def _message(error: Exception) -> str | None:
 
         assert isinstance(error, Refused)
         return render_all(error.diagnostics)
-    if kind in ("RecordingRefused", "RulesetRefused", "CalibrationRefused"):
+    if kind in ("RecordingRefused", "RulesetRefused", "CalibrationRefused", "SimulationRefused"):
         return f"rulec: {error}"
     if isinstance(error, OSError):
         return f"rulec: {error.filename or 'file'}: {error.strerror}"
@@ -109,7 +110,31 @@ def _parser() -> argparse.ArgumentParser:
         "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
     )
     _json(diagnose)
+    _study(made["study"])
     return parser
+
+
+def _study(study: argparse.ArgumentParser) -> None:
+    study.add_argument("plant", metavar="PLANT")
+    study.add_argument(
+        "--degrees",
+        default="0.1,0.2,0.3",
+        metavar="X,Y",
+        help="of every fault; default %(default)s",
+    )
+    for name, default, text in (
+        ("--points", 3, "operating points"),
+        ("--seeds", 3, "plants drawn per fault"),
+        ("--lead-in", 0, "healthy samples before the fault"),
+    ):
+        text = f"{text}; default {default}"
+        study.add_argument(name, type=int, default=default, metavar="N", help=text)
+    study.add_argument("--jobs", type=int, metavar="N", help="processes; default all processors")
+    study.add_argument("--mode", choices=("default", "paper"), default="default")
+    study.add_argument(
+        "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
+    )
+    _json(study)
 
 
 def _json(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,210 @@
+"""Readings simulated from a ruleset alone, against the independent truth and against themselves."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.pipeline import compile_plant
+from runtime.equations import Equations, SimulationRefused
+from runtime.matching import match, surplus
+from runtime.plan import Array
+from runtime.sensing import SensorErrors, sense
+from runtime.simulate import simulate, simulate_with
+from runtime.stationary import systematic_u
+from runtime.unknowns import equations_of
+from tests import truth
+from tests.conftest import compiled
+from tests.method.readings import built, evaluate, ruleset, to_si
+
+PLANTS = ("abc", "abc-membrane", "abc-centrifugal", "mixing-rig")
+DEGREES, SPEEDS = (
+    part.ravel() for part in np.meshgrid([0.0, 0.05, 0.3, 0.6, 0.9], [0.95, 1.0, 1.1])
+)
+"""Every degree at every speed, as a factor of the nominal one."""
+
+
+def true_readings(plant: str, factors: Array, faults: dict[str, Array]) -> dict[str, Array]:
+    """Readings (SI) of the independent simulator; speeds are factors of the nominal ones."""
+    modules = built(plant).modules
+    speed = {name: factors * m.speed for name, m in modules.items()}
+    operation = truth.Operation(np.arange(float(len(factors))), speed)
+    run = truth.Run(built(plant), operation, faults)
+    return to_si(ruleset(plant), truth.record(run, truth.NOISE_FREE).readings)
+
+
+@functools.cache
+def equations(plant: str) -> Equations:
+    """The equations of a plant, once per test run."""
+    return equations_of(ruleset(plant))
+
+
+def furthest(plant: str, expected: dict[str, Array], faults: dict[str, Array]) -> float:
+    """Largest relative difference of all readings that some observer reads."""
+    given = {name: expected[name] for name in equations(plant).given}
+    simulated = simulate_with(equations(plant), given, faults)
+    assert ("",) * len(simulated.solved) == simulated.why
+    pairs = [(expected[name], values) for name, values in simulated.values.items()]
+    return max(float(np.max(np.abs(ours / theirs - 1.0))) for theirs, ours in pairs)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_every_fault_as_the_truth_has_it(plant: str) -> None:
+    """All faults of a plant, five degrees, three speeds: equal readings."""
+    faults = [f.id for f in ruleset(plant).faults]
+    assert set(faults) <= set(truth.possible_faults(built(plant)))
+    for fault in faults:
+        expected = true_readings(plant, SPEEDS, {fault: DEGREES})
+        assert furthest(plant, expected, {fault: DEGREES}) < 1e-8, fault
+
+
+def test_two_faults_at_once() -> None:
+    """Faults of two modules together, as the truth has them."""
+    faults = {"A.leakage": np.array([0.2, 0.4]), "C.clogging": np.array([0.5, 1.0])}
+    expected = true_readings("abc", np.array([0.8, 0.8]), faults)
+    assert furthest("abc", expected, faults) < 1e-8
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_residuals_vanish_where_nothing_is_wrong(plant: str) -> None:
+    """The plan that diagnoses sees nothing in a healthy simulation at random inputs."""
+    rules, random = ruleset(plant), np.random.default_rng(7)
+    given = {
+        name: rules.signal_by_id[name].reference * random.uniform(0.9, 1.1, 20)
+        for name in equations(plant).given
+    }
+    simulated = simulate(rules, given, {})
+    out = evaluate(rules, simulated.values)
+    largest = max(float(np.max(np.abs(out[f"R:{r.id}"]))) for r in rules.residuals)
+    assert largest < 1e-10 * max(float(np.max(q)) for q in simulated.flows.values())
+
+
+def test_inputs_far_from_the_reference() -> None:
+    """A slow centrifugal pump has its operating point far outside the reference's laws."""
+    rules = ruleset("abc-centrifugal")
+    speed = {"A": np.array([0.5]), "B": np.array([0.3])}
+    modules = built("abc-centrifugal").modules
+    operation = truth.Operation(np.zeros(1), {n: f * modules[n].speed for n, f in speed.items()})
+    run = truth.Run(built("abc-centrifugal"), operation, {})
+    expected = to_si(rules, truth.record(run, truth.NOISE_FREE).readings)
+    assert furthest("abc-centrifugal", expected, {}) < 1e-8
+
+
+def test_no_operating_point() -> None:
+    """A pump too slow against the other one; its neighbours in the batch are as alone."""
+    rules = ruleset("abc-centrifugal")
+    speeds = rules.signal_by_id["A.n"].reference * np.array([1.0, 0.3, 0.9])
+    together = simulate(rules, {"A.n": speeds}, {"B.clogging": 0.2})
+    assert [True, False, True] == together.solved.tolist()
+    assert "no operating point at B.clogging 0.2, A.n 795 rpm, B.n 900 rpm: " in together.why[1]
+    assert np.isnan(together.values["A.dp"][1])
+    alone = simulate(rules, {"A.n": speeds[2:]}, {"B.clogging": 0.2})
+    assert alone.values["A.dp"][0] == together.values["A.dp"][2]
+
+
+def test_all_flow_lost() -> None:
+    """A pump that loses everything carries no flow, which is no operating point."""
+    simulated = simulate(ruleset("abc"), {}, {"A.leakage": 1.0})
+    assert [False] == simulated.solved.tolist()
+    assert "A carries" in simulated.why[0]
+
+
+def test_laws_may_be_off() -> None:
+    """An offset is how far the truth lies above what an observer says."""
+    rules = ruleset("abc")
+    simulated = simulate(rules, {}, {}, {"A.pump": 1e-6})
+    out = evaluate(rules, simulated.values)
+    assert simulated.flows["A"] == pytest.approx(out["q:A.pump"] + 1e-6, rel=1e-12)
+    assert simulated.flows["A"] == pytest.approx(out["q:A.plant"], rel=1e-12)
+
+
+def test_readings_that_nothing_determines_are_given() -> None:
+    """Pressure and oil temperature of the ZeMA rig drive its power and flow."""
+    rules = compiled("zema-hydraulic")
+    assert ("main.dp", "main.T") == equations_of(rules).given
+    assert ("main.P_el", "main.Q") == equations_of(rules).predicted
+    pressures = np.array([100e5, 160e5])
+    simulated = simulate(rules, {"main.dp": pressures}, {"main.leakage": 0.1})
+    assert pressures.tolist() == simulated.values["main.dp"].tolist()
+    assert np.all(np.diff(simulated.values["main.P_el"]) > 0)
+
+
+def test_parallel_branches_leave_one_reading_free(tmp_path: Path) -> None:
+    """Nothing says that both branches lose the same, so one of their pressures is given."""
+    (tmp_path / "plant.yaml").write_text(
+        "plant: split\ntitle: Two branches\n"
+        "modules: {A: {type: dosing-pcp}, C: {type: static-mixer}, D: {type: static-mixer}}\n"
+        "connections: [A -> C, A -> D]\n"
+    )
+    split = equations_of(compile_plant(tmp_path))
+    assert ("A.n", "D.dp") == split.given
+    assert ("A.dp", "A.P_el", "C.dp") == split.predicted
+
+
+def test_over_determined_plant_is_refused() -> None:
+    """If every reading is an input, the observers cannot all be right."""
+    rules = ruleset("abc")
+    inputs = replace(rules, signals=tuple(replace(s, is_input=True) for s in rules.signals))
+    with pytest.raises(SimulationRefused, match=r"A\.pump, .*more equations than unknowns"):
+        equations_of(inputs)
+
+
+@pytest.mark.parametrize(
+    ("given", "degrees", "message"),
+    [
+        ({"A.speed": 15.0}, {}, "abc has no input 'A.speed'; it has A.n, B.n"),
+        ({"A.dp": 1e5}, {}, "abc has no input 'A.dp'; it has A.n, B.n"),
+        ({}, {"A.leak": 0.1}, "abc has no fault 'A.leak'; it has A.leakage, "),
+        ({}, {"A.leakage": 1.5}, "A.leakage: its degree lies between 0 and 1"),
+        ({}, {"A.leakage": -0.1}, "A.leakage: its degree lies between 0 and 1"),
+        ({"A.n": np.array([15.0, np.nan])}, {}, "A.n: not every value is a number"),
+    ],
+)
+def test_bad_arguments(given: dict[str, Array], degrees: dict[str, float], message: str) -> None:
+    """Wrong names and numbers are named."""
+    with pytest.raises(SimulationRefused) as refused:
+        simulate(ruleset("abc"), given, degrees)
+    assert str(refused.value).startswith(message)
+
+
+def test_sensor_errors_are_constant_within_a_recording() -> None:
+    """Without the statistical part a sensor is off by one value, drawn by its class."""
+    rules = ruleset("abc")
+    true = {"A.dp": np.full(5, 1.8e5), "A.n": np.full(5, 15.0)}
+    shown = sense(rules, true, SensorErrors(statistical=0.0), np.random.default_rng(3))
+    drawn = np.random.default_rng(3)
+    for signal in (s for s in rules.signals if s.id in true):
+        off = systematic_u(signal, 1.0) * drawn.standard_normal()
+        drawn.standard_normal(5)
+        assert (true[signal.id] + off).tolist() == shown[signal.id].tolist()
+
+
+def test_bounded_sensor_errors_stay_inside_their_bounds() -> None:
+    """No systematic error beyond two standard uncertainties; unbounded ones go there."""
+    rules, true = ruleset("abc"), {"A.dp": np.full(1, 1.8e5)}
+    standard = float(systematic_u(rules.signal_by_id["A.dp"], 1.8e5))
+
+    def largest(bounded: bool) -> float:
+        random, errors = np.random.default_rng(5), SensorErrors(0.0, bounded)
+        drawn = [sense(rules, true, errors, random)["A.dp"][0] for _ in range(1000)]
+        return max(abs(value - 1.8e5) / standard for value in drawn)
+
+    assert largest(bounded=True) <= 2.0
+    assert largest(bounded=False) > 2.0
+
+
+def test_matching_serves_the_first_unknowns() -> None:
+    """Earlier unknowns keep an equation; the last one that cannot be served has none."""
+    assert [1, 0, None] == match([[0, 1], [0], [0, 1]])
+    assert [0, None, 1] == match([[0], [0], [0, 1]])
+
+
+def test_surplus_names_all_that_compete() -> None:
+    """Equations 0 and 1 hold unknown 0 alone; equation 2 has unknown 1 to itself."""
+    readers = [[0, 1], [2]]
+    assert ([0, 1], [0]) == surplus(readers, match(readers), 3)
+    assert ([], []) == surplus([[0], [1]], [0, 1], 2)

@@ -1,0 +1,276 @@
+"""`rulec study`: the same figures on any number of processes, and counts that add up."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import beta
+
+from rulec.cli import main
+from rulec.perturb import perturbed, true_plan
+from rulec.pipeline import run_passes, up_to
+from runtime.study.campaign import Group, Settings, record, run_group
+from runtime.study.judge import Kind, Outcome
+from runtime.study.points import operating_points, range_of
+from runtime.study.summary import percent, reliable_from, rows_of, sentences
+from runtime.study.tally import Tally, tally, upper_bound
+from runtime.unknowns import equations_of
+from tests.conftest import ROOT, compiled
+
+ABC = ROOT / "plants" / "abc"
+TYPES = {"A": "dosing-pcp", "B": "dosing-pcp", "C": "static-mixer"}
+TINY = ("--degrees", "0.3", "--points", "1", "--seeds", "1")
+
+
+def study(file: Path, *arguments: str, plant: Path = ABC) -> dict[str, Any]:
+    """JSON of a study of a plant."""
+    assert main(["study", str(plant), *arguments, "--json", str(file)]) == 0
+    result: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return result
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """A study of one recording per fault, in this process."""
+    return study(tmp_path_factory.mktemp("study") / "tiny.json", *TINY, "--jobs", "1")
+
+
+def test_number_of_processes_changes_nothing(tiny: dict[str, Any], tmp_path: Path) -> None:
+    """One process or two: the same counts, errors and words."""
+    assert tiny == study(tmp_path / "two.json", *TINY, "--jobs", "2")
+
+
+def test_counts_add_up(tiny: dict[str, Any]) -> None:
+    """Every recording is in exactly one kind; found, confusions and healthy ones follow."""
+    modules = {name: list(TYPES.values()).count(name) for name in TYPES.values()}
+    for cell in tiny["faults"]:
+        kinds = cell["kinds"]
+        assert modules[cell["type"]] == sum(kinds.values())
+        assert cell["recordings"] == sum(kinds.values()) - kinds["no operating point"]
+        named_at_all = kinds["named first"] + kinds["another named first"]
+        assert cell["found"] == named_at_all + kinds["nothing known fits"]
+        assert cell["named"] == kinds["named first"]
+        assert cell["covered"] <= cell["named"]
+        assert cell["shared"] <= kinds["another named first"]
+    others = sum(cell["kinds"]["another named first"] for cell in tiny["faults"])
+    assert others == sum(confusion["count"] for confusion in tiny["confusions"])
+    assert tiny["healthy"]["recordings"] == 20
+    assert tiny["healthy"]["samples"] == 400
+
+
+def test_large_faults_are_found(tiny: dict[str, Any]) -> None:
+    """At 30 % every hydraulic fault and pressure sensor is seen, and nothing in healthy plants."""
+    seen = {(c["type"], c["name"]) for c in tiny["faults"] if c["found"] == c["recordings"]}
+    expected = {(t, f) for t in TYPES.values() for f in ("clogging", "widening", "dp.high")}
+    assert expected <= seen
+    assert tiny["healthy"]["alarms"] == 0
+
+
+def test_paper_mode_and_lead_in(tmp_path: Path) -> None:
+    """Healthy samples before the fault are judged too; the paper's mode runs through."""
+    options = ("--jobs", "1", "--mode", "paper", "--lead-in", "10")
+    one_pump = ROOT / "tests" / "method" / "plants" / "feeds-1"
+    result = study(tmp_path / "paper.json", *TINY, *options, plant=one_pump)
+    assert result["lead_in"]["recordings"] == 11
+    assert result["lead_in"]["samples"] == 110
+    assert result["settings"]["mode"] == "paper"
+
+
+def test_further_degrees_leave_the_others_as_they_were() -> None:
+    """Random numbers belong to a recording, not to its place in the study."""
+    ruleset = compiled("abc")
+    points = operating_points(equations_of(ruleset), 2)
+    group = Group("A.leakage", 0, 0, ruleset.undo)
+    few = list(run_group(ruleset, points, Settings(degrees=(0.3,)), group))
+    many = list(run_group(ruleset, points, Settings(degrees=(0.1, 0.3)), group))
+    assert few == [o for o in many if o.degree == 0.3]
+
+
+def test_lead_in_is_healthy_and_the_rest_faulty() -> None:
+    """Without sensor errors a recording is two levels: before the fault and with it."""
+    ruleset = compiled("abc")
+    points = operating_points(equations_of(ruleset), 1)
+    settings = Settings(degrees=(0.2,), lead_in=5, samples=7)
+    group = Group("A.clogging", 0, 0, ruleset.undo)
+    ((degree, readings),) = record(ruleset, points, settings, group)
+    assert degree == 0.2
+    assert readings is not None
+    pressure = readings["A.dp"]
+    assert len(pressure) == 12
+    assert pressure[:5].max() < pressure[5:].min()
+
+
+def test_operating_points_are_inside_their_ranges() -> None:
+    """The reference point first, then points within the calibrated range of each input."""
+    for plant in ("abc", "zema-hydraulic"):
+        equations = equations_of(compiled(plant))
+        points = operating_points(equations, 5)
+        assert len(points) == 5
+        for spec in equations.given_signals:
+            low, high = range_of(spec)
+            values = points.given[spec.id]
+            assert values[0] == np.clip(spec.reference, low, high)
+            assert np.all((low <= values) & (values <= high))
+            assert len(set(values)) == 5
+
+
+class Fixed:
+    """In place of random numbers: always the same."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def standard_normal(self, size: int | None = None) -> Any:
+        return self.value if size is None else np.full(size, self.value)
+
+
+def test_a_plant_drawn_at_the_mean_is_the_ruleset() -> None:
+    """Without deviation the true plant has the undo plan of the ruleset."""
+    models = run_passes(ABC, up_to("differentiate"))
+    ruleset = compiled("abc")
+    plan = true_plan(models, [f.id for f in ruleset.faults], Fixed(0.0))  # type: ignore[arg-type]
+    assert plan == ruleset.undo
+
+
+def test_parameters_are_drawn_from_their_covariance() -> None:
+    """One standard deviation each: alone u, in a block the row of the Cholesky factor."""
+    for plant in ("abc", "zema-hydraulic"):
+        models = run_passes(ROOT / "plants" / plant, up_to("differentiate"))
+        modules = models.residuals.network.plant.modules
+        drawn = perturbed(models, Fixed(1.0)).residuals.network.plant.modules  # type: ignore[arg-type]
+        for name, module in modules.items():
+            expected = {p.name: p.value + p.u for p in module.parameters.values()}
+            for block in module.blocks:
+                for parameter, row in zip(block.parameters, block.factor, strict=True):
+                    expected[parameter] = module.parameters[parameter].value + sum(row)
+            values = {p.name: p.value for p in drawn[name].parameters.values()}
+            assert expected == pytest.approx(values, rel=1e-12)
+
+
+def test_upper_bound_of_a_rate() -> None:
+    """Clopper and Pearson's bound, one-sided."""
+    for count, of in ((0, 60), (1, 60), (7, 200), (190, 3600)):
+        assert upper_bound(count, of) == pytest.approx(beta.ppf(0.95, count + 1, of - count))
+    assert upper_bound(5, 5) == 1.0
+    assert upper_bound(0, 0) == 1.0
+
+
+def counted() -> Tally:
+    """Outcomes by hand: leakage named at 20 %, confused at 10 %; power never seen."""
+    leak = [
+        Outcome("A.leakage", 0.2, Kind.NAMED, "A.leakage", False, 0.21, 0.19, 0.23),
+        Outcome("B.leakage", 0.2, Kind.NAMED, "B.leakage", False, 0.17, 0.16, 0.18),
+        Outcome("A.leakage", 0.1, Kind.OTHER, "A.widening", True, 0.1, 0.1, 0.1),
+        Outcome("B.leakage", 0.1, Kind.OTHER, "C.widening", False, 0.1, 0.1, 0.1),
+    ]
+    blind = [Outcome("A.P_el.low", 0.2, Kind.QUIET), Outcome("B.P_el.low", 0.2, Kind.NO_POINT)]
+    unknown = [Outcome("C.clogging", 0.2, Kind.UNKNOWN)]
+    healthy = [Outcome("", 0.0, Kind.QUIET), Outcome("", 0.0, Kind.UNKNOWN)]
+    outcomes = [*leak, *blind, *unknown, *healthy]
+    return tally(compiled("abc"), TYPES, outcomes, samples=20, lead_in=0)
+
+
+def test_tally_pools_modules_of_a_type() -> None:
+    """Two modules, one row; errors and bounds of those named first."""
+    leak = next(c for c in counted().cells if c.fault.name == "leakage" and c.degree == 0.2)
+    assert (leak.recordings, leak.found, leak.named, leak.covered) == (2, 2, 2, 1)
+    assert leak.error == pytest.approx(0.02)
+    assert leak.bias == pytest.approx(-0.01)
+    healthy = counted().healthy
+    assert (healthy.alarms, healthy.recordings, healthy.samples) == (1, 2, 40)
+
+
+def test_summary_says_what_the_counts_mean() -> None:
+    """Reliable, without a name, confused, blind, left out: each in one sentence."""
+    text = "\n".join(sentences(counted()))
+    for part in (
+        "Found and named (or among the named) from 20 % on: Internal leakage of dosing-pcp.",
+        "Cannot be seen: P_el reads low of dosing-pcp.",
+        "Found without a name: Clogging of static-mixer in 1 of 1 recordings",
+        "Internal leakage of dosing-pcp is taken for Widening of the same module in 1 of 4",
+        "Internal leakage of dosing-pcp is taken for Widening of another module (static-mixer)",
+        "off by 0.020 on average (bias -0.010); its bounds hold the true one in 50 % of 2",
+        "False alarms: 1 of 2 healthy recordings (40 samples)",
+        "Left out: 1 recordings",
+    ):
+        assert part in text
+
+
+def test_reliable_degree_holds_for_all_larger_ones() -> None:
+    """A degree that is found below one that is not is luck."""
+    rows = {kind.name: cells for kind, cells in rows_of(counted()).items()}
+    assert reliable_from(rows["leakage"]) == 0.2
+    assert reliable_from(rows["leakage"][:1]) is None
+    assert reliable_from(rows["clogging"]) is None
+
+
+@pytest.mark.parametrize(
+    ("share", "shown"), [(0.0, "0 %"), (0.017, "1.7 %"), (0.994, "99 %"), (1.0, "100 %")]
+)
+def test_percent(share: float, shown: str) -> None:
+    """Two digits; only what is 100 % is called so."""
+    assert shown == percent(share)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--degrees", "ten"), "--degrees ten: give numbers with commas between"),
+        (("--degrees", "0.1,0"), "--degrees 0.1,0: a degree is a number above 0"),
+        (("--degrees", "nan"), "--degrees nan: a degree is a number above 0"),
+        (("--degrees", "50"), "--degrees 50: no fault of abc has such a degree"),
+        (("--json", "nowhere/file.json"), "--json nowhere/file.json: there is no such folder"),
+        (("--points", "0"), "--points 0: give 1 or more"),
+        (("--seeds", "-1"), "--seeds -1: give 1 or more"),
+        (("--jobs", "0"), "--jobs 0: give 1 or more"),
+        (("--lead-in", "-5"), "--lead-in -5: give 0 or more"),
+    ],
+)
+def test_bad_arguments(
+    arguments: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A wrong argument is named with its remedy; exit code 2."""
+    assert main(["study", str(ABC), *arguments]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_ruleset_in_place_of_a_plant(capsys: pytest.CaptureFixture[str]) -> None:
+    """A ruleset has no covariances to draw from."""
+    assert main(["study", "abc.ruleset.json"]) == 2
+    assert "abc.ruleset.json: give the plant's folder" in capsys.readouterr().err
+
+
+def test_missing_plant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No such plant: the compiler's message, exit code 1."""
+    assert main(["study", str(tmp_path / "nowhere")]) == 1
+    assert "nowhere" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of process groups are a POSIX matter")
+def test_interrupt_ends_cleanly() -> None:
+    """Ctrl-C reaches all processes; one line, no traceback, nothing left running."""
+    command = [sys.executable, "-m", "rulec", "study", str(ABC), "--seeds", "50", "--jobs", "2"]
+    with subprocess.Popen(
+        command,
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert process.stderr is not None
+        announced = process.stderr.readline()
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read()
+        assert process.wait(timeout=30) == 130
+    assert announced.startswith("abc: 8100 faulty and 3000 healthy recordings")
+    assert said.rstrip().endswith("rulec: interrupted")
+    assert "Traceback" not in said
