@@ -173,14 +173,14 @@ def against(
 
 def _signed(ruleset: Ruleset, offsets: Array) -> Array:
     """Offsets of the residuals, shape (residuals, n)."""
-    row = {o.id: i for i, o in enumerate(ruleset.observers)}
+    row = ruleset.observer_index
     sums = [sum(t.sign * offsets[row[t.observer]] for t in r.terms) for r in ruleset.residuals]
     return np.array(sums).reshape(-1, offsets.shape[1])
 
 
 def _spreads(ruleset: Ruleset, covariance: Array) -> Array:
     """Standard uncertainties of the residuals, shape (residuals, n)."""
-    row = {o.id: i for i, o in enumerate(ruleset.observers)}
+    row = ruleset.observer_index
     result = np.zeros((len(ruleset.residuals), len(covariance)))
     for i, residual in enumerate(ruleset.residuals):
         places = [row[t.observer] for t in residual.terms]

@@ -7,32 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.baseline import Baselines
 from runtime.combine import ONSET, Hypothesis, combine
 from runtime.isolate import Isolation
-from runtime.observe import Observed
 from runtime.ruleset import Ruleset
+from runtime.seen import Seen
 
 RIVAL = 1.0 / 3.0
 """A cause at least this probable, relative to the named one, is an alternative to it."""
 
 MENTION = 0.02
 """Causes less probable than this are not mentioned at all."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """Everything known of the stretches of a recording.
-
-    `observed` is seen against the baselines, `plain` is not. Where stretches are not `combined`
-    (paper mode) a run says the mean of what each of them says.
-    """
-
-    plain: Observed
-    observed: Observed
-    baselines: Baselines
-    isolation: Isolation
-    combined: bool = True
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.causes import Cause, Seen, causes_of
+from runtime.causes import Cause, causes_of
 from runtime.combine import ENDED, ONSET
+from runtime.isolate import COVERAGE
 from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
-from runtime.runs import COVERAGE, runs_of
+from runtime.runs import runs_of
+from runtime.seen import Seen
 from runtime.stationary import LONGEST, Stretches
-from runtime.verdict import Verdict, partly_blind
+from runtime.verdict import partly_blind, verdict_at
 
 PERSISTENCE = 5
 """Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
@@ -75,35 +77,39 @@ class Period:
     text: str
 
 
-def findings_of(
-    time: Array,
-    ruleset: Ruleset,
-    stretches: Stretches,
-    seen: Seen,
-    verdicts: list[Verdict],
-) -> tuple[list[Finding], list[Period], list[Period]]:
+@dataclass(frozen=True)
+class Found:
+    """What a block of estimates says over a recording."""
+
+    findings: list[Finding]
+    unknown: list[Period]
+    not_judged: list[Period]
+
+
+def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen) -> Found:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
-    findings: list[Finding] = []
-    periods: dict[str, list[Period]] = {"unknown": [], "outside": [], "blind": []}
+    verdicts = [verdict_at(ruleset, seen, i) for i in range(len(stretches))]
+    found = Found([], [], _in_part(time, ruleset, stretches, seen))
     known: frozenset[int] = frozenset()
     for kind, members in runs_of(verdicts, seen.isolation, _pauses(time, stretches)):
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
+        text = verdicts[members[0]].text
         if kind == "fault" and stretches.lengths[members].sum() < PERSISTENCE:
-            periods["blind"].append(Period(since, until, BRIEF))
+            found.not_judged.append(Period(since, until, BRIEF))
         elif kind == "fault":
             causes = causes_of(ruleset, seen, members, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
-                since_, until_ = _when(time, stretches, seen, cause, members)
-                findings.append(_finding(ruleset, seen, cause, members, since_, until_))
-        elif kind in periods:
-            periods[kind].append(Period(since, until, verdicts[members[0]].text))
-        if kind == "ok":
+                times = _when(time, stretches, seen, cause, members)
+                found.findings.append(_finding(ruleset, seen, cause, members, times))
+        elif kind == "blind":
+            found.not_judged.append(Period(since, until, text))
+        elif kind == "ok":
             known = frozenset()
-    blind = periods["blind"] + _in_part(time, ruleset, stretches, seen)
-    unknown = sorted([*periods["unknown"], *periods["outside"]], key=lambda p: p.since)
-    return sorted(findings, key=lambda f: f.since), unknown, sorted(blind, key=lambda p: p.since)
+        else:
+            found.unknown.append(Period(since, until, text))
+    return found
 
 
 def _when(
@@ -127,7 +133,7 @@ def _in_part(
     found: list[Period] = []
     last = ""
     for i in range(len(stretches)):
-        text = partly_blind(ruleset, seen.observed, seen.isolation, i)
+        text = partly_blind(ruleset, seen, i)
         since, until = float(time[stretches.first[i]]), float(time[stretches.last[i] - 1])
         if text and text == last:
             found[-1] = replace(found[-1], until=until)
@@ -151,8 +157,7 @@ def _finding(
     seen: Seen,
     cause: Cause,
     members: list[int],
-    since: float,
-    until: float,
+    times: tuple[float, float],
 ) -> Finding:
     """A cause with its evidence at the strongest point of a run."""
     fault, half = ruleset.faults[cause.fault], COVERAGE * cause.u
@@ -163,12 +168,11 @@ def _finding(
         max(cause.degree - half, fault.lowest),
         min(cause.degree + half, fault.highest),
         cause.probability,
-        since,
-        until,
+        *times,
         tuple((ruleset.faults[i].id, p) for i, p in cause.rivals),
         tuple((ruleset.faults[i].id, p) for i, p in cause.remote),
         tuple(ruleset.faults[i].id for i in cause.together),
-        _evidence(ruleset, seen.observed, fault, strongest),
+        _evidence(ruleset, seen, fault, strongest),
         _readings(ruleset, seen.observed, strongest),
         _flows(ruleset, seen.observed, strongest),
         len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
@@ -180,13 +184,14 @@ def _percent(degree: float) -> str:
     return f"{100 * degree:.3g} %"
 
 
-def _evidence(
-    ruleset: Ruleset, observed: Observed, fault: FaultSpec, point: int
-) -> tuple[Evidence, ...]:
+def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tuple[Evidence, ...]:
+    observed = seen.observed
     signs = {c.residual: c.sign for c in ruleset.cells_of_fault[fault.id]}
-    index = {o.id: i for i, o in enumerate(ruleset.observers)}
+    index = ruleset.observer_index
     rows = []
     for i, residual in enumerate(ruleset.residuals):
+        if not seen.block.holds(ruleset, residual):
+            continue
         expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
         value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
         shared = float(observed.residual_systematic[i, point])

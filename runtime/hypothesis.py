@@ -168,7 +168,7 @@ class HypothesisTest:
 
     def _touched(self, faults: Faults) -> tuple[list[str], list[int]]:
         """Usable observers that the faults make wrong, and their places among the usable ones."""
-        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
+        index = self.ruleset.observer_index
         column = np.cumsum(self.valid) - 1
         affected = dict.fromkeys(o for f in faults for o in f.affects)
         touched = [o for o in affected if self.valid[index[o]]]
@@ -187,7 +187,7 @@ class HypothesisTest:
         }
         inputs.update({f"x:{f.id}": 0.0 for f in self.ruleset.faults if f"x:{f.id}" in needed})
         shape = (len(self.members),)
-        index = {o.id: i for i, o in enumerate(self.ruleset.observers)}
+        index = self.ruleset.observer_index
         offsets = self.observed.offsets[[index[o] for o in touched]][:, self.members]
         none = np.zeros(shape)
 

@@ -22,6 +22,9 @@ from runtime.plan import Array
 from runtime.redundancy import chi_square_limit, residual_basis
 from runtime.ruleset import Ruleset
 
+COVERAGE = 2.0
+"""Bounds are a degree plus and minus this many standard uncertainties (about 95 %)."""
+
 PER_RECORDING = 1e-4
 """Probability of a false alarm in a recording of few stretches."""
 

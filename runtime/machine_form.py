@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from runtime.diagnose import Diagnosis, Trace
+from runtime.diagnose import Diagnosis
 from runtime.findings import Finding, Period
 from runtime.ruleset import Ruleset
+from runtime.trace import Trace
 
 
 def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -226,7 +226,7 @@ def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array]:
     names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
     unit = dict.fromkeys(points.values, np.ones(n))
     slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
-    row = {o.id: i for i, o in enumerate(ruleset.observers)}
+    row = ruleset.observer_index
     fleeting: dict[str, Array] = {}
     lasting: dict[str, Array] = {}
     for name in names:

@@ -215,6 +215,11 @@ class Ruleset:
         return frozenset(f"{o.id}{MISFIT}" for o in self.observers)
 
     @cached_property
+    def observer_index(self) -> Mapping[str, int]:
+        """Place of each observer in `observers`."""
+        return {o.id: i for i, o in enumerate(self.observers)}
+
+    @cached_property
     def signal_by_id(self) -> Mapping[str, SignalSpec]:
         return {s.id: s for s in self.signals}
 

@@ -6,12 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from runtime.isolate import Isolation
+from runtime.isolate import COVERAGE, Isolation
 from runtime.ruleset import THRESHOLD
 from runtime.verdict import Verdict
-
-COVERAGE = 2.0
-"""Bounds are a degree plus and minus this many standard uncertainties (about 95 %)."""
 
 PLAUSIBLE = 0.05
 """A cause more probable than this in every stretch holds a run together."""

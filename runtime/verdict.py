@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.isolate import Isolation
-from runtime.observe import Observed, reason
+from runtime.observe import reason
 from runtime.ruleset import THRESHOLD, Ruleset
+from runtime.seen import Seen
 
 NAMED = 4
 """Faults named in a remark."""
@@ -24,10 +24,11 @@ class Verdict:
     text: str
 
 
-def verdict_at(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> Verdict:
+def verdict_at(ruleset: Ruleset, seen: Seen, point: int) -> Verdict:
     """What one stretch says."""
+    observed, isolation = seen.observed, seen.isolation
     if not isolation.judged[point]:
-        because = why_blind(ruleset, observed, point) or "too few estimates of the same flow"
+        because = why_blind(ruleset, seen, point) or "too few estimates of the same flow"
         return Verdict("blind", (), because)
     if not isolation.deviating[point]:
         return Verdict("ok", (), "")
@@ -36,30 +37,30 @@ def verdict_at(ruleset: Ruleset, observed: Observed, isolation: Isolation, point
         return Verdict("outside", (), _outside(ruleset, outside[0]))
     chances = isolation.probability[:, point]
     if chances.max(initial=0.0) <= 0:
-        return Verdict("unknown", (), _unexplained(ruleset, observed, isolation, point))
+        return Verdict("unknown", (), _unexplained(ruleset, seen, point))
     pair = tuple(int(i) for i in isolation.pair[point])
     return Verdict("fault", (int(np.argmax(chances)),) if pair[0] < 0 else pair, "")
 
 
-def why_blind(ruleset: Ruleset, observed: Observed, point: int) -> str:
-    """Why estimates cannot be used at a point; empty if all can."""
+def why_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    """Why estimates of a block cannot be used at a point; empty if all can."""
     reasons = [
-        reason(ruleset, observed, i, point)
-        for i in range(len(ruleset.observers))
-        if not observed.valid[i, point]
+        reason(ruleset, seen.observed, int(i), point)
+        for i in np.flatnonzero(seen.block.observers)
+        if not seen.observed.valid[i, point]
     ]
     return "; ".join(dict.fromkeys(reasons))
 
 
-def partly_blind(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> str:
+def partly_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
     """What a judged point could not see, and why; empty if it saw everything."""
-    if not isolation.judged[point]:
+    if not seen.isolation.judged[point]:
         return ""
-    because = why_blind(ruleset, observed, point)
+    because = why_blind(ruleset, seen, point)
     unseen = [
         fault.id
-        for fault, floor in zip(ruleset.faults, isolation.floor[:, point], strict=True)
-        if not THRESHOLD * floor < fault.highest
+        for fault, floor in zip(ruleset.faults, seen.isolation.floor[:, point], strict=True)
+        if seen.block.holds(ruleset, fault) and not THRESHOLD * floor < fault.highest
     ]
     if not because or not unseen:
         return ""
@@ -75,13 +76,15 @@ def _outside(ruleset: Ruleset, name: str) -> str:
     high = (signal.valid_to - signal.offset) / signal.factor
     return (
         f"nothing known fits: the estimates of the flow disagree while {name} is outside "
-        f"{low:.4g} to {high:.4g} {signal.unit}, the range the plant was calibrated in"
+        f"{low:.4g} to {high:.4g} {signal.unit}, the range that its equations hold for"
     )
 
 
-def _unexplained(ruleset: Ruleset, observed: Observed, isolation: Isolation, point: int) -> str:
+def _unexplained(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    observed = seen.observed
     ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
-    ratio[~np.isfinite(ratio)] = 0.0
+    own = [seen.block.holds(ruleset, residual) for residual in ruleset.residuals]
+    ratio[~(np.isfinite(ratio) & np.array(own, dtype=bool))] = 0.0
     fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > THRESHOLD][:3]
     names = ", ".join(fired) or "the residuals together"
     return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"

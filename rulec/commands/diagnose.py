@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from rulec.commands.output import console, write_json, write_text
-from runtime.diagnose import diagnose, trace
+from runtime.diagnose import diagnose
 from runtime.explain import explain
 from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.recording import read_recording
@@ -19,6 +19,7 @@ from runtime.report.page import report
 from runtime.report.truth import read_truth
 from runtime.ruleset import Ruleset
 from runtime.ruleset_file import read_ruleset
+from runtime.trace import trace
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from runtime.diagnose import Diagnosis, Trace
+from runtime.diagnose import Diagnosis
+from runtime.isolate import COVERAGE
 from runtime.plan import Array
 from runtime.report.captions import excess, say_degrees, say_estimates, say_residuals
 from runtime.report.chart import Axis, Panel, axis, labels_apart
@@ -17,7 +18,7 @@ from runtime.report.text import counted, number
 from runtime.report.text import degree as degree_text
 from runtime.report.thin import COLUMNS, thin_band, thin_marks, thin_series
 from runtime.report.truth import Cases, Truth
-from runtime.runs import COVERAGE
+from runtime.trace import Trace
 from runtime.wording import worst_first
 
 MARKS = 90

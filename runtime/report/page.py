@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from runtime.diagnose import Diagnosis, Trace
+from runtime.diagnose import Diagnosis
 from runtime.recording import Recording
 from runtime.report.chart import SYMBOLS
 from runtime.report.figure import Figure
@@ -15,6 +15,7 @@ from runtime.report.story import UNSEEN, evidence, remarks, told
 from runtime.report.style import STYLE
 from runtime.report.text import counted, moment, percent, safe
 from runtime.report.truth import Truth, cases_of
+from runtime.trace import Trace
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 """Forbids the browser to load anything, should a name ever slip through unescaped."""

@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.diagnose import BLOCK, Diagnosis, Trace
-from runtime.observe import Observed, observe, points_of_samples
+from runtime.diagnose import Diagnosis
+from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.report.thin import COLUMNS
 from runtime.ruleset import THRESHOLD, ResidualSpec, Ruleset
-from runtime.stationary import SHORTEST, noise_of
+from runtime.seen import Seen, residuals_seen, see_samples, see_stretches
+from runtime.stationary import SHORTEST, find_stretches, noise_at_work
+from runtime.trace import Trace
 from runtime.wording import l_per_h, worst_first
 
 MOST = 12
@@ -127,20 +129,18 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     n = len(recording)
     flows, flows_u = np.full((len(sides), n), np.nan), np.full((len(sides), n), np.nan)
     values, limits = np.full((len(residuals), n), np.nan), np.full((len(residuals), n), np.nan)
-    noise = {name: noise_of(part) for name, part in recording.values.items()}
-    points = points_of_samples(recording, ruleset, noise)
-    index = {o.id: i for i, o in enumerate(ruleset.observers)}
+    index = ruleset.observer_index
     rows = [ruleset.residuals.index(r) for r in residuals]
-    for low in range(0, n, BLOCK):
-        here = slice(low, min(low + BLOCK, n))
-        observed = observe(ruleset, points.at(np.arange(here.start, here.stop)))
+    for here, seen in _batches(recording, diagnosis):
+        valid = np.any([part.observed.valid for part in seen], axis=0)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
-            flows[i, here], flows_u[i, here] = _sum(observed, members)
+            flows[i, here], flows_u[i, here] = _sum(seen[0].plain, valid, members)
+        found, u = residuals_seen(ruleset, seen)
         for i, residual in enumerate(residuals):
-            sound = observed.valid[[index[t.observer] for t in residual.terms]].all(axis=0)
-            values[i, here] = np.where(sound, observed.residuals[rows[i]], np.nan)
-            limits[i, here] = np.where(sound, THRESHOLD * observed.residual_u[rows[i]], np.nan)
+            sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
+            values[i, here] = np.where(sound, found[rows[i]], np.nan)
+            limits[i, here] = np.where(sound, THRESHOLD * u[rows[i]], np.nan)
     factor = l_per_h(1.0)
     return Curves(
         recording.time,
@@ -162,10 +162,22 @@ def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
     return spans[0] if spans else None
 
 
-def _sum(observed: Observed, members: list[int]) -> tuple[Array, Array]:
+def _batches(recording: Recording, diagnosis: Diagnosis) -> Iterator[tuple[np.ndarray, list[Seen]]]:
+    """All samples, seen as the diagnosis saw their stretches."""
+    ruleset = diagnosis.ruleset
+    noise = noise_at_work(recording, ruleset)
+    stretches = find_stretches(recording, ruleset, noise)
+    if len(stretches):
+        known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode)
+        every = np.arange(len(recording))
+        yield from see_samples(recording, ruleset, noise, stretches, known, every)
+
+
+def _sum(observed: Observed, valid: np.ndarray, members: list[int]) -> tuple[Array, Array]:
     """Sum of observers with its standard uncertainty; shared readings are counted once."""
-    sound = observed.valid[members].all(axis=0)
-    spread = np.sqrt(np.sum(observed.gradients[members].sum(axis=0) ** 2, axis=0))
+    sound = valid[members].all(axis=0)
+    own = observed.covariance[:, members][:, :, members]
+    spread = np.sqrt(np.maximum(own.sum(axis=(1, 2)), 0.0))
     total = observed.flows[members].sum(axis=0)
     return np.where(sound, total, np.nan), np.where(sound, spread, np.nan)
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from runtime.csv_table import RecordingRefused, read_table
-from runtime.diagnose import Trace
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.report.series import NOT_JUDGED
 from runtime.ruleset import Ruleset
 from runtime.time_column import NAMES, read_times
+from runtime.trace import Trace
 
 ROWS = (-0.5, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.5)
 """Centres of the bins of discrepancy, as in Figure 11 of the seed paper."""

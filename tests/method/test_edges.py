@@ -10,12 +10,13 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from runtime.diagnose import Diagnosis, diagnose, trace
+from runtime.diagnose import Diagnosis, diagnose
 from runtime.isolate import isolate
 from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.observe import observe
 from runtime.paper_mode import judge_by_paper
 from runtime.recording import Recording
+from runtime.trace import trace
 from runtime.verdict import why_blind
 from tests.method.readings import built, noise_free, points, recording, ruleset
 from tests.truth import TABLE_1, healthy_run, record

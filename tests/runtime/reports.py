@@ -6,12 +6,13 @@ import dataclasses
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from runtime.diagnose import Diagnosis, Trace, diagnose, trace
+from runtime.diagnose import Diagnosis, diagnose
 from runtime.recording import Recording, read_recording
 from runtime.report.page import report
 from runtime.report.series import Curves, curves_of
 from runtime.report.truth import Truth, read_truth
 from runtime.ruleset import Ruleset
+from runtime.trace import Trace, trace
 from tests.conftest import ROOT
 
 EXAMPLES = ROOT / "plants" / "abc" / "examples"

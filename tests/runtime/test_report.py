@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from rulec.cli import main
-from runtime.diagnose import diagnose, trace
+from runtime.diagnose import diagnose
 from runtime.observe import observe, points_of_samples
 from runtime.report.series import detail
 from runtime.ruleset import Ruleset
 from runtime.stationary import noise_of
+from runtime.trace import trace
 from runtime.wording import titled
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.runtime.reports import EXAMPLES, Judged, caption, figures, judge, tree

@@ -1,0 +1,69 @@
+"""A verdict for every sample, where a diagnosis speaks of whole stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.isolate import COVERAGE
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from runtime.seen import Seen, see_samples, see_stretches
+from runtime.stationary import find_stretches, noise_at_work
+from runtime.verdict import verdict_at
+
+QUIET = ("ok", "cannot judge")
+"""Words that give way to what another block of estimates says."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Per sample: verdict, and per fault degree and bounds, shape (faults, n)."""
+
+    time: Array
+    verdict: tuple[str, ...]
+    degree: Array
+    lower: Array
+    upper: Array
+
+
+def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
+    """Judge every sample of the settled stretches on its own; the others are ``moving``."""
+    noise = noise_at_work(recording, ruleset)
+    stretches = find_stretches(recording, ruleset, noise)
+    words = ["moving"] * len(recording)
+    degree = np.zeros((len(ruleset.faults), len(recording)))
+    half = np.zeros_like(degree)
+    if not len(stretches):
+        return Trace(recording.time, tuple(words), degree, degree, degree)
+    known = see_stretches(recording, ruleset, stretches, noise, mode)
+    chosen = np.concatenate(
+        [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
+    )
+    for here, seen in see_samples(recording, ruleset, noise, stretches, known, chosen):
+        for i, sample in enumerate(here):
+            words[sample] = _word(ruleset, seen, i)
+        for part in seen:
+            fits = part.isolation.probability > 0
+            degree[:, here] += np.where(fits, part.isolation.degree, 0.0)
+            half[:, here] += np.where(fits, COVERAGE * part.isolation.u, 0.0)
+    return Trace(
+        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
+    )
+
+
+def _word(ruleset: Ruleset, seen: Sequence[Seen], point: int) -> str:
+    """Verdicts of all blocks as they stand in the trace: ids of faults, or what else there is."""
+    words = dict.fromkeys(_of_block(ruleset, part, point) for part in seen)
+    loud = [word for word in words if word not in QUIET]
+    return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
+
+
+def _of_block(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    verdict = verdict_at(ruleset, seen, point)
+    if verdict.kind == "fault":
+        return " + ".join(ruleset.faults[i].id for i in verdict.faults)
+    return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)
