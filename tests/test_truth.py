@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from tests.truth import (
+    INERTIA,
+    INSIDE,
     NOISE_FREE,
     RIGS,
     TABLE_1,
@@ -19,18 +21,25 @@ from tests.truth import (
     Sensing,
     abc,
     calibration_run,
+    campaign,
+    fault_pairs,
     fault_replay,
     healthy_run,
     leakage_replay,
     mixing_rig,
+    operating_points,
     possible_faults,
+    published_faults,
     record,
+    settling,
+    single_faults,
+    visiting_run,
     write_csv,
 )
 from tests.truth.__main__ import main
 from tests.truth.units import RPM
 
-EXAMPLES = Path(__file__).parents[1] / "plants" / "abc" / "examples"
+PLANTS = Path(__file__).parents[1] / "plants"
 LINE_STATIC, LINE_QUADRATIC, MIXER_QUADRATIC = 0.05, 5.2e-6, 3.5e-7  # bar, bar/(l/h)2
 
 
@@ -151,6 +160,35 @@ def test_statistical_and_systematic_parts() -> None:
     assert 5.0 == pytest.approx(np.std(offsets), rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("law", "spread", "largest"),
+    [("normal", 1.0, np.inf), ("truncated", 0.880, 2.0), ("uniform", 2 / np.sqrt(3), 2.0)],
+)
+def test_laws_of_systematic_errors(law: str, spread: float, largest: float) -> None:
+    """Spread in units of half the bound; drawn inside the bounds, none is beyond them."""
+    run, sensing = healthy_run(abc(), 1), Sensing(statistical=0.0, law=law)  # type: ignore[arg-type]
+    true = record(run, NOISE_FREE).readings["A.P_el [W]"][0]
+    drawn = [record(run, sensing, seed).readings["A.P_el [W]"][0] - true for seed in range(1500)]
+    assert 5.0 * spread == pytest.approx(np.std(drawn), rel=0.05)
+    assert np.abs(drawn).max() <= 5.0 * largest
+
+
+def test_laws_of_systematic_errors_keep_their_order() -> None:
+    """A sensor that reads higher than with another seed does so under every law."""
+    run = healthy_run(abc(), 1)
+    fixed = [
+        Sensing(True, 0.0),
+        Sensing(True, 0.0, law="truncated"),
+        Sensing(True, 0.0, law="uniform"),
+    ]
+    normal, truncated, uniform = (
+        np.argsort([record(run, law, seed).readings["A.dp [bar]"][0] for seed in range(20)])
+        for law in fixed
+    )
+    assert normal.tolist() == truncated.tolist()
+    assert normal.tolist() == uniform.tolist()
+
+
 def test_quantised_readings_are_whole_steps() -> None:
     """Power is shown in whole watts."""
     power = record(healthy_run(abc()), Sensing(quantised=True)).readings["A.P_el [W]"]
@@ -172,6 +210,88 @@ def test_leakage_replay_plateaus() -> None:
     degree = record(leakage_replay(abc())).truth["A.leakage [1]"]
     assert [0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0] == degree[::10].tolist()
     assert np.all(degree.reshape(8, 10) == degree[::10, None])
+
+
+def test_transients_follow_a_first_order_lag() -> None:
+    """After a step what is left of it falls by exp(-t / time constant); sensors jump."""
+    run = settling(fault_replay(abc(), "A.leakage", (0.0, 0.4)))
+    expected = 0.4 * (1 - np.exp(-np.arange(1.0, 11.0) / INERTIA.valve))
+    assert [0.0] * 10 == run.faults["A.leakage"][:10].tolist()
+    assert expected == pytest.approx(run.faults["A.leakage"][10:], rel=1e-12)
+    jump = settling(fault_replay(abc(), "A.dp.high", (0.0, 0.4))).faults["A.dp.high"]
+    assert [0.0] * 10 + [0.4] * 10 == jump.tolist()
+
+
+def test_speed_approaches_the_next_operating_point() -> None:
+    """Speeds move monotonously and end on what was set; the flow follows in the same sample."""
+    plant = abc()
+    first, second = operating_points(plant, 2)
+    run = settling(visiting_run(plant, [first, second], {}))
+    speed = run.operation.speed["A"]
+    assert np.all(np.diff(speed[9:]) > 0)
+    assert second["A"] == pytest.approx(speed[-1], rel=1e-4)
+    truth = record(run, NOISE_FREE).truth["A.Q [l/h]"]
+    assert np.all(np.diff(truth[9:]) > 0)
+
+
+def test_transients_leave_no_trace_on_a_bench() -> None:
+    """A bench run is set up point by point; to ask for its transients is refused."""
+    with pytest.raises(ValueError, match="bench"):
+        settling(calibration_run(abc()))
+
+
+def test_visits_to_operating_points() -> None:
+    """A healthy lead-in at the first point, then all faults at every point."""
+    plant = abc()
+    points = operating_points(plant, 3)
+    run = visiting_run(plant, points, {"A.leakage": 0.3, "B.dp.high": 0.2}, lead_in=5, hold=4)
+    assert [0.0] * 5 + [0.3] * 12 == run.faults["A.leakage"].tolist()
+    assert [0.0] * 5 + [0.2] * 12 == run.faults["B.dp.high"].tolist()
+    visited = [points[0]["B"]] * 9 + [points[1]["B"]] * 4 + [points[2]["B"]] * 4
+    assert visited == run.operation.speed["B"].tolist()
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_operating_points_differ_and_lie_in_the_calibrated_range(rig: str) -> None:
+    """The first point is nominal; no two are alike."""
+    plant = RIGS[rig]()
+    points = operating_points(plant, 8)
+    assert {name: module.speed for name, module in plant.modules.items()} == points[0]
+    for name, module in plant.modules.items():
+        speeds = [point[name] for point in points]
+        assert 8 == len(set(speeds))
+        assert module.slowest < min(speeds) < max(speeds) < module.fastest
+
+
+def test_published_faults() -> None:
+    """Seven per dosing module and four per mixer: 18 of abc, 43 of the rig."""
+    assert (18, 43) == (len(published_faults(abc())), len(published_faults(mixing_rig())))
+    assert set(published_faults(mixing_rig())) <= set(possible_faults(mixing_rig()))
+
+
+def test_pairs_have_different_places() -> None:
+    """145 of the 153 pairs of abc; none gives one line two frictions or one sensor two slopes."""
+    pairs = fault_pairs(abc())
+    assert 145 == len(pairs)
+    assert {2} == {len(pair) for pair in pairs}
+    named = [set(pair) for pair in pairs]
+    assert {"A.clogging", "A.widening"} not in named
+    assert {"C.dp.high", "C.dp.low"} not in named
+    assert {"A.leakage", "A.dp.low"} in named
+    assert all(0.2 <= degree <= 0.4 for pair in pairs for degree in pair.values())
+
+
+def test_campaign_of_the_rig_can_be_run() -> None:
+    """All 43 faults at 0.8 on four operating points: every pump lifts; seeds are all different."""
+    plant = mixing_rig()
+    visits = [[point] for point in operating_points(plant, 4)]
+    cases = campaign(plant, single_faults(plant, (0.8,)), visits, first_seed=100)
+    assert list(range(100, 100 + 43 * 4)) == [case.seed for case in cases]
+    for case in cases:
+        (fault,) = case.faults
+        degree = record(case.run, INSIDE, case.seed).truth[f"{fault} [1]"]
+        assert 0.8 == pytest.approx(degree[-1], abs=0.002)
+        assert 0.0 == degree[9]
 
 
 @pytest.mark.parametrize("rig", RIGS)
@@ -221,12 +341,14 @@ def test_every_fault_can_be_replayed() -> None:
     assert {"A.leakage", "C.clogging", "B.P_el.low", "C.dp.high"} <= set(names)
 
 
-def test_shipped_examples_are_those_the_command_makes(tmp_path: Path) -> None:
-    """`examples` reproduces the files of plants/abc/examples, byte for byte."""
-    main(["examples", "-o", str(tmp_path)])
+@pytest.mark.parametrize("name", ["abc", "mixing-rig"])
+def test_shipped_examples_are_those_the_command_makes(name: str, tmp_path: Path) -> None:
+    """`examples` reproduces the files of a plant's examples, byte for byte."""
+    main(["examples", "--plant", name, "-o", str(tmp_path)])
     made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert made == {name: (EXAMPLES / name).read_bytes() for name in made}
-    assert 60_000 > max(len(content) for content in made.values())
+    folder = PLANTS / name / "examples"
+    assert made == {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert 100_000 > max(len(content) for content in made.values())
 
 
 def test_shares_no_code_with_what_it_tests() -> None:
