@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.progress import Progress
 
 from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, QUICK
+from tests.rig.mixing_rig.goals import GOALS, Goal
 from tests.rig.mixing_rig.run import run
-from tests.rig.mixing_rig.show import SHOW
+from tests.rig.mixing_rig.show import SHOW, show_goals
 
 
 def main() -> None:
@@ -26,6 +27,7 @@ def main() -> None:
         parser.error(f"no experiment {', '.join(sorted(strangers))}")
     out = Console(width=150, highlight=False)
     scale = QUICK if options.quick else FULL
+    goals: list[Goal] = []
     with tempfile.TemporaryDirectory() as folder:
         for name in options.experiments or EXPERIMENTS:
             tasks, begin = EXPERIMENTS[name](scale), time.perf_counter()
@@ -34,6 +36,8 @@ def main() -> None:
             seconds = time.perf_counter() - begin
             out.print(f"[bold]{name}[/]: {len(tasks)} recordings, {seconds:.0f} s\n")
             SHOW[name](out, judged)
+            goals += GOALS[name](judged) if name in GOALS else []
+    show_goals(out, goals)
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ FULL = Scale(
 )
 QUICK = Scale(
     draws=1,
-    step=9,
+    step=20,
     degrees=(0.4,),
     points=1,
     isolation_seeds={"abc": 1, "mixing-rig": 0},

@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from tests.rig.mixing_rig.goals import Goal
 from tests.rig.mixing_rig.judge import Answer, Judged
 from tests.rig.mixing_rig.measure import (
     COLUMNS,
@@ -71,6 +72,17 @@ def show_alarms(out: Console, judged: Judged) -> None:
         covered = [c for c in judged.covered if c.mode == mode]
         rows[mode] = alarm_figures(covered, [s for s in judged.samples if s.mode == mode])
     _table(out, "fault-free recordings", rows)
+
+
+def show_goals(out: Console, goals: Sequence[Goal]) -> None:
+    """What was asked for, and what came out."""
+    table = Table(title="goals", box=None, title_justify="left")
+    for title in ("", "from", "to", "measured", ""):
+        table.add_column(title, justify="right" if title else "left")
+    for goal in goals:
+        numbers = (f"{v:.6g}" for v in (goal.low, goal.high, goal.measured))
+        table.add_row(goal.what, *numbers, "met" if goal.met else "missed")
+    out.print(table)
 
 
 SHOW: Mapping[str, Callable[[Console, Judged], None]] = {
