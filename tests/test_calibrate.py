@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from rulec.cli import main
 from tests.conftest import ROOT
@@ -61,6 +62,24 @@ def test_calibrated_plant_compiles_and_finds_the_leak(tmp_path: Path) -> None:
     findings = json.loads(target.read_text(encoding="utf-8"))["findings"]
     assert ["A.leakage"] * 3 == [f["fault"] for f in findings]
     assert [0.2, 0.4, 0.6] == pytest.approx([f["degree"] for f in findings], abs=0.02)
+
+
+def test_shipped_calibration_is_what_the_command_makes(tmp_path: Path) -> None:
+    """The rig's parameters come from its recording, not from the truth."""
+    plant = ROOT / "plants" / "mixing-rig"
+    target = tmp_path / "found.yaml"
+    recording = plant / "examples" / "calibration.csv"
+    assert main(["calibrate", str(plant), str(recording), "-o", str(target)]) == 0
+    shipped, found = (
+        yaml.safe_load(path.read_text(encoding="utf-8"))["modules"]
+        for path in (plant / "calibration.yaml", target)
+    )
+    assert list(shipped) == list(found)
+    for module, entry in found.items():
+        for name, parameter in entry["parameters"].items():
+            expected = shipped[module]["parameters"][name]
+            assert expected["u"] == pytest.approx(parameter["u"], rel=1e-3)
+            assert expected["value"] == pytest.approx(parameter["value"], abs=1e-3 * parameter["u"])
 
 
 def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:

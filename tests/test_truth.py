@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -30,7 +31,8 @@ from tests.truth import (
 from tests.truth.__main__ import main
 from tests.truth.units import RPM
 
-EXAMPLES = Path(__file__).parents[1] / "plants" / "abc" / "examples"
+PLANTS = Path(__file__).parents[1] / "plants"
+FIXED = Sensing(statistical=0.0)
 LINE_STATIC, LINE_QUADRATIC, MIXER_QUADRATIC = 0.05, 5.2e-6, 3.5e-7  # bar, bar/(l/h)2
 
 
@@ -151,6 +153,30 @@ def test_statistical_and_systematic_parts() -> None:
     assert 5.0 == pytest.approx(np.std(offsets), rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("law", "spread", "largest"),
+    [("normal", 1.0, np.inf), ("truncated", 0.880, 2.0), ("uniform", 2 / np.sqrt(3), 2.0)],
+)
+def test_laws_of_systematic_errors(law: str, spread: float, largest: float) -> None:
+    """Spread in units of half the bound; drawn inside the bounds, none is beyond them."""
+    run, sensing = healthy_run(abc(), 1), replace(FIXED, law=law)
+    true = record(run, NOISE_FREE).readings["A.P_el [W]"][0]
+    drawn = [record(run, sensing, seed).readings["A.P_el [W]"][0] - true for seed in range(1500)]
+    assert 5.0 * spread == pytest.approx(np.std(drawn), rel=0.05)
+    assert np.abs(drawn).max() <= 5.0 * largest
+
+
+def test_laws_of_systematic_errors_keep_their_order() -> None:
+    """A sensor that reads higher than with another seed does so under every law."""
+    run = healthy_run(abc(), 1)
+    normal, truncated, uniform = (
+        np.argsort([record(run, sensing, k).readings["A.dp [bar]"][0] for k in range(20)])
+        for sensing in (FIXED, replace(FIXED, law="truncated"), replace(FIXED, law="uniform"))
+    )
+    assert normal.tolist() == truncated.tolist()
+    assert normal.tolist() == uniform.tolist()
+
+
 def test_quantised_readings_are_whole_steps() -> None:
     """Power is shown in whole watts."""
     power = record(healthy_run(abc()), Sensing(quantised=True)).readings["A.P_el [W]"]
@@ -221,12 +247,14 @@ def test_every_fault_can_be_replayed() -> None:
     assert {"A.leakage", "C.clogging", "B.P_el.low", "C.dp.high"} <= set(names)
 
 
-def test_shipped_examples_are_those_the_command_makes(tmp_path: Path) -> None:
-    """`examples` reproduces the files of plants/abc/examples, byte for byte."""
-    main(["examples", "-o", str(tmp_path)])
+@pytest.mark.parametrize("name", ["abc", "mixing-rig"])
+def test_shipped_examples_are_those_the_command_makes(name: str, tmp_path: Path) -> None:
+    """`examples` reproduces the files of a plant's examples, byte for byte."""
+    main(["examples", "--plant", name, "-o", str(tmp_path)])
     made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert made == {name: (EXAMPLES / name).read_bytes() for name in made}
-    assert 60_000 > max(len(content) for content in made.values())
+    folder = PLANTS / name / "examples"
+    assert made == {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert 100_000 > max(len(content) for content in made.values())
 
 
 def test_shares_no_code_with_what_it_tests() -> None:

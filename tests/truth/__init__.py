@@ -2,23 +2,38 @@
 
 Shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`,
 `plant` (what is built and how it is run), `faults`, `network` (the operating point), `sensors`,
-`recording` (columns and CSV), `rigs` (ready plants), `runs` (ready runs), `__main__`.
+`recording` (columns and CSV), `rigs` (ready plants), `runs` (ready runs), `transients`,
+`campaign` (lists of runs with seeds), `__main__`.
 Everything is SI until a sensor reads it; a reading and a CSV are in trade units.
 """
 
+from .campaign import Case, campaign, fault_pairs, published_faults, single_faults
 from .faults import possible_faults
 from .network import OperatingPoint, solve
 from .plant import DosingModule, Line, Mixer, Operation, Plant
 from .recording import Recording, record, write_csv
 from .rigs import RIGS, abc, mixing_rig, series, three
-from .runs import Run, calibration_run, fault_replay, healthy_run, leakage_replay
-from .sensors import NOISE_FREE, TABLE_1, Sensing
+from .runs import (
+    Run,
+    calibration_run,
+    fault_replay,
+    healthy_run,
+    leakage_replay,
+    operating_points,
+    visiting_run,
+)
+from .sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
+from .transients import INERTIA, Inertia, settling
 
 __all__ = [
+    "INERTIA",
+    "INSIDE",
     "NOISE_FREE",
     "RIGS",
     "TABLE_1",
+    "Case",
     "DosingModule",
+    "Inertia",
     "Line",
     "Mixer",
     "OperatingPoint",
@@ -29,14 +44,21 @@ __all__ = [
     "Sensing",
     "abc",
     "calibration_run",
+    "campaign",
+    "fault_pairs",
     "fault_replay",
     "healthy_run",
     "leakage_replay",
     "mixing_rig",
+    "operating_points",
     "possible_faults",
+    "published_faults",
     "record",
     "series",
+    "settling",
+    "single_faults",
     "solve",
     "three",
+    "visiting_run",
     "write_csv",
 ]

@@ -4,12 +4,23 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from .recording import record, write_csv
-from .rigs import RIGS, abc
-from .runs import DEGREES, Run, calibration_run, fault_replay, healthy_run, leakage_replay
+from .rigs import RIGS
+from .runs import (
+    DEGREES,
+    Run,
+    calibration_run,
+    fault_replay,
+    healthy_run,
+    leakage_replay,
+    operating_points,
+    visiting_run,
+)
 from .sensors import NOISE_FREE, TABLE_1, Sensing
+from .transients import settling
 
 EXAMPLE_SEED = 1
 BENCH_SEED = 2  # a maker's bench has other sensors, hence other systematic errors
+EXAMPLES = ("abc", "mixing-rig")  # plants that ship with recordings
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -21,7 +32,7 @@ def main(arguments: list[str] | None = None) -> None:
             case "points":
                 _print_points()
             case "examples":
-                _write_examples(options.out)
+                _write_examples(options.plant, options.out)
             case _:
                 _write_run(options)
     except ValueError as problem:
@@ -35,9 +46,10 @@ def _parser() -> ArgumentParser:
     commands.add_parser("points", help="print the fault-free operating point of every plant")
     examples = commands.add_parser(
         "examples",
-        help=f"write the examples of plants/abc (seed {EXAMPLE_SEED}; calibration {BENCH_SEED})",
+        help=f"write the examples of a plant (seed {EXAMPLE_SEED}; calibration {BENCH_SEED})",
     )
     examples.add_argument("-o", "--out", type=Path, required=True, metavar="DIR")
+    examples.add_argument("--plant", choices=EXAMPLES, default="abc")
     healthy = commands.add_parser("healthy", help="fault-free at nominal speed")
     healthy.add_argument("--samples", type=int, default=60)
     leakage = commands.add_parser("leakage", help="leakage in plateaus of 10 s")
@@ -91,12 +103,16 @@ def _write(
         write_csv(folder / f"{name}.truth.csv", recording.truth, digits)
 
 
-def _write_examples(folder: Path) -> None:
-    """Write the small recordings that ship with the plant abc."""
-    plant = abc()
-    _write(folder, "leakage_A", leakage_replay(plant), TABLE_1, EXAMPLE_SEED)
-    _write(folder, "healthy", healthy_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
+def _write_examples(name: str, folder: Path) -> None:
+    """Write the small recordings that ship with a plant."""
+    plant = RIGS[name]()
     _write(folder, "calibration", calibration_run(plant), TABLE_1, BENCH_SEED, with_truth=False)
+    if name == "abc":
+        _write(folder, "leakage_A", leakage_replay(plant), TABLE_1, EXAMPLE_SEED)
+        _write(folder, "healthy", healthy_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
+    else:
+        tour = visiting_run(plant, operating_points(plant, 5), {"D.clogging": 0.3}, lead_in=15)
+        _write(folder, "clogging_D", settling(tour), TABLE_1, EXAMPLE_SEED)
 
 
 def _print_points() -> None:

@@ -1,7 +1,7 @@
-"""Ready runs: fault-free, stepped faults, and a maker's calibration. One sample per second."""
+"""Ready runs: fault-free, stepped faults, operating points, calibration. One sample per second."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,11 @@ from .units import Array
 HOLD = 10  # samples per plateau, s
 # Steps back to zero between the plateaus: the healthy state is seen again after each fault.
 DEGREES = (0.0, 0.2, 0.0, 0.4, 0.0, 0.6, 0.0, 0.0)
+# Part of each speed range in which the plant is operated: every pump can still lift what a fault of
+# the largest degree asks for, and readings stay inside the range of the calibration.
+LOWEST, HIGHEST = 0.25, 0.85
+
+Speeds = Mapping[str, float]  # of each module, rev/s
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,38 @@ def fault_replay(
 def leakage_replay(plant: Plant, module: str = "A") -> Run:
     """Leakage 0, 0.2, 0, 0.4, 0, 0.6, 0, 0, each 10 s. Source: method.md, section 4."""
     return fault_replay(plant, f"{module}.leakage")
+
+
+def operating_points(plant: Plant, count: int) -> list[Speeds]:
+    """The nominal speeds, then others spread evenly over the part of the ranges in use."""
+    points: list[Speeds] = [{name: module.speed for name, module in plant.modules.items()}]
+    position = [LOWEST + _spread(count, k) * (HIGHEST - LOWEST) for k in range(len(plant.modules))]
+    for i in range(1, count):
+        modules = enumerate(plant.modules.items())
+        points.append({name: float(_speed_at(m, position[k][i])) for k, (name, m) in modules})
+    return points
+
+
+def visiting_run(
+    plant: Plant,
+    points: Sequence[Speeds],
+    faults: Mapping[str, float],
+    lead_in: int = 0,
+    hold: int = HOLD,
+) -> Run:
+    """Operating points one after the other, `hold` samples each, with all faults present.
+
+    Before that, `lead_in` samples without fault at the first point.
+    """
+    lengths = [lead_in, *[hold] * len(points)]
+    visited = [points[0], *points]
+    speed = {
+        name: np.repeat([float(point[name]) for point in visited], lengths)
+        for name in plant.modules
+    }
+    present = np.repeat([0.0, *[1.0] * len(points)], lengths)
+    operation = Operation(np.arange(present.size, dtype=np.float64), speed)
+    return Run(plant, operation, {name: degree * present for name, degree in faults.items()})
 
 
 def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold: int = HOLD) -> Run:

@@ -5,6 +5,8 @@ A sensor is the border between SI and trade units: bounds and steps are in the u
 
 import zlib
 from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Literal
 
 import numpy as np
 
@@ -40,7 +42,9 @@ class Sensing:
 
     Attributes
     ----------
-    systematic : bool; standard deviation = bound / 2
+    systematic : bool; whether sensors have one
+    law : how it is drawn: `normal`, standard deviation = bound / 2, so one in 22 is out of bounds;
+        `truncated`, the same but never out of bounds; `uniform` between the bounds
     statistical : float; standard deviation of a 1 s mean over that of the systematic error;
         0.3 is an assumption, the paper publishes only the systematic bounds
     quantised : bool; round to the sensor's step
@@ -49,9 +53,11 @@ class Sensing:
     systematic: bool = True
     statistical: float = 0.3
     quantised: bool = False
+    law: Literal["normal", "truncated", "uniform"] = "normal"
 
 
 TABLE_1 = Sensing()
+INSIDE = Sensing(law="truncated")
 NOISE_FREE = Sensing(systematic=False, statistical=0.0)
 
 
@@ -88,6 +94,24 @@ def read(sensor: Sensor, place: str, value: Array, sensing: Sensing, seed: int) 
     systematic, statistical = generator.standard_normal(), generator.standard_normal(value.size)
     shown = sensor.shown(value)
     deviation = 0.5 * sensor.bound * (np.abs(shown) if sensor.relative else 1.0)
+    systematic = _inside_bounds(systematic, sensing.law)
     error = sensing.systematic * systematic + sensing.statistical * statistical
     reading: Array = shown + deviation * error
     return np.round(reading / sensor.step) * sensor.step if sensing.quantised else reading
+
+
+def _inside_bounds(drawn: float, law: str) -> float:
+    """A standard normal draw, as a draw of another law; the unit is half the bound.
+
+    The place of a draw among all draws stays, so one seed gives like plants under every law.
+
+    Source: inverse transform sampling.
+    """
+    if law == "normal":
+        return drawn
+    normal = NormalDist()
+    share = normal.cdf(drawn)
+    if law == "uniform":
+        return 4.0 * share - 2.0
+    outside = normal.cdf(-2.0)
+    return normal.inv_cdf(outside + share * (1.0 - 2.0 * outside))

@@ -1,0 +1,195 @@
+"""One task: record, diagnose, and say in plain data what was answered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.diagnose import Trace, diagnose, trace
+from runtime.machine_form import diagnosis_form
+from runtime.observe import observe, points_of_samples
+from runtime.paper_mode import judge_by_paper
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from runtime.stationary import noise_of
+from tests import truth
+from tests.method.readings import recording
+from tests.rig.mixing_rig.cases import Task
+from tests.rig.mixing_rig.commission import key_of, ruleset_of
+
+UNGATED = "paper, no gate"
+"""Eqs. 17 to 19 at every sample, whether or not the residuals exceed their thresholds."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A fault said to be there, with the other faults that would explain the same."""
+
+    fault: str
+    degree: float
+    lower: float
+    upper: float
+    probability: float
+    alternatives: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is said at the end of a plateau; the most probable fault first."""
+
+    plant: str
+    group: str
+    mode: str
+    case: int
+    set_degree: float
+    true: Mapping[str, float]
+    named: tuple[Named, ...]
+    unknown: bool
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Every sample on its own: verdict, and what the sample says about one fault."""
+
+    group: str
+    mode: str
+    verdict: tuple[str, ...]
+    true: Array
+    degree: Array
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class Covered:
+    """Samples of a recording by what the findings say about them; and how many findings."""
+
+    group: str
+    mode: str
+    samples: int
+    fault: int
+    unknown: int
+    findings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """All that one task gave."""
+
+    answers: tuple[Answer, ...]
+    samples: tuple[Samples, ...]
+    covered: tuple[Covered, ...]
+
+
+def judge(folder: Path, task: Task) -> Judged:
+    """Make the recording of a task and ask the tool in each mode."""
+    rules = ruleset_of(folder, key_of(task))
+    made = truth.record(task.case.run, task.sensing, task.case.seed)
+    readings = recording(rules, made.readings)
+    answers: list[Answer] = []
+    samples: list[Samples] = []
+    covered = []
+    for mode in task.modes:
+        form = diagnosis_form(diagnose(readings, rules, mode))
+        answers += [_answer(task, mode, form, made.truth, span) for span in task.plateaus]
+        covered.append(_covered(task, mode, form, readings))
+        if task.samples:
+            samples.append(_samples(task, mode, rules, trace(readings, rules, mode), made.truth))
+    if task.samples and task.case.faults:
+        samples.append(_ungated(task, rules, readings, samples[0]))
+    return Judged(tuple(answers), tuple(samples), tuple(covered))
+
+
+def _answer(
+    task: Task,
+    mode: str,
+    form: Mapping[str, Any],
+    columns: Mapping[str, Array],
+    span: tuple[int, int],
+) -> Answer:
+    """What is said at the last but one sample of a plateau.
+
+    The true degree is the mean over the part of the plateau that the finding rests on: a valve
+    is still moving a little when a stretch counts as settled.
+    """
+    time = columns["time [s]"]
+    now = float(time[span[1] - 2])
+    said = sorted(_in_force(form["findings"], now), key=lambda f: -f["probability"])
+    since = max([float(time[span[0]]), *(float(f["since"]) for f in said)])
+    part = (time >= since) & (time <= time[span[1] - 1])
+    true = {name: float(columns[f"{name} [1]"][part].mean()) for name in task.case.faults}
+    return Answer(
+        task.plant,
+        task.group,
+        mode,
+        task.case.seed,
+        next(iter(task.case.faults.values())),
+        true,
+        tuple(_named(f) for f in said),
+        bool(_in_force(form.get("unknown", ()), now)),
+    )
+
+
+def _in_force(entries: Any, now: float) -> list[Mapping[str, Any]]:
+    return [e for e in entries if e["since"] <= now <= e["until"]]
+
+
+def _named(finding: Mapping[str, Any]) -> Named:
+    others = tuple(str(a["fault"]) for a in finding.get("alternatives", ()))
+    degree, lower, upper = (float(finding[key]) for key in ("degree", "lower", "upper"))
+    return Named(finding["fault"], degree, lower, upper, float(finding["probability"]), others)
+
+
+def _covered(task: Task, mode: str, form: Mapping[str, Any], readings: Recording) -> Covered:
+    """Count the samples inside findings, and inside periods that nothing known explains."""
+
+    def inside(entries: Any) -> NDArray[np.bool_]:
+        flags = np.zeros(len(readings), dtype=bool)
+        for entry in entries:
+            flags |= (readings.time >= entry["since"]) & (readings.time <= entry["until"])
+        return flags
+
+    fault, unknown = inside(form["findings"]), inside(form.get("unknown", ()))
+    return Covered(
+        task.group,
+        mode,
+        len(readings),
+        int(fault.sum()),
+        int((unknown & ~fault).sum()),
+        tuple(f["fault"] for f in form["findings"]),
+    )
+
+
+def _samples(
+    task: Task, mode: str, rules: Ruleset, result: Trace, columns: Mapping[str, Array]
+) -> Samples:
+    """The trace of the task's fault; of no fault if it has none."""
+    n = len(result.time)
+    if not task.case.faults:
+        none = np.zeros(n)
+        return Samples(task.group, mode, result.verdict, none, none, none, none)
+    fault = next(iter(task.case.faults))
+    k = [f.id for f in rules.faults].index(fault)
+    true = columns[f"{fault} [1]"]
+    found = (result.degree[k], result.lower[k], result.upper[k])
+    return Samples(task.group, mode, result.verdict, true, *found)
+
+
+def _ungated(task: Task, rules: Ruleset, readings: Recording, gated: Samples) -> Samples:
+    """The paper's equations alone, as method.md predicts their bias, on the same samples."""
+    noise = {name: noise_of(values) for name, values in readings.values.items()}
+    result = judge_by_paper(rules, observe(rules, points_of_samples(readings, rules, noise)))
+    ids = [f.id for f in rules.faults]
+    k = ids.index(next(iter(task.case.faults)))
+    verdict = tuple(
+        word if word == "moving" else ids[winner]
+        for word, winner in zip(gated.verdict, result.winner(), strict=True)
+    )
+    found = (result.degree[k], result.lower[k], result.upper[k])
+    return Samples(task.group, UNGATED, verdict, gated.true, *found)

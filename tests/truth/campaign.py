@@ -1,0 +1,93 @@
+"""Campaigns: lists of cases over faults, degrees and operating points, their seeds fixed before."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from .plant import Plant
+from .runs import HOLD, Run, Speeds, visiting_run
+from .transients import INERTIA, Inertia, settling
+
+DEGREES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+FAULT_SENSORS = ("dp", "P_el")  # no speed-sensor fault in the paper
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording to be made.
+
+    Attributes
+    ----------
+    faults : degree by fault, as set, all present at once; empty for a healthy case
+    run : how the plant is run
+    seed : of the sensors' errors
+    """
+
+    faults: Mapping[str, float]
+    run: Run
+    seed: int
+
+
+def campaign(
+    plant: Plant,
+    fault_sets: Iterable[Mapping[str, float]],
+    visits: Sequence[Sequence[Speeds]],
+    first_seed: int,
+    lead_in: int = HOLD,
+    hold: int = HOLD,
+    inertia: Inertia | None = INERTIA,
+) -> list[Case]:
+    """Each set of faults on each visit to operating points; seeds count up from the first.
+
+    `inertia` None leaves the transients out.
+    """
+    runs = [
+        (faults, visiting_run(plant, points, faults, lead_in, hold))
+        for faults in fault_sets
+        for points in visits
+    ]
+    return [
+        Case(faults, settling(run, inertia) if inertia else run, first_seed + k)
+        for k, (faults, run) in enumerate(runs)
+    ]
+
+
+def published_faults(plant: Plant) -> list[str]:
+    """The faults the paper produced: 7 per dosing module, 4 per mixer (method.md, section 4)."""
+    names = []
+    for module in plant.modules:
+        names += [f"{module}.{kind}" for kind in ("leakage", "clogging", "widening")]
+        names += [f"{module}.{s}.{kind}" for s in FAULT_SENSORS for kind in ("high", "low")]
+    for mixer in plant.mixers:
+        names += [f"{mixer}.{kind}" for kind in ("clogging", "widening", "dp.high", "dp.low")]
+    return names
+
+
+def single_faults(plant: Plant, degrees: Sequence[float] = DEGREES) -> list[dict[str, float]]:
+    """Every published fault alone, with each degree."""
+    return [{name: degree} for name in published_faults(plant) for degree in degrees]
+
+
+def fault_pairs(
+    plant: Plant, low: float = 0.2, high: float = 0.4, seed: int = 1
+) -> list[dict[str, float]]:
+    """Every two published faults of different places, with degrees drawn between low and high.
+
+    The place of a fault is its sensor, or what it narrows: a line that is both clogged and
+    widened has one friction, and a sensor one slope.
+    """
+    faults = combinations(published_faults(plant), 2)
+    pairs = [pair for pair in faults if _place(pair[0]) != _place(pair[1])]
+    random = np.random.default_rng(seed)
+    degrees = random.uniform(low, high, (len(pairs), 2)).tolist()
+    return [dict(zip(pair, drawn, strict=True)) for pair, drawn in zip(pairs, degrees, strict=True)]
+
+
+def _place(fault: str) -> str:
+    """`A.dp` of `A.dp.high`, `A.friction` of `A.clogging`, `A.leakage` of itself."""
+    place, _, kind = fault.rpartition(".")
+    if kind in ("clogging", "widening"):
+        return f"{place}.friction"
+    return fault if kind == "leakage" else place

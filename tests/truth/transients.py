@@ -1,0 +1,59 @@
+"""Between plateaus: speeds and valves approach what was set, they do not jump.
+
+The liquid itself follows within milliseconds, so every sample stays an operating point of its own
+(quasi-stationary). A sensor that is multiplied by a factor jumps: nothing moves there.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .runs import Run
+from .units import Array
+
+MOVED_BY_A_VALVE = (".leakage", ".clogging", ".widening")
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Time constants, s; assumed: a converter's speed ramp, a motorised valve of a small rig."""
+
+    speed: float = 1.0
+    valve: float = 1.5
+
+
+INERTIA = Inertia()
+
+
+def settling(run: Run, inertia: Inertia = INERTIA) -> Run:
+    """The run as it happens if what it holds so far are set values.
+
+    Raises ValueError for a run on the bench, whose throttle is not there afterwards.
+    """
+    operation = run.operation
+    if operation.on_bench is not None:
+        raise ValueError("a run on the maker's bench is set up point by point, without transients")
+    speed = {
+        name: approach(operation.time, value, inertia.speed)
+        for name, value in operation.speed.items()
+    }
+    faults = {
+        name: approach(operation.time, degree, inertia.valve)
+        if name.endswith(MOVED_BY_A_VALVE)
+        else degree
+        for name, degree in run.faults.items()
+    }
+    return Run(run.plant, replace(operation, speed=speed), faults)
+
+
+def approach(time: Array, setting: Array, time_constant: float) -> Array:
+    """First-order approach to a setting, settled at the first sample; shape (n,).
+
+    The setting of a sample holds since the sample before.
+
+    Source: exact solution of `time_constant dy/dt = setting - y` for a constant setting.
+    """
+    value = np.array(setting, dtype=np.float64)
+    for k, left in enumerate(np.exp(-np.diff(time) / time_constant), start=1):
+        value[k] = setting[k] + left * (value[k - 1] - setting[k])
+    return value
