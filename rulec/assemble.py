@@ -43,13 +43,15 @@ class TargetNodes:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A fault of a module instance; `affects` lists observer ids in the whole plant."""
+    """A fault of a module instance; `affects` lists observer ids in the whole plant, `scales` the
+    signals in what it scales."""
 
     id: str
     module: str
     fault: TypeFault
     target: str
     affects: tuple[str, ...]
+    scales: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,16 @@ class _Instance:
                 self.graph.zero,
             )
 
+    def signals_of(self, target: str) -> tuple[str, ...]:
+        """Signals in what faults of a target scale; none where they act on the flow."""
+        found: list[str] = []
+        for name in self.model.targets[target].gradient if target in self.model.targets else ():
+            if name in self.module.type.signals:
+                found.append(self.id(name))
+            elif name.startswith(GATHERED):
+                found += self.gathers[name.removeprefix(GATHERED)]
+        return tuple(found)
+
     def slope(self, observer: str, variable: str) -> Node:
         """Derivative of an own observer by a local variable, without uncertainty."""
         expression = self.model.gradients[observer].get(variable)
@@ -257,7 +269,14 @@ def _hypotheses(part: _Instance, parts: Mapping[str, _Instance]) -> Iterable[Hyp
             signal = part.id(fault.target)
             affects += [o for o, _, _ in _readers(parts, signal)]
         name = part.module.name
-        yield Hypothesis(part.id(fault.id), name, fault, part.id(fault.target), tuple(affects))
+        yield Hypothesis(
+            part.id(fault.id),
+            name,
+            fault,
+            part.id(fault.target),
+            tuple(affects),
+            part.signals_of(fault.target),
+        )
 
 
 def _readers(

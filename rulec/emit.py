@@ -136,6 +136,7 @@ def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
         float(fault.tolerance),
         variant.meaning,
         hypothesis.affects,
+        hypothesis.scales,
         _origin(fault.origin),
     )
 

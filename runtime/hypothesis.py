@@ -137,12 +137,11 @@ class HypothesisTest:
         # fits at all is asked with its tolerance.
         widened = self._widened(faults, undone, pure.degree, places)
         best = self._fit(faults, undone, places, widened, (pure.degree,))
-        _, volume = np.linalg.slogdet(np.where(np.isfinite(widened), widened, 0.0))
-        usable = np.isfinite(volume) & np.isfinite(best.distance) & np.isfinite(u).all(axis=1)
+        usable = np.isfinite(best.distance) & np.isfinite(u).all(axis=1)
         if len(faults) > 1:
             usable &= _told_apart(information)
-        evidence = np.full(len(volume), -np.inf)
-        evidence[usable] = -0.5 * (best.distance[usable] + volume[usable])
+        # The tolerance must not speak against a fault either: no price for the wider covariance.
+        evidence = np.where(usable, -0.5 * best.distance, -np.inf)
         distance = np.where(usable, best.distance, np.inf) if len(faults) > 1 else best.distance
         return Outcome(pure.degree, u, distance, evidence)
 

@@ -153,12 +153,33 @@ def _judge_group(test: HypothesisTest, result: Isolation) -> None:
         result.degree[i, chosen], result.u[i, chosen] = outcome.degree[:, 0], outcome.u[:, 0]
         result.distance[i, chosen], evidence[i] = outcome.distance, outcome.evidence
     evidence[~(result.distance[:, chosen] <= accepted(rank, 1, chance))] = -np.inf
+    within = _within_range(test)
+    evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
-    unexplained = chosen[~np.isfinite(evidence).any(axis=0)]
+    unexplained = chosen[~np.isfinite(evidence).any(axis=0) & within.all(axis=0)]
     if len(unexplained) and rank > 2:
-        _take_pairs(fit_pairs(test_of(
-            test.ruleset, test.observed, test.valid, test.basis, unexplained
-        ), accepted(rank, 2, chance)), unexplained, result)  # fmt: skip
+        test = test_of(test.ruleset, test.observed, test.valid, test.basis, unexplained)
+        _take_pairs(fit_pairs(test, accepted(rank, 2, chance)), unexplained, result)
+
+
+def _within_range(test: HypothesisTest) -> np.ndarray:
+    """Whether every reading beyond its range may be so because of a fault, shape (faults, n).
+
+    The equations hold in a range. A fault may move what it scales out of it; what left it
+    otherwise is an operating point of which nothing is known.
+    """
+    faults = test.ruleset.faults
+    within = np.ones((len(faults), len(test.members)), dtype=bool)
+    for signal, flags in test.observed.extrapolated.items():
+        outside = flags[test.members] & _is_read(test, signal)
+        within[[signal not in fault.scales for fault in faults]] &= ~outside
+    return within
+
+
+def _is_read(test: HypothesisTest, signal: str) -> bool:
+    """Does a usable observer rest on a signal?"""
+    observers = zip(test.ruleset.observers, test.valid, strict=True)
+    return any(usable and signal in observer.signals for observer, usable in observers)
 
 
 def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from runtime.plan import Plan
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 THRESHOLD = 3.0
 """A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
@@ -121,7 +121,11 @@ class ResidualSpec:
 
 @dataclass(frozen=True)
 class FaultSpec:
-    """A hypothesis. `affects` lists the observers that it makes wrong."""
+    """A hypothesis.
+
+    `affects` lists the observers that it makes wrong, `scales` the signals in what it scales: only
+    these may leave the calibrated range because of the fault.
+    """
 
     id: str
     module: str
@@ -135,6 +139,7 @@ class FaultSpec:
     tolerance: float
     meaning: str
     affects: tuple[str, ...]
+    scales: tuple[str, ...]
     origin: str
 
 

@@ -84,6 +84,7 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
     for fault in ruleset.faults:
         yield "module", fault.module
         yield from (("observer", o) for o in fault.affects)
+        yield from (("signal", s) for s in fault.scales)
     for cell in ruleset.cells:
         yield "fault", cell.fault
         yield "residual", cell.residual

@@ -49,10 +49,11 @@ def see_stretches(
 ) -> list[Seen]:
     """Observe the stretches, learn the baseline of each block, isolate."""
     whole = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
-    return [_see_block(ruleset, whole, block, mode) for block in blocks_of(ruleset)]
+    return [see_block(ruleset, whole, block, mode) for block in blocks_of(ruleset)]
 
 
-def _see_block(ruleset: Ruleset, whole: Observed, block: Block, mode: str) -> Seen:
+def see_block(ruleset: Ruleset, whole: Observed, block: Block, mode: str) -> Seen:
+    """Learn the baseline of one block of estimates, and isolate."""
     plain = within(whole, block)
     if mode == PAPER:
         # The paper knows no baseline.

@@ -32,11 +32,11 @@ def verdict_at(ruleset: Ruleset, seen: Seen, point: int) -> Verdict:
         return Verdict("blind", (), because)
     if not isolation.deviating[point]:
         return Verdict("ok", (), "")
-    outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
-    if outside:
-        return Verdict("outside", (), _outside(ruleset, outside[0]))
     chances = isolation.probability[:, point]
     if chances.max(initial=0.0) <= 0:
+        outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
+        if outside:
+            return Verdict("outside", (), _outside(ruleset, outside[0]))
         return Verdict("unknown", (), _unexplained(ruleset, seen, point))
     pair = tuple(int(i) for i in isolation.pair[point])
     return Verdict("fault", (int(np.argmax(chances)),) if pair[0] < 0 else pair, "")

@@ -83,7 +83,7 @@ def test_a_pump_within_the_tolerance_of_its_sheet_raises_no_alarm(station: Rules
 def test_missing_head_is_found_with_its_degree(station: Ruleset) -> None:
     """20 % less head is named, by itself or with what looks the same at one operating point."""
     (finding,) = diagnose(recording(head=0.2), station).findings
-    causes = {finding.fault.id, *(name for name, _ in finding.alternatives)}
+    causes = {finding.fault.id, *(name for name, _ in finding.alternatives + finding.remote)}
     assert {"P14.missing-head", "P14.recirculation", "P14.Q.low"} == causes
 
 

@@ -16,6 +16,8 @@ from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.observe import observe
 from runtime.paper_mode import judge_by_paper
 from runtime.recording import Recording
+from runtime.redundancy import blocks_of
+from runtime.seen import see_block
 from runtime.trace import trace
 from runtime.verdict import why_blind
 from tests.method.readings import built, noise_free, points, recording, ruleset
@@ -182,8 +184,9 @@ def test_reasons_do_not_repeat_the_reading(
     rules, n = ruleset("abc"), len(readings)
     values = {name: np.repeat(v, n) for name, v in noise_free("abc").items()}
     values[signal] = np.array(readings)
-    observed = observe(rules, points(rules, values))
-    assert [expected] * n == [why_blind(rules, observed, i) for i in range(n)]
+    (block,) = blocks_of(rules)
+    seen = see_block(rules, observe(rules, points(rules, values)), block, "default")
+    assert [expected] * n == [why_blind(rules, seen, i) for i in range(n)]
 
 
 @NO_WARNING

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import sympy
 import yaml
-from hypothesis import assume, given, settings
+from hypothesis import assume, given, reject, settings
 
 from rulec.graph import Graph
 from rulec.language.symbolic import Absolute, Larger, Signum, Smaller
@@ -409,7 +409,11 @@ def exact(expression: sympy.Expr, at: tuple[Any, ...]) -> tuple[sympy.Float, flo
     for ours, theirs in CORNERS.items():
         expression = expression.replace(ours, theirs)
     point = {s: sympy.Float(v, DIGITS) for s, v in zip(SYMBOLS, at, strict=True)}
-    parts = [e.evalf(DIGITS, subs=point) for e in sympy.preorder_traversal(expression)]
+    try:
+        parts = [e.evalf(DIGITS, subs=point) for e in sympy.preorder_traversal(expression)]
+    except ValueError:
+        # sympy cannot decide which of two arguments is smaller where they cancel to noise.
+        reject()
     assume(all(part.is_finite for part in parts))
     jumps = [e.args[0] for e in expression.atoms(sympy.sign)]
     assume(all(j.is_number or abs(j.evalf(DIGITS, subs=point)) > 1e-9 for j in jumps))
