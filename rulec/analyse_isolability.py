@@ -47,6 +47,7 @@ def analyse_isolability(rules: Rules) -> Isolability:
     watched = {r.module for r in assembly.residuals.residuals} | {
         o.split(".")[0] for r in assembly.residuals.residuals for _, o in r.terms
     }
+    watched |= {c.fault.split(".")[0] for c in rules.signatures.cells}
     blind = [m for m in assembly.residuals.network.plant.modules if m not in watched]
     return Isolability(rules, tuple(groups), (*blind, *silent))
 

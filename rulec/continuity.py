@@ -84,9 +84,7 @@ def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, Fix
     """
     given = set(known)
     search = _Search(graph, given)
-    return {
-        name: flow for name in graph.ends if name not in given and (flow := search.flow(name))
-    }
+    return {name: flow for name in graph.ends if name not in given and (flow := search.flow(name))}
 
 
 def without_flow(graph: FlowGraph) -> list[str]:

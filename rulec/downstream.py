@@ -32,7 +32,10 @@ class Downstream:
     """Sums of what modules provide, along the ways of a plant."""
 
     def __init__(self, plant: Plant, balances: tuple[Balance, ...], graph: FlowGraph) -> None:
-        self._plant = plant
+        self._provided: dict[str, dict[str, str]] = {}
+        for module in plant.modules.values():
+            for name, signal in module.type.provides.items():
+                self._provided.setdefault(name, {})[module.name] = signal
         self._inlet = {m: tail for m, (tail, _) in graph.ends.items()}
         # Every open end is a place of its own: nothing says that they are at one pressure.
         ends = (m for m, (_, head) in graph.ends.items() if head == SURROUNDINGS)
@@ -54,12 +57,7 @@ class Downstream:
         goal = inlet if in_loop else SURROUNDINGS
         if goal not in self._ways:
             self._ways[goal] = _Ways(self._places, self._leaving, self._head, goal)
-        return self._ways[goal].sum(start, name, self._provided(name))
-
-    def _provided(self, name: str) -> Mapping[str, str]:
-        """The signal under a name, of all modules that have one."""
-        modules = self._plant.modules.values()
-        return {m.name: m.type.provides[name] for m in modules if name in m.type.provides}
+        return self._ways[goal].sum(start, name, self._provided.get(name, {}))
 
 
 class _Ways:

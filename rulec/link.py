@@ -39,7 +39,7 @@ def link(plant: Plant) -> Network:
     Raises `Refused` (KB087, KB089, KB090) where nothing could be compared, where a sum downstream
     is not defined, and where a module is connected so that nothing can flow.
     """
-    balances = _balances(plant)
+    balances = junctions(plant)
     graph = FlowGraph.of(balances, plant.modules)
     observers = sum(len(m.type.observers) for m in plant.modules.values())
     if not observers:
@@ -54,7 +54,7 @@ def link(plant: Plant) -> Network:
     return Network(plant, balances, graph, _gathers(plant, balances, graph), _sums(plant, graph))
 
 
-def _balances(plant: Plant) -> tuple[Balance, ...]:
+def junctions(plant: Plant) -> tuple[Balance, ...]:
     """One balance per junction: outlets and inlets that touch belong together."""
     pipes: nx.Graph = nx.Graph()
     for source, target in plant.connections:
