@@ -71,6 +71,18 @@ class FlowGraph:
                 parent[high] = low
         return {node: root(node) for node in sorted(parent)}
 
+    def measured_balances(self, measured: Iterable[str]) -> dict[int, dict[str, int]]:
+        """The balances of known flows: per place the modules that enter (+1) and leave (-1)."""
+        measured = list(measured)
+        place, result = self.places(measured), dict[int, dict[str, int]]()
+        for name in measured:
+            tail, head = (place[node] for node in self.ends[name])
+            if tail != head:
+                result.setdefault(head, {})[name] = 1
+                result.setdefault(tail, {})[name] = -1
+        result.pop(place[SURROUNDINGS], None)
+        return dict(sorted(result.items()))
+
 
 def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, FixedFlow]:
     """Flows of further modules that those of `known` fix.

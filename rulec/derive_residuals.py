@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from rulec.continuity import SURROUNDINGS, FixedFlow
+from rulec.continuity import FixedFlow
 from rulec.link import Network
 from rulec.plant import Module
 from rulec.span import Span
@@ -127,15 +127,8 @@ def _balances(network: Network) -> Iterator[Residual]:
     """
     modules = network.plant.modules
     measured = [m.name for m in modules.values() if m.type.observers]
-    places = network.graph.places(measured)
-    touching: dict[int, dict[str, int]] = {}
-    for name in measured:
-        tail, head = (places[node] for node in network.graph.ends[name])
-        if tail != head:
-            touching.setdefault(head, {})[name] = 1
-            touching.setdefault(tail, {})[name] = -1
-    for place in sorted(touching.keys() - {places[SURROUNDINGS]}):
-        yield _balance(modules, touching[place])
+    for signs in network.graph.measured_balances(measured).values():
+        yield _balance(modules, signs)
 
 
 def _balance(modules: Mapping[str, Module], signs: Mapping[str, int]) -> Residual:

@@ -167,9 +167,13 @@ class Graph:
                 nodes.append(self.apply(kind, nodes[a], nodes[b]))
         return [nodes[i] for i in results]
 
-    def plan(self) -> Plan:
-        """Freeze: keep what the outputs need, numbered inputs, constants, operations."""
-        needed = self._needed(self.outputs.values())
+    def plan(self, outputs: Mapping[str, Node] | None = None) -> Plan:
+        """Freeze: keep what the outputs need, numbered inputs, constants, operations.
+
+        `outputs` are those of the graph unless given.
+        """
+        outputs = self.outputs if outputs is None else outputs
+        needed = self._needed(outputs.values())
         kinds = self._kinds
         used = sorted(i for i in needed if kinds[i][0] == "constant")
         used_inputs = sorted(i for i in needed if kinds[i][0] == "input")
@@ -187,7 +191,7 @@ class Graph:
             tuple(self._inputs[kinds[i][1]] for i in used_inputs),
             tuple(self._values[i] for i in used),
             tuple(operations),
-            {name: number[node] for name, node in self.outputs.items()},
+            {name: number[node] for name, node in outputs.items()},
         )
 
     def _needed(self, roots: Iterable[Node]) -> set[Node]:
