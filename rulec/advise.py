@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rulec.derive_signatures import Signatures
-from rulec.knowledge import SensorClass, Signal
+from rulec.knowledge import Signal
 from rulec.language.units import VOLUME_FLOW
 from rulec.linearise import linearise
 from rulec.neighbourhood import NO_SPREAD, Neighbourhood, Sensor, apart
@@ -33,6 +33,9 @@ SEEN = 2.0
 WIDE = 30
 """At junctions of more modules than this, pairs of faults of different modules are not listed:
 their number grows with the square."""
+
+REACH = 6
+"""Of modules further away that read a signal of a module, so many nearest ones are looked at."""
 
 MOST = 4
 """No advice asks for more sensors than this."""
@@ -60,12 +63,17 @@ class Adviser:
         for place, names in self._balances.items():
             for name in names:
                 self._places[name] |= {place}
+        self._number = {name: i for i, name in enumerate(self._modules)}
         self._linear = linearise(signatures)
         self._faults: dict[str, list[str]] = {}
         self._module_of: dict[str, str] = {}
+        self._reached: dict[str, set[str]] = {}
         for h in signatures.assembly.hypotheses:
             self._faults.setdefault(h.module, []).append(h.id)
             self._module_of[h.id] = h.module
+            reached = self._reached.setdefault(h.module, set())
+            reached.update(o.partition(".")[0] for o in h.affects)
+        self._around = {name: self._surrounding(name) for name in self._modules}
         self._hoods: dict[frozenset[int | str], Neighbourhood] = {}
         self._candidates: dict[str, tuple[Sensor, ...]] = {}
 
@@ -108,12 +116,20 @@ class Adviser:
             if len(names) <= WIDE:
                 yield from itertools.combinations(names, 2)
 
+    def _surrounding(self, name: str) -> frozenset[int | str]:
+        """Places of a module, by number, and modules that stand for themselves, by name.
+
+        The latter are the module, if it touches no place, and some that read its signals.
+        """
+        places = self._places[name]
+        number = self._number
+        far = [m for m in self._reached.get(name, ()) if not self._places[m] & places]
+        near = sorted(far, key=lambda m: (abs(number[m] - number[name]), m))
+        alone = {name} if not places else set()
+        return frozenset((*places, *alone, *near[:REACH]))
+
     def _key(self, modules: Iterable[str]) -> frozenset[int | str]:
-        """Places of modules; a module that touches none stands for itself."""
-        found: set[int | str] = set()
-        for name in modules:
-            found |= self._places[name] or {name}
-        return frozenset(found)
+        return frozenset().union(*(self._around[name] for name in modules))
 
     def _hood(self, faults: Sequence[str]) -> Neighbourhood | None:
         modules = list(dict.fromkeys(self._module_of[f] for f in faults))
@@ -144,37 +160,39 @@ class Adviser:
             self._candidates[name] = found
         return self._candidates[name]
 
+    def _used(self, module: Module) -> list[Signal]:
+        """Own signals that an estimate of the module reads."""
+        inputs = {n for o in module.type.observers for n in self._linear.gradients[_id(module, o)]}
+        return [s for s in module.type.signals.values() if _id(module, s.name) in inputs]
+
     def _second_readings(self, module: Module) -> Iterable[Sensor]:
-        used = {n for o in module.type.observers for n in self._linear.gradients[_id(module, o)]}
-        for signal in module.type.signals.values():
+        for signal in self._used(module):
             reading = _id(module, signal.name)
-            if reading in used:
-                cost = self._knowledge.sensors[signal.sensor].cost
-                title = f"a second reading of {reading}"
-                u = self._linear.uncertainties[reading]
-                yield Sensor(module.name, signal.name, title, cost, reading, u)
+            cost = self._knowledge.sensors[signal.sensor].cost
+            title, u = f"a second reading of {reading}", self._linear.uncertainties[reading]
+            yield Sensor(module.name, signal.name, title, cost, reading, u)
 
     def _flow_meter(self, module: Module) -> Iterable[Sensor]:
-        """Of the class that the type declares, else of the cheapest that other types use."""
-        if not module.type.observers:
+        """As declared but not used by the type, else of the cheapest class that needs no range."""
+        if not module.type.observers or any(_is_flow(s) for s in self._used(module)):
             return
-        used = {n for o in module.type.observers for n in self._linear.gradients[_id(module, o)]}
-        own = [s for s in module.type.signals.values() if _is_flow(s)]
-        if any(_id(module, s.name) in used for s in own):
-            return
-        types = self._knowledge.modules.values()
-        others = [replace(s, full_scale=None) for t in types for s in t.signals.values()]
-        known = [(self._class(s), s) for s in own or others if _is_flow(s)]
-        fitting = [(c, s) for c, s in known if s.full_scale or c.kind != "full scale"]
-        if fitting:
-            sensor, signal = min(fitting, key=lambda k: (k[0].cost, k[0].name, k[1].name))
+        classes = self._knowledge.sensors
+        kinds = self._knowledge.units.quantities
+        declared = [
+            (classes[s.sensor], s.name, s.full_scale)
+            for s in module.type.signals.values()
+            if _is_flow(s)
+        ]
+        known = [
+            (c, c.measures, None)
+            for c in classes.values()
+            if kinds.get(c.measures) == VOLUME_FLOW and c.kind != "full scale"
+        ]
+        for sensor, name, full_scale in sorted(declared or known, key=lambda k: k[0].cost)[:1]:
             existing = _id(module, _first(module))
-            u = sensor.uncertainty(signal.full_scale, self._signatures.flows[existing])
+            u = sensor.uncertainty(full_scale, self._signatures.flows[existing])
             title = f"a flow meter in {module.name}"
-            yield Sensor(module.name, signal.name, title, sensor.cost, existing, u)
-
-    def _class(self, signal: Signal) -> SensorClass:
-        return self._knowledge.sensors[signal.sensor]
+            yield Sensor(module.name, name, title, sensor.cost, existing, u)
 
 
 def _id(module: Module, name: str) -> str:

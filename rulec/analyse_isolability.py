@@ -54,8 +54,8 @@ def analyse_isolability(rules: Rules) -> Isolability:
     effects = _matrix(rules, faults)
     adviser = Adviser(rules.signatures)
     shown = _by_detectability(rules)
-    found = {names: "coincide" for names in _coinciding(faults, effects)}
-    found |= {pair: "nested" for pair in _nested(faults, effects)}
+    found = dict.fromkeys(_coinciding(faults, effects), "coincide")
+    found |= dict.fromkeys(_nested(faults, effects), "nested")
     known = {frozenset(names) for names in found}
     together = [n for n, kind in found.items() if kind == "coincide"]
     found |= {
@@ -125,10 +125,11 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
     parts = [_telling(shown, *names)] if kind == "nested" else []
     if any(np.isfinite(degrees)) and not (far and parts):
         each = " and ".join(_from(n, x) for n, x in zip(names, degrees, strict=True))
-        parts.append(f"safely, by all residuals together, from {each} on")
+        parts.append(f"{'' if parts else 'told apart '}safely, by all residuals, from {each} on")
     if advice is not None:
         with_ = " and ".join(s.title for s in advice.sensors)
-        parts.append(f"with {with_} from {advice.degree:.2g} on")
+        does = "would do so from" if parts else "would tell them apart from a degree of"
+        parts.append(f"{with_} {does} {advice.degree:.2g} on")
     elif not far:
         parts.append("no further reading there would; compare several operating points")
     sensors = advice.sensors if advice is not None else ()

@@ -113,7 +113,7 @@ class _Ways:
             return (), meeting
         parting = ", ".join(f"'{m}'" for m in ways)
         if meeting == SURROUNDINGS:
-            remedy = "if they end at one pressure, lead them into one more module, such as a pipe"
+            remedy = "if they end at one pressure, lead them into one more module, such as a vessel"
             raise Undefined(f"the ways through {parting} end at different places", remedy)
         branch = self._measured(place, meeting, region, provided)
         if branch is None:

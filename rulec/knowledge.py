@@ -25,7 +25,8 @@ class SensorClass:
 
     `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
     `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
-    `cost` is what one more of them costs, fitted, relative to the other classes.
+    `cost` is what one more of them costs, fitted, relative to the other classes; `measures` the
+    quantity for which advice may propose it where no signal is declared.
     """
 
     name: str
@@ -34,6 +35,7 @@ class SensorClass:
     standard: float
     unit: Unit
     cost: float
+    measures: str
     origin: Origin
 
     def uncertainty(self, full_scale: float | None, reading: float) -> float:
