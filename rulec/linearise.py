@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import sympy
 
+from rulec.assemble import Hypothesis
 from rulec.derive_signatures import Signatures, reference_inputs
 from rulec.differentiate import G
 from rulec.graph import Graph
-from runtime.plan import Plan
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,14 @@ def linearise(signatures: Signatures) -> Linearised:
         outputs |= {f"{key}|d|{o}": node for o, node in target.slopes.items()}
     inputs = reference_inputs(assembly, signatures.reference)
     values = {k: float(v[0]) for k, v in assembly.graph.plan(outputs).run(inputs).items()}
+    excess = _Excess(signatures, values)
     effects: dict[str, dict[str, float]] = {}
     shifts: dict[str, float] = {}
-    onset = _Onset()
     for h in assembly.hypotheses:
-        rule = h.fault.rule.onset
         if h.fault.fault.acts_on == "flow":
-            effects[h.id] = {o: onset.at(rule, signatures.flows[o]) for o in h.affects}
+            effects[h.id] = {o: excess.of(h, o) for o in h.affects}
             continue
-        shift = onset.at(rule, values[f"{h.target}|value"])
-        slopes = assembly.targets[h.target].slopes
+        shift, slopes = excess.of(h, h.target), assembly.targets[h.target].slopes
         effects[h.id] = {o: shift * values[f"{h.target}|d|{o}"] for o in h.affects if o in slopes}
         if h.fault.fault.acts_on == "signal":
             shifts[h.id] = shift
@@ -75,16 +74,26 @@ def linearise(signatures: Signatures) -> Linearised:
     )
 
 
-class _Onset:
-    """Evaluates what a fault begins with; few laws, many modules."""
+class _Excess:
+    """What is there too much per unit of a fault's degree; every law is evaluated once."""
 
-    def __init__(self) -> None:
-        self._plans: dict[sympy.Expr, Plan] = {}
+    def __init__(self, signatures: Signatures, values: Mapping[str, float]) -> None:
+        places: dict[sympy.Expr, dict[str, float]] = {}
+        for h in signatures.assembly.hypotheses:
+            found = places.setdefault(h.fault.rule.onset, {})
+            if h.fault.fault.acts_on == "flow":
+                found |= {o: signatures.flows[o] for o in h.affects}
+            else:
+                found[h.target] = values[f"{h.target}|value"]
+        self._known = {onset: _at(onset, found) for onset, found in places.items()}
 
-    def at(self, onset: sympy.Expr, g: float) -> float:
-        plan = self._plans.get(onset)
-        if plan is None:
-            graph = Graph(["g"])
-            plan = graph.plan({"onset": graph.lower(onset, {G: graph.input("g")})})
-            self._plans[onset] = plan
-        return float(plan.run({"g": g})["onset"][0])
+    def of(self, hypothesis: Hypothesis, place: str) -> float:
+        """At an observer or a target."""
+        return self._known[hypothesis.fault.rule.onset][place]
+
+
+def _at(onset: sympy.Expr, scaled: Mapping[str, float]) -> dict[str, float]:
+    graph = Graph(["g"])
+    plan = graph.plan({"onset": graph.lower(onset, {G: graph.input("g")})})
+    values = plan.run({"g": np.array(list(scaled.values()))})["onset"]
+    return dict(zip(scaled, np.broadcast_to(values, len(scaled)).tolist(), strict=True))
