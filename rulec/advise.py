@@ -143,7 +143,8 @@ class Adviser:
 
     def _neighbourhood(self, key: frozenset[int | str]) -> Neighbourhood:
         """First observers in the balances, and against them the others of each module."""
-        balances = [b for place, b in self._balances.items() if place in key]
+        places = sorted(p for p in key if isinstance(p, int))
+        balances = [self._balances[p] for p in places]
         names = {n for b in balances for n in b} | {p for p in key if isinstance(p, str)}
         modules = [m for name, m in self._modules.items() if name in names]
         residuals = [{f"{n}.{_first(self._modules[n])}": s for n, s in b.items()} for b in balances]
