@@ -37,14 +37,14 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
 def run_passes(start: Any, passes: tuple[Callable[[Any], Any], ...] = PASSES) -> Any:
     """Run passes one after the other; raises `Refused` with all mistakes of the first bad one."""
     result = start
-    with _without_collector():
+    with without_collector():
         for step in passes:
             result = step(result)
     return result
 
 
 @contextmanager
-def _without_collector() -> Iterator[None]:
+def without_collector() -> Iterator[None]:
     """No search for garbage: tables live to the end, and walking them takes a third of the time."""
     was_on = gc.isenabled()
     gc.disable()
