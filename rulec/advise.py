@@ -90,14 +90,21 @@ class Adviser:
         keys = dict.fromkeys(self._key(pair) for pair in self._neighbours())
         for key in keys:
             hood = self._hood_of(key)
-            faults = list(hood.faults)
-            distance = SMALL * apart(hood.gram(faults))
-            seen = np.diagonal(distance) >= SEPARATED
-            hidden = (distance < SEPARATED) & seen[:, None]
-            for i, j in np.argwhere(np.triu(hidden | hidden.T, 1)):
-                pair = (faults[i], faults[j])
-                if self._key([self._module_of[f] for f in pair]) == key:
-                    yield pair
+            for faults in self._together(key, hood):
+                distance = SMALL * apart(hood.gram(faults))
+                seen = np.diagonal(distance) >= SEPARATED
+                hidden = (distance < SEPARATED) & seen[:, None]
+                for i, j in np.argwhere(np.triu(hidden | hidden.T, 1)):
+                    pair = (faults[i], faults[j])
+                    if self._key([self._module_of[f] for f in pair]) == key:
+                        yield pair
+
+    def _together(self, key: frozenset[int | str], hood: Neighbourhood) -> list[list[str]]:
+        """Faults whose pairs are looked at: all, but at a wide junction those of one module."""
+        if all(len(self._balances[p]) <= WIDE for p in key if isinstance(p, int)):
+            return [list(hood.faults)]
+        modules = dict.fromkeys(self._module_of[f] for f in hood.faults)
+        return [self._faults[m] for m in modules if self._around[m] == key]
 
     def advise(self, faults: Sequence[str]) -> Advice | None:
         """The cheapest one or two sensors that tell a group apart, else a greedy choice of more."""

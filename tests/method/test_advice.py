@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 import shutil
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from rulec.pipeline import compile_plant, run_passes, up_to
 from rulec.span import Span
 from runtime.plan import Array
 from runtime.ruleset import AmbiguousGroup, Ruleset
+from runtime.ruleset_file import parse_ruleset
 from tests.conftest import ROOT
 from tests.method.readings import PLANTS, ruleset
 
@@ -198,3 +200,32 @@ def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
     assert [second] == two["sensors"]
     coinciding = [a for a in matrix["ambiguities"] if a["kind"] == "coincide"]
     assert [[None] * 3, [None] * 2] == [a["told_from"] for a in coinciding]
+
+
+def test_wide_junction_is_judged_module_by_module(tmp_path: Path) -> None:
+    """Forty pumps on one header: pairs within a module are listed as close, no others."""
+    names = [f"A{i}" for i in range(40)]
+    mixer = "{type: static-mixer, reference: {dp: 0.3}, parameters: {k2: " + (
+        "{value: 7.0e-10, unit: bar/(l/h)**2, u: 0, source: test}}}"
+    )
+    modules = "".join(f"  {n}: {{type: dosing-pcp}}\n" for n in names) + f"  M: {mixer}\n"
+    connections = ", ".join(f"{n} -> M" for n in names)
+    (tmp_path / "plant.yaml").write_text(
+        f"plant: star\ntitle: t\nmodules:\n{modules}connections: [{connections}]\n",
+        encoding="utf-8",
+    )
+    rules = compile_plant(tmp_path)
+    close = [{f.split(".")[0] for f in g.faults} for g in rules.ambiguous if g.kind == "close"]
+    assert [{name} for name in names] == close
+    pump = group(rules, "A7.clogging", "A7.dp.high")
+    assert [("A7", "dp")] == [(s.module, s.signal) for s in pump.sensors]
+
+
+def test_file_of_an_older_tool_still_reads() -> None:
+    """Degrees and sensors of a group are new; without them it has none."""
+    rules = ruleset("abc")
+    data = json.loads(rules.to_json())
+    for entry in data["ambiguous"]:
+        del entry["degrees"], entry["sensors"]
+    plain = tuple(AmbiguousGroup(g.faults, g.kind, g.advice) for g in rules.ambiguous)
+    assert dataclasses.replace(rules, ambiguous=plain) == parse_ruleset(data)
