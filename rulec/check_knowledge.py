@@ -73,7 +73,7 @@ def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> Se
         part["of"],
         part["bound"] * unit.factor / data["coverage"],
         unit,
-        data.get("cost", 1.0),
+        float(data.get("cost", 1.0)),
         data.get("measures", ""),
         origin_of(document, "systematic", source=data["source"]),
     )
