@@ -1,34 +1,22 @@
 """How far apart the faults of a group are, and the cheapest sensors that would tell them apart.
 
-Candidates are, in the modules of the group, a second reading of every signal that an estimate
-uses, and a flow meter. What a candidate adds is one more comparison; its effects and covariance
-follow from the tables of `linearise`, so nothing is compiled again.
+Each group is judged by the estimates around its modules, so that the effort is proportional to
+the number of modules.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from rulec.candidates import candidates
+from rulec.cheapest import SEPARATED, SMALL, Advice, cheapest, degrees_of
 from rulec.derive_signatures import Signatures
-from rulec.knowledge import Signal
-from rulec.language.units import VOLUME_FLOW
 from rulec.linearise import linearise
-from rulec.neighbourhood import NO_SPREAD, Neighbourhood, Sensor, apart
+from rulec.neighbourhood import Neighbourhood, Sensor, apart
 from rulec.plant import Module
-from runtime.plan import Array
-
-SEPARATED = 4.0
-"""Standard deviations that tell two faults apart: two bounds of Table 1, each twice its u."""
-
-SMALL = 0.2
-"""A degree at which faults should be told apart; beyond it they count as alike in practice."""
-
-SEEN = 2.0
-"""Advice may leave a fault that is hard to see at this multiple of the degree that shows it."""
 
 WIDE = 30
 """At junctions of more modules than this, pairs of faults of different modules are not listed:
@@ -36,17 +24,6 @@ their number grows with the square."""
 
 REACH = 6
 """Of modules further away that read a signal of a module, so many nearest ones are looked at."""
-
-MOST = 4
-"""No advice asks for more sensors than this."""
-
-
-@dataclass(frozen=True)
-class Advice:
-    """Sensors that together tell a group apart, and the degree from which on they do."""
-
-    sensors: tuple[Sensor, ...]
-    degree: float
 
 
 class Adviser:
@@ -83,7 +60,7 @@ class Adviser:
         Empty where no junction joins the modules of the group.
         """
         hood = self._hood(faults)
-        return () if hood is None else _degrees(hood.gram(faults))
+        return () if hood is None else degrees_of(hood.gram(faults))
 
     def alike(self) -> Iterable[tuple[str, str]]:
         """Pairs that at a small degree are seen, but not told apart, within or beside a module."""
@@ -113,7 +90,7 @@ class Adviser:
             return None
         modules = dict.fromkeys(self._module_of[f] for f in faults)
         sensors = [s for name in modules for s in self._sensors(name)]
-        return _cheapest(hood, faults, sensors)
+        return cheapest(hood, faults, sensors)
 
     def _neighbours(self) -> Iterable[tuple[str, ...]]:
         """Each module, and each two modules that meet at a junction."""
@@ -163,108 +140,10 @@ class Adviser:
 
     def _sensors(self, name: str) -> tuple[Sensor, ...]:
         if name not in self._candidates:
-            module = self._modules[name]
-            found = (*self._second_readings(module), *self._flow_meter(module))
-            self._candidates[name] = found
+            found = candidates(self._modules[name], self._knowledge, self._linear)
+            self._candidates[name] = tuple(found)
         return self._candidates[name]
-
-    def _used(self, module: Module) -> list[Signal]:
-        """Own signals that an estimate of the module reads."""
-        inputs = {n for o in module.type.observers for n in self._linear.gradients[_id(module, o)]}
-        return [s for s in module.type.signals.values() if _id(module, s.name) in inputs]
-
-    def _second_readings(self, module: Module) -> Iterable[Sensor]:
-        for signal in self._used(module):
-            reading = _id(module, signal.name)
-            cost = self._knowledge.sensors[signal.sensor].cost
-            title, u = f"a second reading of {reading}", self._linear.uncertainties[reading]
-            yield Sensor(module.name, signal.name, title, cost, reading, u)
-
-    def _flow_meter(self, module: Module) -> Iterable[Sensor]:
-        """As declared but not used by the type, else of the cheapest class that needs no range."""
-        if not module.type.observers or any(_is_flow(s) for s in self._used(module)):
-            return
-        classes = self._knowledge.sensors
-        kinds = self._knowledge.units.quantities
-        declared = [
-            (classes[s.sensor], s.name, s.full_scale)
-            for s in module.type.signals.values()
-            if _is_flow(s)
-        ]
-        known = [
-            (c, c.measures, None)
-            for c in classes.values()
-            if kinds.get(c.measures) == VOLUME_FLOW and c.kind != "full scale"
-        ]
-        for sensor, name, full_scale in sorted(declared or known, key=lambda k: k[0].cost)[:1]:
-            existing = _id(module, _first(module))
-            u = sensor.uncertainty(full_scale, self._signatures.flows[existing])
-            title = f"a flow meter in {module.name}"
-            yield Sensor(module.name, name, title, sensor.cost, existing, u)
-
-
-def _id(module: Module, name: str) -> str:
-    return f"{module.name}.{name}"
 
 
 def _first(module: Module) -> str:
     return next(iter(module.type.observers))
-
-
-def _is_flow(signal: Signal) -> bool:
-    return signal.unit.dimension == VOLUME_FLOW
-
-
-def _degrees(gram: Array) -> tuple[float, ...]:
-    """Per fault the degree from which on it is told from every other one."""
-    distance = apart(gram)
-    with np.errstate(divide="ignore"):
-        worst = SEPARATED / distance.min(axis=-1)
-    return tuple(float(x) for x in worst)
-
-
-def _cheapest(
-    hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor]
-) -> Advice | None:
-    gram = hood.gram(faults)
-    effects, covariance = hood.added(faults, sensors)
-
-    def with_(chosen: tuple[int, ...]) -> Array:
-        """Products of effects with some of the sensors added."""
-        part = effects[:, chosen]
-        own = covariance[np.ix_(chosen, chosen)]
-        inverse = np.linalg.inv(own + NO_SPREAD * np.eye(len(chosen)))
-        more: Array = gram + part @ inverse @ part.T
-        return more
-
-    def cost(chosen: tuple[int, ...]) -> float:
-        return sum(sensors[i].cost for i in chosen)
-
-    numbers = range(len(sensors))
-    choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
-    for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
-        told = [(max(_degrees(with_(c))), c) for c in same if _is_told(with_(c))]
-        if told:
-            degree, chosen = min(told)
-            return Advice(tuple(sensors[i] for i in chosen), degree)
-    chosen = ()
-    while len(chosen) < min(MOST, len(sensors)):
-        more = [(*chosen, i) for i in numbers if i not in chosen]
-        chosen = min(more, key=lambda c: (_degrees_left(with_(c)), cost(c)))
-        if _is_told(with_(chosen)):
-            return Advice(tuple(sensors[i] for i in chosen), max(_degrees(with_(chosen))))
-    return None
-
-
-def _degrees_left(gram: Array) -> tuple[int, float]:
-    """How many faults are told at no degree, and the largest degree of the others."""
-    degrees = np.array(_degrees(gram))
-    never = np.isinf(degrees)
-    return int(never.sum()), float(degrees[~never].max(initial=0.0))
-
-
-def _is_told(gram: Array) -> bool:
-    """Is every fault told from the others at a small degree, or nearly as soon as it is seen?"""
-    distance = apart(gram)
-    enough = np.minimum(SMALL * np.diagonal(distance) / SEEN, SEPARATED)
-    return bool(np.all(SMALL * distance.min(axis=-1) >= enough))

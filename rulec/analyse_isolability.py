@@ -9,13 +9,15 @@ the noise of what the other can do.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
 
-from rulec.advise import SMALL, Adviser
+from rulec.advise import Adviser
+from rulec.cheapest import SMALL
 from rulec.derive_rules import Rules
 from rulec.neighbourhood import Sensor
 
@@ -56,13 +58,8 @@ def analyse_isolability(rules: Rules) -> Isolability:
     shown = _by_detectability(rules)
     found = dict.fromkeys(_coinciding(faults, effects), "coincide")
     found |= dict.fromkeys(_nested(faults, effects), "nested")
-    known = {frozenset(names) for names in found}
-    together = [n for n, kind in found.items() if kind == "coincide"]
-    found |= {
-        pair: "close"
-        for pair in adviser.alike()
-        if frozenset(pair) not in known and not any(set(pair) <= set(n) for n in together)
-    }
+    known = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
+    found |= {pair: "close" for pair in adviser.alike() if frozenset(pair) not in known}
     groups = [_group(adviser, shown, names, kind) for names, kind in found.items()]
     silent = [f for f, row in zip(faults, effects, strict=True) if row.nnz == 0]
     watched = {r.module for r in assembly.residuals.residuals} | {
@@ -127,9 +124,9 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
         each = " and ".join(_from(n, x) for n, x in zip(names, degrees, strict=True))
         parts.append(f"{'' if parts else 'told apart '}safely, by all residuals, from {each} on")
     if advice is not None:
-        with_ = " and ".join(s.title for s in advice.sensors)
+        more = " and ".join(s.title for s in advice.sensors)
         does = "would do so from" if parts else "would tell them apart from a degree of"
-        parts.append(f"{with_} {does} {advice.degree:.2g} on")
+        parts.append(f"{more} {does} {advice.degree:.2g} on")
     elif not far:
         parts.append("no further reading there would; compare several operating points")
     sensors = advice.sensors if advice is not None else ()

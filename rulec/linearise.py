@@ -25,6 +25,7 @@ class Linearised:
     Attributes
     ----------
     gradients : per observer d(estimate)/d(input) times the input's standard uncertainty, m3/s.
+    flows : per observer its estimate, m3/s.
     uncertainties : standard uncertainty of each reading, in its unit.
     effects : per fault d(estimate)/d(degree) of the observers it makes wrong, m3/s.
     shifts : per fault of a reading, d(reading)/d(degree), in the unit of the reading.
@@ -32,6 +33,7 @@ class Linearised:
     """
 
     gradients: Mapping[str, Mapping[str, float]]
+    flows: Mapping[str, float]
     uncertainties: Mapping[str, float]
     effects: Mapping[str, Mapping[str, float]]
     shifts: Mapping[str, float]
@@ -67,6 +69,7 @@ def linearise(signatures: Signatures) -> Linearised:
             observer: {name: values[f"{observer}|{name}"] for name in gradient}
             for observer, gradient in assembly.gradients.items()
         },
+        signatures.flows,
         {k.removeprefix("u:"): v for k, v in inputs.items() if k.startswith("u:") and "." in k},
         effects,
         shifts,

@@ -26,8 +26,8 @@ NO_SPREAD = 1e-9
 class Sensor:
     """A reading that could be added.
 
-    `module` and `signal` say where and what, `title` in words; `cost` is relative. It compares
-    `existing`, a reading or an estimate, with itself; `u` is its own standard uncertainty.
+    `module` and `signal` say where and what, `title` in words; `cost` is relative. It is compared
+    with `existing`, an estimate or else a reading; `u` is its own standard uncertainty.
     """
 
     module: str
@@ -35,6 +35,7 @@ class Sensor:
     title: str
     cost: float
     existing: str
+    is_estimate: bool
     u: float
 
 
@@ -78,6 +79,10 @@ class Neighbourhood:
             for observer, effect in plant.effects[fault].items():
                 if observer in observers:
                     row[observers[observer]] = effect
+        # Where an estimate has no slope, as a root at zero, its residuals tell nothing.
+        sound = np.isfinite(gradients).all(axis=1) & np.isfinite(effects).all(axis=0)
+        gradients[~sound], effects[:, ~sound] = 0.0, 0.0
+        signs = signs[~signs[:, ~sound].any(axis=1)]
         spread = signs @ gradients
         size = np.sqrt(np.sum(spread**2, axis=1))
         size = np.maximum(size, NO_SPREAD * size.max(initial=1e-300))
@@ -121,6 +126,7 @@ class Neighbourhood:
             own[k] = sensor.u**2 + beyond
             effects[:, k] = by_fault
         size = np.sqrt(own + np.sum(slopes**2, axis=1))
+        size[size == 0] = 1.0
         slopes, effects, own = slopes / size[:, None], effects / size, own / size**2
         seen = self.whiten @ slopes.T
         rows = self.effects[[self.faults[f] for f in faults]]
@@ -131,7 +137,7 @@ class Neighbourhood:
     ) -> tuple[Mapping[str, float], list[float]]:
         """Existing reading or estimate less the new one: its errors, and what faults do to it."""
         name, plant = sensor.existing, self.plant
-        if name in plant.gradients:
+        if sensor.is_estimate:
             return plant.gradients[name], [plant.effects[f].get(name, 0.0) for f in faults]
         shifts = [plant.shifts[f] if plant.targets.get(f) == name else 0.0 for f in faults]
         return {name: plant.uncertainties[name]}, shifts
