@@ -3,29 +3,41 @@
 Two faults *coincide* where they move all residuals in the same proportion: no reading of this
 plant separates them at one operating point. A fault is *nested* in another where its whole
 signature is part of the other's: they differ only in residuals that one of them leaves at zero,
-which noise may hide.
+which noise may hide. Two others are *close* where a small degree of one is seen, but lies within
+the noise of what the other can do.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
 
+from rulec.advise import Adviser
+from rulec.cheapest import SMALL
 from rulec.derive_rules import Rules
+from rulec.neighbourhood import Sensor
 
 SAME_DIRECTION = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
 class Group:
-    """Faults that are hard or impossible to tell apart; `kind` is ``coincide`` or ``nested``."""
+    """Faults that are hard or impossible to tell apart.
+
+    `kind` is ``coincide``, ``nested`` or ``close``; `degrees`, per fault, those from which on it
+    is told from the others at one operating point (inf: never; empty: not looked at); `sensors`
+    the cheapest that would tell them apart at small degrees, if they are not told already.
+    """
 
     faults: tuple[str, ...]
     kind: str
     advice: str
+    degrees: tuple[float, ...]
+    sensors: tuple[Sensor, ...]
 
 
 @dataclass(frozen=True)
@@ -42,13 +54,24 @@ def analyse_isolability(rules: Rules) -> Isolability:
     assembly = rules.signatures.assembly
     faults = [h.id for h in assembly.hypotheses]
     effects = _matrix(rules, faults)
-    groups = _coinciding(rules, faults, effects) + _nested(rules, faults, effects)
+    adviser = Adviser(rules.signatures)
+    shown = _by_detectability(rules)
+    found = dict.fromkeys(_coinciding(faults, effects), "coincide")
+    found |= dict.fromkeys(_nested(faults, effects), "nested")
+    known = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
+    found |= {pair: "close" for pair in adviser.alike() if frozenset(pair) not in known}
+    groups = [_group(adviser, shown, names, kind) for names, kind in found.items()]
     silent = [f for f, row in zip(faults, effects, strict=True) if row.nnz == 0]
     watched = {r.module for r in assembly.residuals.residuals} | {
         o.split(".")[0] for r in assembly.residuals.residuals for _, o in r.terms
     }
+    watched |= {c.fault.split(".")[0] for c in rules.signatures.cells}
     blind = [m for m in assembly.residuals.network.plant.modules if m not in watched]
     return Isolability(rules, tuple(groups), (*blind, *silent))
+
+
+Shown = Mapping[str, list[tuple[float, str]]]
+"""Residuals of each fault with the degree from which on they show it, smallest first."""
 
 
 def _matrix(rules: Rules, faults: list[str]) -> sparse.csr_matrix:
@@ -65,7 +88,7 @@ def _matrix(rules: Rules, faults: list[str]) -> sparse.csr_matrix:
     return sparse.csr_matrix((entries, where), (len(faults), len(residuals)))
 
 
-def _coinciding(rules: Rules, faults: list[str], effects: sparse.csr_matrix) -> list[Group]:
+def _coinciding(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, ...]]:
     """Groups of faults whose rows point the same way."""
     length = np.sqrt(np.asarray(effects.multiply(effects).sum(axis=1)).ravel())
     unit = sparse.diags(1.0 / np.where(length > 0, length, 1.0)) @ effects
@@ -74,17 +97,11 @@ def _coinciding(rules: Rules, faults: list[str], effects: sparse.csr_matrix) -> 
     for i, j, cosine in zip(alike.row, alike.col, alike.data, strict=True):
         if cosine > SAME_DIRECTION:
             partners.setdefault(int(i), set()).add(int(j))
-    groups, seen = [], set()
-    for i in sorted(partners):
-        members = tuple(sorted(partners[i]))
-        if len(members) > 1 and members not in seen:
-            seen.add(members)
-            names = tuple(faults[j] for j in members)
-            groups.append(Group(names, "coincide", _advice(rules, names)))
-    return groups
+    groups = dict.fromkeys(tuple(sorted(partners[i])) for i in sorted(partners))
+    return [tuple(faults[j] for j in members) for members in groups if len(members) > 1]
 
 
-def _nested(rules: Rules, faults: list[str], effects: sparse.csr_matrix) -> list[Group]:
+def _nested(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, str]]:
     """Ordered pairs (inner, outer) of signatures, one part of the other."""
     signs = effects.sign()
     size = np.diff(signs.indptr)
@@ -94,37 +111,41 @@ def _nested(rules: Rules, faults: list[str], effects: sparse.csr_matrix) -> list
         for i, j, common in zip(agree.row, agree.col, agree.data, strict=True)
         if i != j and common == size[i] < size[j]
     )
-    shown = _by_detectability(rules)
-    return [
-        Group((faults[i], faults[j]), "nested", _telling(shown, faults[i], faults[j]))
-        for i, j in pairs
-    ]
+    return [(faults[i], faults[j]) for i, j in pairs]
 
 
-def _advice(rules: Rules, names: tuple[str, ...]) -> str:
-    """The measurement that would separate coinciding faults.
+def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) -> Group:
+    """A group with how far apart its faults are, and what would help if that is not enough."""
+    degrees = adviser.degrees(names)
+    far = not degrees or max(degrees) <= SMALL
+    advice = None if far else adviser.advise(names)
+    parts = [_telling(shown, *names)] if kind == "nested" else []
+    if any(np.isfinite(degrees)) and not (far and parts):
+        each = " and ".join(_from(n, x) for n, x in zip(names, degrees, strict=True))
+        parts.append(f"{'' if parts else 'told apart '}safely, by all residuals, from {each} on")
+    if advice is not None:
+        more = " and ".join(s.title for s in advice.sensors)
+        does = "would do so from" if parts else "would tell them apart from a degree of"
+        parts.append(f"{more} {does} {advice.degree:.2g} on")
+    elif not far:
+        parts.append("no further reading there would; compare several operating points")
+    sensors = advice.sensors if advice is not None else ()
+    return Group(names, kind, "; ".join(parts), degrees, sensors)
 
-    An additional flow meter in the module of the first fault gives a residual that a fault of a
-    flow or line leaves at zero against the line, while a faulty reading moves only its own
-    observer; so it separates any two that do not act on the very same observers.
-    """
-    hypotheses = {h.id: h for h in rules.signatures.assembly.hypotheses}
-    reached = {frozenset(hypotheses[n].affects) for n in names}
-    modules = sorted({hypotheses[n].module for n in names})
-    if len(reached) > 1:
-        return f"a further flow meter in {' or '.join(modules)} would separate them"
-    return "no further flow reading separates them; compare several operating points"
+
+def _from(fault: str, degree: float) -> str:
+    return f"{degree:.2g} ({fault})" if np.isfinite(degree) else f"no degree ({fault})"
 
 
-def _by_detectability(rules: Rules) -> dict[str, list[tuple[float, str]]]:
-    """Residuals of each fault with the degree from which on they show it, smallest first."""
+def _by_detectability(rules: Rules) -> Shown:
+    """The cells of each fault, smallest degree first."""
     table: dict[str, list[tuple[float, str]]] = {}
     for cell in rules.signatures.cells:
         table.setdefault(cell.fault, []).append((cell.detectable, cell.residual))
     return {fault: sorted(cells) for fault, cells in table.items()}
 
 
-def _telling(shown: Mapping[str, list[tuple[float, str]]], inner: str, outer: str) -> str:
+def _telling(shown: Shown, inner: str, outer: str) -> str:
     """The residual that only the outer fault moves, and from which degree on it shows it."""
     common = {residual for _, residual in shown[inner]}
     degree, residual = next((d, r) for d, r in shown[outer] if r not in common)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import sympy
 
@@ -83,12 +84,13 @@ def assemble(models: Models) -> Assembly:
     guards: dict[str, tuple[tuple[str, Node], ...]] = {}
     for part in parts.values():
         part.lower_observers(observers, gradients, guards)
-    hypotheses = tuple(h for part in parts.values() for h in _hypotheses(part, parts))
+    readers = _readers(parts.values())
+    hypotheses = tuple(h for part in parts.values() for h in _hypotheses(part, readers))
     targets: dict[str, TargetNodes] = {}
     for part in parts.values():
         part.lower_targets(targets)
-    _reach_across(parts, targets)
-    _react(parts, targets)
+    _reach_across(parts, readers, targets)
+    _react(parts, readers, targets)
     nodes, residual_gradients, variances = _residual_nodes(
         graph, models.residuals.residuals, observers, gradients
     )
@@ -262,12 +264,65 @@ class _Instance:
         return graph.zero
 
 
-def _hypotheses(part: _Instance, parts: Mapping[str, _Instance]) -> Iterable[Hypothesis]:
+@dataclass(frozen=True)
+class _Reader:
+    """An observer that reads signals of other modules under the name `gathered`."""
+
+    part: _Instance
+    gathered: str
+    observer: str
+
+    @property
+    def id(self) -> str:
+        return self.part.id(self.observer)
+
+    @cached_property
+    def slope(self) -> tuple[Node, Gradient, Node]:
+        """Slope by the sum downstream, its gradient, its curvature: the same for every signal."""
+        variable = GATHERED + self.gathered
+        expression, symbols = self.part.model.gradients[self.observer][variable], self._symbols
+        derivatives = dict(_derivatives(expression, symbols))
+        gradient = self.part.gradient(derivatives)
+        curvature = derivatives.get(variable, sympy.S.Zero)
+        return self.part.lower(expression), gradient, self.part.lower(curvature)
+
+    @property
+    def _symbols(self) -> tuple[tuple[str, sympy.Symbol], ...]:
+        return tuple(self.part.model.symbols.items())
+
+
+Readers = Mapping[str, list[_Reader]]
+"""Observers of other modules by the signal that they read through `downstream`."""
+
+
+@lru_cache(maxsize=10_000)
+def _derivatives(
+    expression: sympy.Expr, symbols: tuple[tuple[str, sympy.Symbol], ...]
+) -> tuple[tuple[str, sympy.Expr], ...]:
+    """Non-zero derivatives by name; worked out once per module type."""
+    free = expression.free_symbols
+    return tuple((n, sympy.diff(expression, s)) for n, s in symbols if s in free)
+
+
+def _readers(parts: Iterable[_Instance]) -> Readers:
+    found: dict[str, list[_Reader]] = {}
+    for part in parts:
+        for name, signals in part.gathers.items():
+            reading = [
+                _Reader(part, name, observer)
+                for observer, gradient in part.model.gradients.items()
+                if GATHERED + name in gradient
+            ]
+            for signal in signals:
+                found.setdefault(signal, []).extend(reading)
+    return found
+
+
+def _hypotheses(part: _Instance, readers: Readers) -> Iterable[Hypothesis]:
     for fault in part.model.faults:
         affects = [part.id(o) for o in fault.affects]
         if fault.fault.acts_on == "signal":
-            signal = part.id(fault.target)
-            affects += [o for o, _, _ in _readers(parts, signal)]
+            affects += [reader.id for reader in readers.get(part.id(fault.target), ())]
         name = part.module.name
         yield Hypothesis(
             part.id(fault.id),
@@ -279,20 +334,9 @@ def _hypotheses(part: _Instance, parts: Mapping[str, _Instance]) -> Iterable[Hyp
         )
 
 
-def _readers(
-    parts: Mapping[str, _Instance], signal: str
-) -> Iterable[tuple[str, _Instance, tuple[str, str]]]:
-    """Observers of other modules that read a signal through `downstream`."""
-    for part in parts.values():
-        for name, signals in part.gathers.items():
-            if signal not in signals:
-                continue
-            for observer, gradient in part.model.gradients.items():
-                if GATHERED + name in gradient:
-                    yield part.id(observer), part, (observer, GATHERED + name)
-
-
-def _reach_across(parts: Mapping[str, _Instance], targets: dict[str, TargetNodes]) -> None:
+def _reach_across(
+    parts: Mapping[str, _Instance], readers: Readers, targets: dict[str, TargetNodes]
+) -> None:
     """Add the slopes of observers in other modules that read a faulty signal."""
     for part in parts.values():
         for name in part.model.targets:
@@ -302,24 +346,16 @@ def _reach_across(parts: Mapping[str, _Instance], targets: dict[str, TargetNodes
             old = targets[key]
             slopes, gradients = dict(old.slopes), dict(old.slope_gradients)
             curvatures = dict(old.curvatures)
-            for reader, other, (observer, variable) in _readers(parts, key):
-                expression = other.model.gradients[observer][variable]
-                symbols = other.model.symbols
-                slopes[reader] = other.lower(expression)
-                gradients[reader] = other.gradient(
-                    {
-                        n: sympy.diff(expression, s)
-                        for n, s in symbols.items()
-                        if s in expression.free_symbols
-                    }
-                )
-                curvatures[reader] = other.lower(sympy.diff(expression, symbols[variable]))
+            for reader in readers.get(key, ()):
+                slopes[reader.id], gradients[reader.id], curvatures[reader.id] = reader.slope
             targets[key] = replace(
                 old, slopes=slopes, slope_gradients=gradients, curvatures=curvatures
             )
 
 
-def _react(parts: Mapping[str, _Instance], targets: dict[str, TargetNodes]) -> None:
+def _react(
+    parts: Mapping[str, _Instance], readers: Readers, targets: dict[str, TargetNodes]
+) -> None:
     """Fill in how the true flow of a module follows when a definition shifts (paper form).
 
     A dosing module moves along its pump curve; a mixer makes all modules upstream move.
@@ -331,13 +367,9 @@ def _react(parts: Mapping[str, _Instance], targets: dict[str, TargetNodes]) -> N
                 continue
             own = part.flow_response(name, target.driver)
             if own is None:
-                provided = [n for n, s in part.module.type.provides.items() if s == target.driver]
-                own = graph.sum(
-                    other.back_pressure_response(n)
-                    for other in parts.values()
-                    for n in provided
-                    if part.id(target.driver) in other.gathers.get(n, ())
-                )
+                reading = readers.get(part.id(target.driver), ())
+                upstream = dict.fromkeys((reader.part, reader.gathered) for reader in reading)
+                own = graph.sum(other.back_pressure_response(n) for other, n in upstream)
             targets[part.id(name)] = replace(targets[part.id(name)], reaction=own)
 
 

@@ -9,7 +9,7 @@ from rulec.check_fault import check_fault
 from rulec.check_fluid import check_fluid
 from rulec.check_module import check_module
 from rulec.knowledge import Knowledge, SensorClass
-from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.language.diagnostics import Diagnostic, Refused, did_you_mean
 from rulec.language.document import Document
 from rulec.language.part_readers import origin_of, read_unit
 from rulec.language.units import NONE, UnitTable, unit_table
@@ -63,11 +63,17 @@ def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> Se
         message = f"a bound of the {part['of']} is a share, but '{unit.text}' is {unit.dimension}"
         hint = "write '%', or let it be 'of: value'"
         found.append(Diagnostic(document.place("systematic", "unit"), "KB053", message, hint))
+    if data.get("measures", "") not in {"", *units.quantities}:
+        message = f"there is no quantity '{data['measures']}'"
+        hint = did_you_mean(data["measures"], units.quantities)
+        found.append(Diagnostic(document.place("measures"), "KB054", message, hint))
     return SensorClass(
         data["sensor"],
         data["title"],
         part["of"],
         part["bound"] * unit.factor / data["coverage"],
         unit,
+        float(data.get("cost", 1.0)),
+        data.get("measures", ""),
         origin_of(document, "systematic", source=data["source"]),
     )

@@ -60,17 +60,16 @@ def derive_signatures(assembly: Assembly) -> Signatures:
         for residual, found in _reached(assembly, h, holding).items()
     ]
     graph = assembly.graph
-    kept, graph.outputs = graph.outputs, {}
+    outputs = {}
     for i, (h, _, _, scaled, slope) in enumerate(candidates):
-        graph.outputs[f"slope:{i}"] = slope
-        graph.outputs[f"effect:{i}"] = graph.mul(slope, _per_degree(assembly, h, scaled))
+        outputs[f"slope:{i}"] = slope
+        outputs[f"effect:{i}"] = graph.mul(slope, _per_degree(assembly, h, scaled))
     for residual, variance in assembly.residual_variances.items():
-        graph.outputs[f"u:{residual}"] = graph.apply("sqrt", variance)
+        outputs[f"u:{residual}"] = graph.apply("sqrt", variance)
     for observer, node in assembly.observers.items():
-        graph.outputs[f"q:{observer}"] = node
-    plan = graph.plan()
-    graph.outputs = kept
-    values = {k: float(v[0]) for k, v in plan.run(_inputs(assembly, reference)).items()}
+        outputs[f"q:{observer}"] = node
+    found = graph.plan(outputs).run(reference_inputs(assembly, reference))
+    values = {k: float(v[0]) for k, v in found.items()}
     flows = {o: values[f"q:{o}"] for o in assembly.observers}
     uncertainties = {r: values[f"u:{r}"] for r in assembly.residual_variances}
     cells = []
@@ -129,7 +128,7 @@ def _per_degree(assembly: Assembly, hypothesis: Hypothesis, scaled: Node) -> Nod
     return assembly.graph.lower(hypothesis.fault.rule.onset, {G: scaled})
 
 
-def _inputs(assembly: Assembly, reference: Mapping[str, float]) -> dict[str, float]:
+def reference_inputs(assembly: Assembly, reference: Mapping[str, float]) -> dict[str, float]:
     """Reference readings with the systematic uncertainty of their sensors."""
     inputs = {**reference, PARAMETERS: 1.0, MODEL: 1.0}
     plant = assembly.residuals.network.plant
@@ -137,6 +136,5 @@ def _inputs(assembly: Assembly, reference: Mapping[str, float]) -> dict[str, flo
         for signal in module.type.signals.values():
             sensor = plant.knowledge.sensors[signal.sensor]
             key = f"{module.name}.{signal.name}"
-            size = {"full scale": signal.full_scale, "reading": abs(reference[key]), "value": 1.0}
-            inputs[f"u:{key}"] = sensor.standard * (size[sensor.kind] or 0.0)
+            inputs[f"u:{key}"] = sensor.uncertainty(signal.full_scale, reference[key])
     return inputs

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import runtime.ruleset as contract
-from rulec.analyse_isolability import Isolability
+from rulec.analyse_isolability import Group, Isolability
 from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signatures
 from rulec.knowledge import Origin, Signal
@@ -56,7 +58,7 @@ def emit(isolability: Isolability) -> contract.Ruleset:
             )
             for rule in rules.rules
         ),
-        tuple(contract.AmbiguousGroup(g.faults, g.kind, g.advice) for g in isolability.groups),
+        tuple(_ambiguous(group) for group in isolability.groups),
         isolability.unobserved,
         _parameters(plant),
         assembly.graph.plan(),
@@ -138,6 +140,16 @@ def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
         hypothesis.affects,
         hypothesis.scales,
         _origin(fault.origin),
+    )
+
+
+def _ambiguous(group: Group) -> contract.AmbiguousGroup:
+    return contract.AmbiguousGroup(
+        group.faults,
+        group.kind,
+        group.advice,
+        tuple(_rounded(d, 4) if math.isfinite(d) else None for d in group.degrees),
+        tuple(contract.AdvisedSensor(s.module, s.signal, s.cost) for s in group.sensors),
     )
 
 

@@ -67,6 +67,8 @@ class Graph:
     def _folded(self, name: str, a: Node, b: Node) -> Node | None:
         """The constant or operand that an operation comes down to, if it does."""
         x, y = self._values.get(a), self._values.get(b)
+        if x is None and y is None:
+            return self._without_signs(name, a, b)
         if x is not None and (name in UNARY or y is not None):
             function = OPERATIONS[name]
             with np.errstate(all="ignore"):
@@ -92,9 +94,10 @@ class Graph:
 
     def _without_signs(self, name: str, a: Node, b: Node) -> Node | None:
         """Pull minus signs outwards, so that values that differ in sign alone are shared."""
-        p, q = self._negated(a), self._negated(b) if name not in UNARY else None
-        if p is None and q is None:
+        kinds = self._kinds
+        if kinds[a][0] != "neg" and (kinds[b][0] != "neg" or name in UNARY):
             return None
+        p, q = self._negated(a), self._negated(b) if name not in UNARY else None
         first, second = a if p is None else p, b if q is None else q
         if name == "neg" and p is not None:
             return p
@@ -167,9 +170,13 @@ class Graph:
                 nodes.append(self.apply(kind, nodes[a], nodes[b]))
         return [nodes[i] for i in results]
 
-    def plan(self) -> Plan:
-        """Freeze: keep what the outputs need, numbered inputs, constants, operations."""
-        needed = self._needed(self.outputs.values())
+    def plan(self, outputs: Mapping[str, Node] | None = None) -> Plan:
+        """Freeze: keep what the outputs need, numbered inputs, constants, operations.
+
+        `outputs` are those of the graph unless given.
+        """
+        outputs = self.outputs if outputs is None else outputs
+        needed = self._needed(outputs.values())
         kinds = self._kinds
         used = sorted(i for i in needed if kinds[i][0] == "constant")
         used_inputs = sorted(i for i in needed if kinds[i][0] == "input")
@@ -187,7 +194,7 @@ class Graph:
             tuple(self._inputs[kinds[i][1]] for i in used_inputs),
             tuple(self._values[i] for i in used),
             tuple(operations),
-            {name: number[node] for name, node in self.outputs.items()},
+            {name: number[node] for name, node in outputs.items()},
         )
 
     def _needed(self, roots: Iterable[Node]) -> set[Node]:

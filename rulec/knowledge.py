@@ -25,6 +25,8 @@ class SensorClass:
 
     `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
     `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
+    `cost` is what one more of them costs, fitted, relative to the other classes; `measures` the
+    quantity for which advice may propose it where no signal is declared.
     """
 
     name: str
@@ -32,7 +34,14 @@ class SensorClass:
     kind: str
     standard: float
     unit: Unit
+    cost: float
+    measures: str
     origin: Origin
+
+    def uncertainty(self, full_scale: float | None, reading: float) -> float:
+        """Standard uncertainty of a reading, SI."""
+        size = {"full scale": full_scale or 0.0, "reading": abs(reading), "value": 1.0}
+        return self.standard * size[self.kind]
 
 
 @dataclass(frozen=True)

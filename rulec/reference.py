@@ -95,10 +95,7 @@ def _plan(assembly: Assembly, free: list[str]) -> tuple[Plan, dict[str, tuple[st
                 name = f"s:{observer}:{signal}"
                 outputs[name] = node
                 names[name] = (observer, signal)
-    kept, graph.outputs = graph.outputs, outputs
-    plan = graph.plan()
-    graph.outputs = kept
-    return plan, names
+    return graph.plan(outputs), names
 
 
 def _inputs(readings: Mapping[str, float]) -> dict[str, float]:

@@ -163,12 +163,28 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class AdvisedSensor:
+    """A further reading of a signal; `cost` is relative to other sensors."""
+
+    module: str
+    signal: str
+    cost: float
+
+
+@dataclass(frozen=True)
 class AmbiguousGroup:
-    """Faults that no residual tells apart, and the sensor that would."""
+    """Faults that are hard or impossible to tell apart, and the sensors that would help.
+
+    `degrees`, per fault, are those from which on it is told from the others at one operating
+    point (None: never; empty: not known); `sensors` is empty where they are told apart anyway, or
+    no sensor would help.
+    """
 
     faults: tuple[str, ...]
     kind: str
     advice: str
+    degrees: tuple[float | None, ...] = ()
+    sensors: tuple[AdvisedSensor, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,8 @@ def _build(kind: Any, data: Any) -> Any:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
         hints = _hints(kind)
-        return kind(**{name: _build(hints[name], data[name]) for name in hints})  # type: ignore[operator]
+        given = {n: h for n, h in hints.items() if n in data or n not in _optional(kind)}
+        return kind(**{name: _build(hint, data[name]) for name, hint in given.items()})  # type: ignore[operator]
     if origin is tuple:
         if arguments[-1] is Ellipsis:
             return tuple(_build(arguments[0], item) for item in data)
@@ -131,6 +132,11 @@ def _build(kind: Any, data: Any) -> Any:
 
 
 _HINTS: dict[Any, dict[str, Any]] = {}
+
+
+def _optional(kind: Any) -> set[str]:
+    """Fields that a file of the same version, but an older tool, may lack."""
+    return {f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING}
 
 
 def _hints(kind: Any) -> dict[str, Any]:

@@ -12,9 +12,9 @@ import yaml
 from rich.table import Table
 
 from rulec.commands.output import console, write_json, write_text
+from rulec.continuity import flows_by_continuity
 from rulec.differentiate import GATHERED, Models
 from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
-from rulec.link import by_continuity
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Module
 from runtime.observe import Points, points_of_stretches
@@ -98,7 +98,8 @@ def _reference_flows(
         shared = np.broadcast_to(systematic_u(signal, flow), flow.shape)
         own[module.name] = (signal.id, flow, shared)
     result = dict(own)
-    for name, terms in by_continuity(network.balances, own).items():
+    for name, fixed in flows_by_continuity(network.graph, own).items():
+        terms = fixed.terms
         flow = np.sum([sign * own[m][1] for m, sign in terms.items()], axis=0)
         shared = np.sqrt(np.sum([own[m][2] ** 2 for m in terms], axis=0))
         result[name] = (" + ".join(own[m][0] for m in terms), flow, shared)

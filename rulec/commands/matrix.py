@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,22 @@ def machine_form(ruleset: Ruleset) -> dict[str, Any]:
         "detectable": _dense(ruleset, lambda c: c.detectable, None),
         "ambiguous": [list(g.faults) for g in ruleset.ambiguous],
         "ambiguities": [
-            {"faults": list(g.faults), "kind": g.kind, "advice": g.advice}
+            {
+                "faults": list(g.faults),
+                "kind": g.kind,
+                "advice": g.advice,
+                "told_from": list(g.degrees),
+            }
             for g in ruleset.ambiguous
+        ],
+        "advice": [
+            {
+                "faults": list(g.faults),
+                "sensors": [dataclasses.asdict(s) for s in g.sensors],
+                "text": g.advice,
+            }
+            for g in ruleset.ambiguous
+            if g.sensors
         ],
         "unobserved": list(ruleset.unobserved),
     }
@@ -95,14 +110,21 @@ def _short(degree: float) -> str:
     return f"{degree:.2g}" if degree < 10 else ">10"
 
 
+_KINDS = {
+    "coincide": ("Cannot be told apart", "same proportions in all residuals", ", "),
+    "nested": ("Hard to tell apart", "one signature is part of the other", " in "),
+    "close": ("Alike at small degrees", "the difference hides in the noise", ", "),
+}
+
+
 def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
-    same = [g for g in ruleset.ambiguous if g.kind == "coincide"]
-    nested = [g for g in ruleset.ambiguous if g.kind == "nested"]
-    if same:
-        out.print("\n[bold]Cannot be told apart[/] (same proportions in all residuals)")
-        for group in same:
-            out.print(f"  {', '.join(group.faults)}: {group.advice}")
-    if nested:
-        out.print("\n[bold]Hard to tell apart[/] (one signature is part of the other)")
-        for group in nested:
-            out.print(f"  {group.faults[0]} in {group.faults[1]}: {group.advice}")
+    for kind, (title, why, between) in _KINDS.items():
+        groups = [g for g in ruleset.ambiguous if g.kind == kind]
+        if groups:
+            out.print(f"\n[bold]{title}[/] ({why})")
+        for group in groups:
+            out.print(f"  {between.join(group.faults)}: {group.advice}")
+    costs = {(s.module, s.signal): s.cost for g in ruleset.ambiguous for s in g.sensors}
+    if costs:
+        each = ", ".join(f"{m}.{s} {cost:g}" for (m, s), cost in costs.items())
+        out.print(f"\n[bold]Sensors that would help[/], with their relative cost: {each}")

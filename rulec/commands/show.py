@@ -68,8 +68,9 @@ def _network(network: Network) -> Iterator[str]:
     for (module, name), signals in network.gathers.items():
         parts = " + ".join(f"{m}.{s}" for m, s in signals) or "0"
         yield f"{module}: downstream({name}) = {parts}"
-    for (module, kind), terms in network.sums.items():
-        text = " ".join(f"{'+' if sign > 0 else '-'} {m}.{kind}" for sign, m in terms)
+    for (module, kind), flow in network.sums.items():
+        terms = (f"{'+' if sign > 0 else '-'} {m}.{kind}" for m, sign in flow.terms.items())
+        text = " ".join(terms)
         yield f"{module}.{kind} = {text.removeprefix('+ ')}"
 
 

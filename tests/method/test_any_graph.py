@@ -1,0 +1,138 @@
+"""Residuals of any directed graph: they are right, complete, and each stands once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import SimpleNamespace
+from typing import Any, cast
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from rulec.continuity import flows_by_continuity
+from rulec.derive_residuals import Residuals, derive_residuals
+from rulec.knowledge import Knowledge, ModuleType
+from rulec.language.diagnostics import Place, Refused
+from rulec.language.expression import Expression
+from rulec.link import Network, link
+from rulec.plant import Module, Plant
+from runtime.isolate import residual_basis
+from runtime.plan import Array
+from runtime.ruleset import Ruleset
+
+KINDS = ("pump", "power", "resis", "flow")
+Connections = Iterable[tuple[str, str]]
+
+Kinds = st.lists(st.sampled_from(KINDS), unique=True, max_size=3)
+Graphs = st.integers(1, 9).flatmap(
+    lambda n: st.tuples(
+        st.lists(Kinds, min_size=n, max_size=n),
+        st.sets(st.tuples(st.integers(0, n - 1), st.integers(0, n - 1)), max_size=14),
+        st.booleans(),
+    )
+)
+
+
+def module(name: str, kinds: Iterable[str], declared: bool, measured: bool) -> Module:
+    """A module with nothing but the names of its observers, all compared or none."""
+    observers = {k: SimpleNamespace(name=k, expression=Expression("0", None)) for k in kinds}  # type: ignore[arg-type]
+    pairs = [(a, b) for a in kinds for b in kinds if a < b] if declared else []
+    provides = {"loss": "dp"} if measured else {}
+    made = cast(Any, observers)
+    kind = ModuleType(name, 1, name, {}, provides, {}, {}, made, tuple(pairs), (), (), "none")
+    return Module(name, name, kind, {}, (), {}, {}, {})
+
+
+def plant(
+    modules: Mapping[str, Iterable[str]],
+    connections: Connections,
+    declared: bool,
+    measured: Iterable[str] = (),
+) -> Plant:
+    """A plant; the modules of `measured` provide a loss."""
+    made = {n: module(n, kinds, declared, n in measured) for n, kinds in modules.items()}
+    connected = tuple(sorted(set(connections)))
+    return Plant("p", "p", made, connected, (), "", cast(Knowledge, None), "", Place("p"))
+
+
+def linked(graph: tuple[list[list[str]], set[tuple[int, int]], bool]) -> Network | None:
+    """A network, unless nothing can be compared or something can never flow."""
+    kinds, edges, declared = graph
+    names = [f"M{i}" for i in range(len(kinds))]
+    connections = ((names[a], names[b]) for a, b in edges if a != b)
+    try:
+        return link(plant(dict(zip(names, kinds, strict=True)), connections, declared))
+    except Refused as refused:
+        if {d.code for d in refused.diagnostics} <= {"KB087", "KB090"}:
+            return None
+        raise
+
+
+def as_ruleset(network: Network) -> Ruleset:
+    """What the runtime's basis reads of a ruleset."""
+    modules = network.plant.modules
+    observers = [SimpleNamespace(module=m.name) for m in modules.values() for _ in m.type.observers]
+    found = SimpleNamespace(modules=modules, junctions=network.balances, observers=observers)
+    return cast(Ruleset, found)
+
+
+def table(derived: Residuals) -> Array:
+    """Factors of the observers in each residual, shape (residuals, observers)."""
+    modules = derived.network.plant.modules.values()
+    names = [f"{m.name}.{o}" for m in modules for o in m.type.observers]
+    column = {name: i for i, name in enumerate(names)}
+    rows = np.zeros((len(derived.residuals), len(column)))
+    for row, residual in zip(rows, derived.residuals, strict=True):
+        for sign, observer in residual.terms:
+            row[column[observer]] += sign
+    return rows
+
+
+def rank(matrix: Array) -> int:
+    return int(np.linalg.matrix_rank(matrix, tol=1e-9)) if matrix.size else 0
+
+
+@settings(max_examples=400, deadline=None)
+@given(Graphs)
+def test_residuals_are_complete(graph: Any) -> None:
+    """They span exactly what the runtime's basis spans, with whole signs, each under one name."""
+    network = linked(graph)
+    if network is None:
+        return
+    derived = derive_residuals(network)
+    rows, rules = table(derived), as_ruleset(network)
+    basis = residual_basis(rules, np.ones(len(rules.observers), dtype=bool))
+    assert len({r.id for r in derived.residuals}) == len(derived.residuals)
+    assert set(np.unique(rows)) <= {-1.0, 0.0, 1.0}
+    assert len(basis) == rank(rows) == rank(np.vstack([rows, basis]))
+
+
+@settings(max_examples=200, deadline=None)
+@given(Graphs)
+def test_a_flow_is_told_exactly_if_the_balances_fix_it(graph: Any) -> None:
+    """By continuity follows what linear algebra finds, and its sum is right for any circulation."""
+    network = linked(graph)
+    if network is None:
+        return
+    names = list(network.plant.modules)
+    balances = np.zeros((len(network.balances), len(names)))
+    for row, balance in zip(balances, network.balances, strict=True):
+        row[[names.index(m) for m in balance.outlets]] += 1
+        row[[names.index(m) for m in balance.inlets]] -= 1
+    _, sizes, vectors = np.linalg.svd(balances, full_matrices=True)
+    flows = vectors[int(np.sum(sizes > 1e-9)) :]
+    for kind in KINDS:
+        own = [m.name for m in network.plant.modules.values() if kind in m.type.observers]
+        known = flows[:, [names.index(m) for m in own]]
+        found = flows_by_continuity(network.graph, own)
+        for name in set(names) - set(own):
+            flow = flows[:, names.index(name)]
+            rest = flow - known @ np.linalg.lstsq(known, flow, rcond=None)[0] if own else flow
+            is_fixed = bool(np.abs(rest).max(initial=0) < 1e-9 and np.abs(flow).max(initial=0) > 0)
+            assert (name in found) == is_fixed
+            if is_fixed:
+                terms = found[name].terms.items()
+                total = sum(sign * flows[:, names.index(m)] for m, sign in terms)
+                assert flow == pytest.approx(total, abs=1e-9)
