@@ -137,8 +137,8 @@ def test_caption_of_estimates_is_computed(leaking: Judged, abc: Ruleset) -> None
     observed = observe(abc, points_of_samples(recording, abc, noise))
     index = {o.id: i for i, o in enumerate(abc.observers)}
     first, other = (observed.flows[index[n], 51:60] * 3.6e6 for n in ("A.pump", "A.plant"))
-    spread = observed.gradients[index["A.pump"]] - observed.gradients[index["A.plant"]]
-    limit = 3 * np.sqrt(np.sum(spread**2, axis=0))[51:60] * 3.6e6
+    own = observed.covariance[51:60][:, [[index["A.pump"]], [index["A.plant"]]], :]
+    limit = own
     expected = (
         f"Figure 1. The pump estimate of A stands {np.mean(first - other):.0f} l/h above the plant "
         f"estimate from 51 s to 59 s, beyond the limit of {np.mean(limit):.0f} l/h; so it does in "

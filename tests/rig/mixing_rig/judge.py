@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.diagnose import Trace, diagnose, trace
+from runtime.diagnose import diagnose
 from runtime.machine_form import diagnosis_form
 from runtime.observe import observe, points_of_samples
 from runtime.paper_mode import judge_by_paper
@@ -18,6 +18,7 @@ from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.stationary import noise_of
+from runtime.trace import Trace, trace
 from tests import truth
 from tests.method.readings import recording
 from tests.rig.mixing_rig.cases import Task
