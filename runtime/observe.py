@@ -35,6 +35,12 @@ class Points:
     why: Mapping[str, str]
     time: Array | None = None
 
+    def statistical(self, signal: str) -> Array:
+        """Standard uncertainty that is new at each point, shape (n,), SI."""
+        whole, shared = self.u[signal], self.systematic[signal]
+        part: Array = np.sqrt(np.maximum(whole**2 - shared**2, 0.0))
+        return part
+
     def at(self, chosen: np.ndarray) -> Points:
         """Some of the points."""
         values, u, systematic, bad = (
@@ -233,8 +239,7 @@ def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array]:
         _, observer, error = name.split(":", 2)
         systematic, statistical = np.ones(n), np.zeros(n)
         if error in points.values:
-            systematic = points.systematic[error]
-            statistical = np.sqrt(np.maximum(points.u[error] ** 2 - systematic**2, 0.0))
+            systematic, statistical = points.systematic[error], points.statistical(error)
         elif error in ruleset.misfits:
             systematic, statistical = statistical, systematic
         for table, u in ((lasting, systematic), (fleeting, statistical)):

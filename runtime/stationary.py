@@ -24,8 +24,21 @@ SHORTEST = 3
 LONGEST = 60
 """Samples after which a stretch is cut, so that slow change is followed."""
 
+NEGLIGIBLE = 0.1
+"""Share of a sensor's uncertainty below which a change is none, however small the noise."""
+
+TINY = 1e-300
+"""Keeps divisions by the noise of a reading that has none."""
+
 JUMP = 6.0
 """A jump exceeds the noise of a difference by this factor."""
+
+TAIL = 5
+"""Samples behind a jump at most that are left out because a reading still settles."""
+
+SETTLED = 3.0
+"""A reading has settled when it differs from the rest of its stretch by this many times its noise,
+or less."""
 
 GAP = 3.0
 """A pause longer than this many sampling intervals ends a stretch."""
@@ -99,6 +112,7 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
         breaks[1:] |= np.diff(recording.segment) != 0
     used = {s for o in ruleset.observers for s in o.signals}
     jumps = np.zeros(n, dtype=bool)
+    levels: list[Array] = []
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or signal.id not in used:
@@ -107,13 +121,14 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
         level = np.nanmedian(np.abs(working)) if np.isfinite(working).any() else 0.0
         floor = float(systematic_u(signal, level))
         limit = max(JUMP * np.sqrt(2.0) * noise[signal.id], floor)
+        levels.append(values / max(SETTLED * noise[signal.id], floor * NEGLIGIBLE, TINY))
         readable = np.isfinite(values)
         latest = np.maximum.accumulate(np.where(readable, np.arange(n), 0))
         with np.errstate(invalid="ignore"):
             jumps[1:] |= np.abs(np.diff(values[latest])) > limit
             jumps |= _shifts(values[latest], max(limit / np.sqrt(SHORTEST), floor))
         breaks[_edges_of_long(~readable)] = True
-    return _cut(breaks | jumps, jumps)
+    return _cut(breaks | jumps, jumps, np.array(levels).reshape(-1, n))
 
 
 def _shifts(values: Array, limit: float) -> np.ndarray:
@@ -146,13 +161,13 @@ def _edges_of_long(blank: np.ndarray) -> np.ndarray:
     return long[long < len(blank)]
 
 
-def _cut(ends: np.ndarray, jumps: np.ndarray) -> Stretches:
+def _cut(ends: np.ndarray, jumps: np.ndarray, levels: Array) -> Stretches:
     """Runs between ends; the sample behind a jump may still average over it and is left out."""
     starts = np.flatnonzero(ends)
     stops = np.append(starts[1:], len(ends))
     first, last = [], []
     for start, stop in zip(starts, stops, strict=True):
-        begin = start + 1 if jumps[start] else start
+        begin = _settled_from(levels, int(start) + 1, int(stop)) if jumps[start] else start
         pieces = max(1, -(-(stop - begin) // LONGEST))
         edges = np.linspace(begin, stop, pieces + 1).astype(int)
         for low, high in pairwise(edges):
@@ -160,3 +175,16 @@ def _cut(ends: np.ndarray, jumps: np.ndarray) -> Stretches:
                 first.append(low)
                 last.append(high)
     return Stretches(np.array(first, dtype=int), np.array(last, dtype=int))
+
+
+def _settled_from(levels: Array, begin: int, stop: int) -> int:
+    """First sample from which on no reading differs from what follows by more than its noise.
+
+    `levels` are readings in units of what still counts as noise, shape (signals, n).
+    """
+    latest = min(begin + TAIL, stop - SHORTEST)
+    for low in range(begin, latest):
+        ahead = levels[:, low + 1 : min(low + 1 + LONGEST, stop)]
+        if not np.any(np.abs(levels[:, low] - np.median(ahead, axis=1)) > 1.0):
+            return low
+    return max(begin, latest)

@@ -86,8 +86,9 @@ def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold:
     which is closed further at lower speed, so that the pressure varies independently of the
     speed. No mixer is fitted there, so mixer readings are empty, and the line's own loss cannot
     be told from the throttle's.
-    Then the modules run on the plant without throttle, speeds spread evenly over the ranges: this
-    varies the flows of all mixers, and the back-pressure of a module independently of its flow.
+    Then the modules run on the plant without throttle, first all at their slowest, then all at
+    their fastest, then with speeds spread evenly over the ranges: this varies the flows of all
+    mixers over their whole range, and the back-pressure of a module independently of its flow.
     In every row all relations hold whose signals are given.
     """
     settings = min(len(module.throttles) for module in plant.modules.values())
@@ -96,7 +97,7 @@ def calibration_run(plant: Plant, speeds: int = 5, mixer_points: int = 15, hold:
     speed, throttle = {}, {}
     for k, (name, module) in enumerate(plant.modules.items()):
         on_bench = _speed_at(module, position)
-        on_plant = _speed_at(module, _spread(mixer_points, k))
+        on_plant = _speed_at(module, np.concatenate([[0.0, 1.0], _spread(mixer_points - 2, k)]))
         setting = np.repeat(module.throttles[:settings], speeds)
         closed = setting * module.line.quadratic * (module.fastest / on_bench) ** 2
         speed[name] = np.repeat(np.concatenate([on_bench, on_plant]), hold)
