@@ -15,6 +15,8 @@ from runtime.wording import (
     STATUS,
     advice,
     agreement,
+    causes,
+    context,
     estimates,
     headline,
     l_per_h,
@@ -106,6 +108,8 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
             f"{escape(e.equation)} = [bold]{e.flow:.1f}[/] ±{e.half:.1f} l/h  "
             f"[dim]{escape(', '.join(e.readings))}[/]"
         )
+    for text in context(finding):
+        why.add(escape(text))
     _doubt(diagnosis, finding, tree)
     rules = tree.add("rules and sources")
     for cell in ruleset.cells_of_fault[finding.fault.id][:SHOWN]:
@@ -136,14 +140,15 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
 def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
     """What else fits, and what would tell the causes apart."""
     if finding.alternatives:
-        names = ", ".join(f"{name} ({100 * p:.0f} %)" for name, p in finding.alternatives[:SHOWN])
-        doubt = tree.add(f"[yellow]also possible:[/] {names}")
+        doubt = tree.add(f"[yellow]also possible:[/] {causes(finding.alternatives)}")
         for text in advice(diagnosis.ruleset, finding):
             doubt.add(escape(text))
     elif diagnosis.mode == "paper":
         tree.add("paper mode names the fault with the largest degree and weighs no other")
-    else:
+    elif not finding.remote:
         tree.add(f"no other known fault fits; probability {100 * finding.probability:.0f} %")
+    if finding.remote:
+        tree.add(f"less likely: {causes(finding.remote)}")
 
 
 def _periods(out: Console, title: str, style: str, periods: tuple[Period, ...]) -> None:

@@ -58,12 +58,16 @@ def titled(fault: FaultSpec) -> str:
 def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[str, str]:
     """Whether a residual speaks for a finding.
 
-    Returns a kind (``agrees``, ``contradicts``, ``weaker``, ``hidden``, ``absent``) and words.
+    Returns a kind (``agrees``, ``contradicts``, ``weaker``, ``hidden``, ``shared``, ``absent``) and
+    words.
     """
     if evidence.verdict == "invalid":
         return "absent", "not available"
     if evidence.verdict == evidence.expected:
         return "agrees", "✓ agrees"
+    for other in finding.together:
+        if any(c.residual == evidence.residual for c in ruleset.cells_of_fault[other]):
+            return "shared", f"moved by {other} too"
     cells = {c.residual: c for c in ruleset.cells_of_fault[finding.fault.id]}
     cell = cells.get(evidence.residual)
     if evidence.verdict == "0" and cell is not None and cell.detectable > finding.degree:
@@ -100,6 +104,23 @@ def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
                 shown = (readings[signal_id] - signal.offset) / signal.factor
                 parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
         yield Estimate(spec.equation, l_per_h(flow), 2 * l_per_h(u), tuple(parts))
+
+
+def context(finding: Finding) -> Iterator[str]:
+    """What the residuals are compared with, and what else was found with the finding."""
+    if finding.baseline:
+        plural = "es" * (finding.baseline > 1)
+        yield (
+            f"compared with {finding.baseline} fault-free stretch{plural} of this recording: what "
+            "was off there as well counts as an error of sensors or calibration"
+        )
+    for name in finding.together:
+        yield f"only together with {name} does this explain the readings"
+
+
+def causes(found: Iterable[tuple[str, float]]) -> str:
+    """Some causes with their probabilities."""
+    return ", ".join(f"{name} ({100 * p:.0f} %)" for name, p in list(found)[:SHOWN])
 
 
 def advice(ruleset: Ruleset, finding: Finding) -> Iterator[str]:

@@ -13,6 +13,8 @@ from runtime.wording import (
     STATUS,
     advice,
     agreement,
+    causes,
+    context,
     estimates,
     headline,
     l_per_h,
@@ -106,6 +108,9 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
         rows.append(("Could also be", safe(listed(others))))
         apart = "; ".join(advice(ruleset, finding))
         rows.append(("To tell them apart", safe(apart or "no single reading is known to do so")))
+    if finding.remote:
+        rows.append(("Less likely", safe(causes(finding.remote))))
+    rows += [("Note", safe(text)) for text in context(finding)]
     body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
     return (
         f'<section class="finding is-{fault.status}"><h3>{badge(fault.status, True)} '
@@ -127,7 +132,7 @@ def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
     if diagnosis.mode == "paper":
         return "not said: paper mode names the fault with the largest degree and weighs no other"
     text = f"{percent(finding.probability)} among the known faults"
-    return text if finding.alternatives else f"{text}; no other one fits"
+    return text if finding.alternatives or finding.remote else f"{text}; no other one fits"
 
 
 def _summary(diagnosis: Diagnosis) -> str:
