@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -80,9 +81,9 @@ def combine(
     learned = _usable_baseline(observed, baselines.states[baselines.at[members[0]]].learned, valid)
     stack = np.concatenate([learned, points])
     basis = residual_basis(ruleset, valid)
-    covariance = stacked_covariance(observed, valid, basis, stack)
     later = np.repeat([0.0, 1.0], [len(learned), len(points)])
-    test = HypothesisTest(ruleset, observed, valid, basis, stack, covariance, later)
+    spread = partial(stacked_covariance, observed, valid, basis, stack)
+    test = HypothesisTest(ruleset, observed, valid, basis, stack, spread, later)
     fits = list(_onset(test, isolation, members))
     if len(learned):
         fits += _backward(replace(test, present=np.ones(len(stack))), THROUGHOUT)
@@ -138,17 +139,23 @@ def _thinned(points: np.ndarray) -> np.ndarray:
 
 
 def stacked_covariance(
-    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray
+    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray, scale: Array
 ) -> Array:
-    """Covariance of the residuals of several points, shape (1, points * rank, points * rank)."""
+    """Covariance of the residuals of several points, shape (1, points * rank, points * rank).
+
+    `scale` are factors on the errors of each usable observer, shape (observers, points).
+    """
     rank = len(basis)
-    gradients = np.vstack([basis @ observed.shared[valid, :, k] for k in points])
+    scaled = [basis * factors for factors in scale.T]
+    gradients = np.vstack(
+        [b @ observed.shared[valid, :, k] for b, k in zip(scaled, points, strict=True)]
+    )
     time = np.repeat(times_of(observed)[points], rank)
     covariance = gradients @ gradients.T * remembered(time[:, None] - time)
     for row, point in enumerate(points):
         own = observed.noise[point][np.ix_(valid, valid)]
         block = slice(row * rank, (row + 1) * rank)
-        covariance[block, block] += basis @ own @ basis.T
+        covariance[block, block] += scaled[row] @ own @ scaled[row].T
     result: Array = covariance[None]
     return result
 

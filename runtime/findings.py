@@ -14,11 +14,8 @@ from runtime.plan import Array
 from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
 from runtime.runs import runs_of
 from runtime.seen import Seen
-from runtime.stationary import LONGEST, Stretches
+from runtime.stationary import LONGEST, PERSISTENCE, Stretches
 from runtime.verdict import partly_blind, verdict_at
-
-PERSISTENCE = 5
-"""Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
 
 BRIEF = (
     f"estimates of the flow disagreed too briefly to judge; a finding takes {PERSISTENCE} samples"

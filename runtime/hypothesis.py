@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,9 @@ CONVERGED = 1e-9
 
 STARTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.5, 2.5, 5.0, 10.0)
 """Degrees tried first. Far from its start Gauss-Newton may run into a pole of the law."""
+
+FACTOR = 10.0
+"""Errors of an estimate are scaled by this at most: near the pole of a law all is lost anyway."""
 
 APART = 1e-4
 """Determinant of the information over its diagonal below which degrees are not told apart."""
@@ -93,7 +97,8 @@ class HypothesisTest:
 
     Each point is a problem of its own. If `present` is given, shape (points,), all points together
     are one problem with the same degrees wherever the faults are present (1) and none elsewhere
-    (0); `covariance` then has shape (1, points * rank, points * rank).
+    (0). `spread` gives the covariance of each problem, shape (problems, rank, rank), for factors
+    by which the errors of each usable observer are scaled, shape (observers, points).
     """
 
     ruleset: Ruleset
@@ -101,8 +106,13 @@ class HypothesisTest:
     valid: np.ndarray
     basis: Array
     members: np.ndarray
-    covariance: Array
+    spread: Callable[[Array], Array]
     present: Array | None = None
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the residuals as measured, shape (problems, rank, rank)."""
+        return self.spread(np.ones((int(self.valid.sum()), len(self.members))))
 
     def residuals(self) -> Array:
         """Residuals as measured, shape (problems, rank)."""
@@ -130,12 +140,15 @@ class HypothesisTest:
             return None
         undone = self._undone(faults, touched)
         begin = [np.array([s]) for s in STARTS] if starts is None else list(starts)
-        pure = self._fit(faults, undone, places, self.covariance, begin)
-        information = _information(inverse_of(self.covariance), pure.effect)
+        rough = self._fit(faults, undone, places, self.covariance, begin)
+        # What a fault takes away or adds, it takes from the errors of an estimate as well.
+        covariance = self.spread(self._scale(undone, places, rough.degree))
+        pure = self._fit(faults, undone, places, covariance, (rough.degree,))
+        information = _information(inverse_of(covariance), pure.effect)
         u = _spread(information)
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
-        widened = self._widened(faults, undone, pure.degree, places)
+        widened = self._widened(faults, undone, pure.degree, places, covariance)
         best = self._fit(faults, undone, places, widened, (pure.degree,))
         usable = np.isfinite(best.distance) & np.isfinite(u).all(axis=1)
         if len(faults) > 1:
@@ -189,12 +202,16 @@ class HypothesisTest:
         index = self.ruleset.observer_index
         offsets = self.observed.offsets[[index[o] for o in touched]][:, self.members]
         none = np.zeros(shape)
+        measured = self.observed.flows[[index[o] for o in touched]][:, self.members]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(measured != 0, offsets / measured, 0.0)
 
         def evaluate(degree: Array) -> tuple[Array, Array]:
             out = plan.run({**inputs, **{f"x:{f.id}": degree[:, i] for i, f in enumerate(faults)}})
             values = np.array([np.broadcast_to(out[name], shape) for name in names])
             gradient = [[np.broadcast_to(out.get(s, none), shape) for s in row] for row in slopes]
-            return values - offsets, np.array(gradient)
+            # What the baseline takes from an estimate scales with it, its slope too.
+            return values * (1.0 - share), np.array(gradient) * (1.0 - share)[:, None]
 
         return evaluate
 
@@ -242,8 +259,24 @@ class HypothesisTest:
                 break
         return best
 
+    def _scale(self, undone: Undone, places: Sequence[int], degree: Array) -> Array:
+        """Undone over measured flow of each usable observer, shape (observers, points).
+
+        So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
+        """
+        flows = self._flows()
+        scale = np.ones_like(flows)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale[places] = undone(self._everywhere(degree))[0] / flows[places]
+        return np.where(np.isfinite(scale), np.clip(scale, -FACTOR, FACTOR), 1.0)
+
     def _widened(
-        self, faults: Faults, undone: Undone, degree: Array, places: Sequence[int]
+        self,
+        faults: Faults,
+        undone: Undone,
+        degree: Array,
+        places: Sequence[int],
+        covariance: Array,
     ) -> Array:
         """Covariance plus the tolerance of each fault: a real one never looks quite like its law.
 
@@ -252,7 +285,7 @@ class HypothesisTest:
         """
         everywhere = self._everywhere(degree)
         values, _ = undone(everywhere)
-        widened = self.covariance
+        widened = covariance
         for i, fault in enumerate(faults):
             without = everywhere.copy()
             without[:, i] = 0.0

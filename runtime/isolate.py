@@ -116,7 +116,13 @@ def test_of(
 ) -> HypothesisTest:
     """Test of points on their own, with the covariance they have."""
     own = observed.covariance[members][:, valid][:, :, valid]
-    return HypothesisTest(ruleset, observed, valid, basis, members, basis @ own @ basis.T)
+
+    def spread(scale: Array) -> Array:
+        factors = scale.T
+        scaled: Array = basis @ (own * factors[:, :, None] * factors[:, None, :]) @ basis.T
+        return scaled
+
+    return HypothesisTest(ruleset, observed, valid, basis, members, spread)
 
 
 def _judge_group(test: HypothesisTest, result: Isolation) -> None:

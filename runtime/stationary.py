@@ -33,6 +33,9 @@ TINY = 1e-300
 JUMP = 6.0
 """A jump exceeds the noise of a difference by this factor."""
 
+PERSISTENCE = 5
+"""Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
+
 TAIL = 5
 """Samples behind a jump at most that are left out because a reading still settles."""
 
@@ -182,7 +185,7 @@ def _settled_from(levels: Array, begin: int, stop: int) -> int:
 
     `levels` are readings in units of what still counts as noise, shape (signals, n).
     """
-    latest = min(begin + TAIL, stop - SHORTEST)
+    latest = min(begin + TAIL, stop - PERSISTENCE)
     for low in range(begin, latest):
         ahead = levels[:, low + 1 : min(low + 1 + LONGEST, stop)]
         if not np.any(np.abs(levels[:, low] - np.median(ahead, axis=1)) > 1.0):

@@ -1,0 +1,114 @@
+"""What several operating points, several faults and several blocks give (issue of the paper's
+single point and single fault; method.md, section 6, "going further")."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.pipeline import compile_plant
+from runtime.diagnose import diagnose
+from runtime.findings import Finding
+from runtime.redundancy import blocks_of
+from tests.conftest import ROOT
+from tests.method.readings import built, recording, ruleset
+from tests.truth import TABLE_1, Run, operating_points, record, visiting_run
+
+SEEDS = range(5)
+
+
+def found(faults: dict[str, float], points: int, seed: int, lead: int = 0) -> tuple[Finding, ...]:
+    """Findings of the plant abc at one or several operating points."""
+    plant, rules = built("abc"), ruleset("abc")
+    visits = operating_points(plant, 5)[:points]
+    made = record(visiting_run(plant, visits, faults, lead, 20), TABLE_1, seed)
+    return diagnose(recording(rules, made.readings), rules).findings
+
+
+@pytest.mark.parametrize("fault", ["A.clogging", "A.dp.high", "A.widening", "A.dp.low"])
+def test_five_points_separate_a_stiff_pumps_line_from_its_sensor(fault: str) -> None:
+    """Degree 0.2 from the first sample on: the true fault is named, its twin is no alternative."""
+    for seed in SEEDS:
+        largest = max(found({fault: 0.2}, 5, 500 + seed), key=lambda f: f.until - f.since)
+        assert fault == largest.fault.id
+        assert 0.2 == pytest.approx(largest.degree, abs=0.05)
+
+
+def test_one_point_leaves_doubt() -> None:
+    """The same at one point: in some recordings the twin stays an alternative, or is named."""
+    doubt = 0
+    for seed in SEEDS:
+        (finding,) = found({"A.clogging": 0.2}, 1, 500 + seed)
+        doubt += finding.fault.id != "A.clogging" or bool(finding.alternatives)
+    assert doubt > 0
+
+
+PAIRS = [
+    {"A.leakage": 0.3, "B.clogging": 0.3},
+    {"A.P_el.high": 0.4, "C.dp.low": 0.3},
+    {"B.widening": 0.3, "C.clogging": 0.3},
+]
+
+
+@pytest.mark.parametrize("faults", PAIRS, ids=" and ".join)
+def test_two_faults_at_once(faults: dict[str, float]) -> None:
+    """Both are found with their degrees, each pointing at the other; healthy samples before."""
+    findings = found(faults, 1, 610, lead=20)
+    assert faults.keys() == {f.fault.id for f in findings}
+    for finding in findings:
+        assert faults[finding.fault.id] == pytest.approx(finding.degree, abs=0.02)
+        assert {*faults} - {finding.fault.id} == set(finding.together)
+
+
+def test_one_fault_then_a_second() -> None:
+    """A leakage is named alone, then with a clogging elsewhere."""
+    plant, rules = built("abc"), ruleset("abc")
+    run = visiting_run(plant, operating_points(plant, 1), {}, 20, 40)
+    time = run.operation.time
+    faults = {
+        "A.leakage": np.where(time >= 20, 0.3, 0.0),
+        "B.clogging": np.where(time >= 40, 0.3, 0.0),
+    }
+    made = record(Run(plant, run.operation, faults), TABLE_1, 620)
+    findings = diagnose(recording(rules, made.readings), rules).findings
+    assert [("A.leakage", ()), ("A.leakage", ("B.clogging",)), ("B.clogging", ("A.leakage",))] == (
+        sorted((f.fault.id, f.together) for f in findings)
+    )
+
+
+def test_never_more_faults_than_the_evidence_carries() -> None:
+    """A single fault is never told as two, whatever its kind."""
+    rules = ruleset("abc")
+    for fault in rules.faults:
+        assert all(not f.together for f in found({fault.id: 0.2}, 1, 630, lead=20)), fault.id
+
+
+def test_modules_without_common_balance_are_blocks(tmp_path: Path) -> None:
+    """Two plants side by side in one file: their faults are single faults, each in its block."""
+    modules = {f"{k}{m}": t for k in "XY" for m, t in
+               (("A", "dosing-pcp"), ("B", "dosing-pcp"), ("C", "static-mixer"))}  # fmt: skip
+    lines = ["plant: two", "title: two", f"kb: {ROOT / 'kb'}", "modules:"]
+    lines += [f"  {name}: {{type: {kind}}}" for name, kind in modules.items()]
+    lines.append("connections: [XA -> XC, XB -> XC, YA -> YC, YB -> YC]")
+    (tmp_path / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rules = compile_plant(tmp_path)
+    blocks = [{o.module[0] for o in rules.observers if b.holds(rules, o)} for b in blocks_of(rules)]
+    assert [{"X"}, {"Y"}] == blocks
+    plant, columns = built("abc"), {}
+    for prefix, fault in (("X", "A.leakage"), ("Y", "C.clogging")):
+        run = visiting_run(plant, operating_points(plant, 1), {fault: 0.3}, 20, 20)
+        made = record(run, TABLE_1, 640).readings
+        columns |= {n if n == "time [s]" else prefix + n: v for n, v in made.items()}
+    findings = diagnose(recording(rules, columns), rules).findings
+    assert {("XA.leakage", ()), ("YC.clogging", ())} == {(f.fault.id, f.together) for f in findings}
+
+
+def test_pairs_of_a_module_are_screened_too() -> None:
+    """All pairs of two modules' leakages and widenings: at least one of the two is named."""
+    names = ("A.leakage", "A.widening", "B.leakage", "B.widening")
+    for k, pair in enumerate(combinations(names, 2)):
+        findings = found(dict.fromkeys(pair, 0.3), 1, 650 + k, lead=20)
+        assert {f.fault.id for f in findings} & set(pair)

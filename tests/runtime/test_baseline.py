@@ -1,0 +1,114 @@
+"""The baseline: lasting errors learned from fault-free stretches, forgotten slowly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.baseline import LASTING, Baseline, learn, nothing_learned, remembered
+from runtime.diagnose import Diagnosis, diagnose
+from runtime.observe import Observed, observe, points_of_stretches
+from runtime.redundancy import residual_basis
+from runtime.stationary import find_stretches, noise_at_work
+from tests.method.readings import built, recording, ruleset
+from tests.truth import TABLE_1, Run, Sensing, healthy_run, record
+
+LEAD = 20
+SAMPLES = 40
+
+
+def stretches_observed(samples: int, seed: int = 1) -> Observed:
+    """Settled stretches of a healthy recording."""
+    rules = ruleset("abc")
+    made = recording(rules, record(healthy_run(built("abc"), samples), TABLE_1, seed).readings)
+    noise = noise_at_work(made, rules)
+    stretches = find_stretches(made, rules, noise)
+    return observe(rules, points_of_stretches(made, rules, stretches, noise))
+
+
+def with_fault(fault: str, degree: float, seed: int, lead: int = LEAD) -> Diagnosis:
+    """A fault that begins after some healthy samples."""
+    rules = ruleset("abc")
+    run = healthy_run(built("abc"), SAMPLES)
+    degrees = np.where(run.operation.time >= lead, degree, 0.0)
+    made = record(Run(run.plant, run.operation, {fault: degrees}), TABLE_1, seed)
+    return diagnose(recording(rules, made.readings), rules)
+
+
+def test_learning_in_turn_is_learning_at_once() -> None:
+    """The recursion equals conditioning on all stretches together, drift included."""
+    rules, observed = ruleset("abc"), stretches_observed(175)
+    states = learn(rules, observed).states
+    learned = list(states[-1].learned)
+    assert len(learned) > 1
+    basis = residual_basis(rules, observed.valid[:, 0])
+    gradients = np.vstack([basis @ observed.shared[:, :, k] for k in learned])
+    assert observed.points.time is not None
+    time = observed.points.time[learned]
+    rank = len(basis)
+    each = np.repeat(time, rank)
+    total = gradients @ gradients.T * remembered(each[:, None] - each)
+    for row, k in enumerate(learned):
+        block = slice(row * rank, (row + 1) * rank)
+        total[block, block] += basis @ observed.noise[k] @ basis.T
+    residuals = np.concatenate([basis @ observed.flows[:, k] for k in learned])
+    crossed = (gradients * remembered(each - time[-1])[:, None]).T
+    gain = np.linalg.solve(total, crossed.T).T
+    assert np.allclose(gain @ residuals, states[-1].mean, atol=1e-6)
+    expected = np.eye(len(crossed)) - gain @ crossed.T
+    assert np.allclose(expected, states[-1].covariance, atol=1e-6)
+
+
+def test_what_was_learned_is_forgotten() -> None:
+    """After many times the memory, errors are as uncertain as before anything."""
+    observed = stretches_observed(60)
+    blank = nothing_learned(observed)
+    known = Baseline(blank.mean + 1.0, 0.01 * blank.covariance, (0,), 0.0)
+    late = known.later(20 * LASTING)
+    assert np.allclose(blank.mean, late.mean, atol=1e-6)
+    assert np.allclose(blank.covariance, late.covariance, atol=1e-6)
+
+
+def test_bounds_hold_the_truth() -> None:
+    """100 recordings, leakage of 0.3 behind a healthy start: 95 % bounds, unit scatter."""
+    off, inside = [], []
+    for seed in range(100):
+        (finding,) = with_fault("A.leakage", 0.3, 7000 + seed).findings
+        half = 0.5 * (finding.upper - finding.lower)
+        off.append((finding.degree - 0.3) / (0.5 * half))
+        inside.append(finding.lower <= 0.3 <= finding.upper)
+    assert 0.90 <= np.mean(inside) <= 0.99
+    assert 0.8 < np.std(off) < 1.2
+    assert abs(np.mean(off)) < 0.3
+
+
+def test_a_healthy_start_narrows_the_bounds() -> None:
+    """Against the same fault from the first sample on, bounds are several times narrower."""
+    (late,), (always,) = (with_fault("A.leakage", 0.3, 1, lead).findings for lead in (LEAD, 0))
+    assert always.upper - always.lower > 3 * (late.upper - late.lower)
+    assert (1, 0) == (late.baseline, always.baseline)
+
+
+@pytest.mark.parametrize("fault", ["A.clogging", "A.dp.high", "B.widening", "B.dp.low"])
+def test_a_healthy_start_separates_what_looks_alike(fault: str) -> None:
+    """A stiff pump's line and its pressure sensor, degree 0.2, one operating point."""
+    for seed in range(5):
+        (finding,) = with_fault(fault, 0.2, 7200 + seed).findings
+        assert (fault, ()) == (finding.fault.id, finding.alternatives)
+
+
+def test_a_fault_too_small_to_see_at_first_is_dated_back() -> None:
+    """A power meter 30 % high from the start at a low load, where its bounds hide it: found at
+    higher speed, and said to have been there from the first stretch on, if anything is said."""
+    rules, plant = ruleset("abc"), built("abc")
+    said = 0
+    for seed in range(20):
+        run = healthy_run(plant, 60)
+        speed = {n: np.where(run.operation.time < 30, 0.45, 1.3) * v
+                 for n, v in run.operation.speed.items()}  # fmt: skip
+        operation = type(run.operation)(run.operation.time, speed)
+        made = record(Run(plant, operation, {"A.P_el.high": np.full(60, 0.12)}), Sensing(), seed)
+        found = diagnose(recording(rules, made.readings), rules).findings
+        said += bool(found)
+        assert {"A.P_el.high"} >= {f.fault.id for f in found}
+    assert said > 0
