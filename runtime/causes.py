@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,15 +21,17 @@ MENTION = 0.02
 
 @dataclass(frozen=True)
 class Cause:
-    """A named fault (index) with degree, uncertainty, probability, and when it is there.
+    """A named fault (index) with degree, 95 % bounds, probability, and when it is there.
 
+    The bounds hold the degrees that it has in all plausible hypotheses.
     `rivals` and `remote` are other causes with their probabilities, `together` the faults found
     at the same time.
     """
 
     fault: int
     degree: float
-    u: float
+    lower: float
+    upper: float
     probability: float
     rivals: tuple[tuple[int, float], ...]
     remote: tuple[tuple[int, float], ...]
@@ -46,42 +48,54 @@ def causes_of(
         hypotheses = combine(ruleset, seen.plain, seen.baselines, seen.isolation, members, known)
     if not hypotheses:
         hypotheses = [_average(seen.isolation, members)]
+    return [_cause(ruleset, hypotheses, place) for place in range(len(hypotheses[0].faults))]
+
+
+def _cause(ruleset: Ruleset, hypotheses: Sequence[Hypothesis], place: int) -> Cause:
+    """One fault of the best hypothesis, and what could be in its stead."""
     best = hypotheses[0]
-    chance: dict[int, float] = {}
-    for hypothesis in hypotheses:
-        for fault in hypothesis.faults:
-            chance[fault] = chance.get(fault, 0.0) + hypothesis.probability
-    return [_cause(ruleset, best, place, chance) for place in range(len(best.faults))]
-
-
-def _cause(ruleset: Ruleset, best: Hypothesis, place: int, chance: Mapping[int, float]) -> Cause:
-    """One fault of the best hypothesis, and what could be in its stead.
-
-    Faults that move all residuals in the same proportion are rivals even where assumptions (the
-    tolerance of a law) favour one of them: no reading tells them apart.
-    """
     fault = best.faults[place]
-    twins = {
-        name
-        for group in ruleset.ambiguous
-        if group.kind == "coincide" and ruleset.faults[fault].id in group.faults
-        for name in group.faults
-    }
-    others = sorted(
-        ((f, p) for f, p in chance.items() if f not in best.faults and p > MENTION),
-        key=lambda other: -other[1],
-    )
-    close = [p >= RIVAL * chance[fault] or ruleset.faults[f].id in twins for f, p in others]
+    own = [h for h in hypotheses if fault in h.faults]
+    plausible = [h for h in own if h.probability >= RIVAL * best.probability]
+    spans = [h.bounds(fault) for h in plausible]
+    chance = sum(h.probability for h in own)
+    others = [o for o in _others(hypotheses, best, fault) if o[1] > MENTION]
+    twins = _twins(ruleset, fault)
+    rivals = tuple(o for o in others if o[1] >= RIVAL * chance or o[0] in twins)
     return Cause(
         fault,
         best.degrees[place],
-        best.u[place],
-        min(chance[fault], 1.0),
-        tuple(other for other, near in zip(others, close, strict=True) if near),
-        tuple(other for other, near in zip(others, close, strict=True) if not near),
+        min(low for low, _ in spans),
+        max(high for _, high in spans),
+        min(chance, 1.0),
+        rivals,
+        tuple(o for o in others if o not in rivals),
         tuple(f for f in best.faults if f != fault),
         best.when,
     )
+
+
+def _others(
+    hypotheses: Sequence[Hypothesis], best: Hypothesis, fault: int
+) -> list[tuple[int, float]]:
+    """What stands in a fault's stead in the other hypotheses, the most probable first."""
+    chance: dict[int, float] = {}
+    for hypothesis in hypotheses:
+        if fault not in hypothesis.faults:
+            for other in set(hypothesis.faults) - set(best.faults):
+                chance[other] = chance.get(other, 0.0) + hypothesis.probability
+    return sorted(chance.items(), key=lambda o: -o[1])
+
+
+def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
+    """Faults that move all residuals in the same proportion.
+
+    They are rivals even where assumptions (the tolerance of a law) favour one of them: no reading
+    tells them apart.
+    """
+    name = ruleset.faults[fault].id
+    groups = [g.faults for g in ruleset.ambiguous if g.kind == "coincide" and name in g.faults]
+    return frozenset(i for i, f in enumerate(ruleset.faults) if any(f.id in g for g in groups))
 
 
 def _average(isolation: Isolation, members: Sequence[int]) -> Hypothesis:

@@ -18,7 +18,7 @@ import numpy as np
 
 from runtime.baseline import Baselines, remembered, times_of
 from runtime.hypothesis import HypothesisTest, Outcome, inverse_of, products
-from runtime.isolate import Isolation, accepted, shares
+from runtime.isolate import COVERAGE, Isolation, accepted, shares
 from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.redundancy import chi_square_limit, residual_basis
@@ -56,6 +56,12 @@ class Hypothesis:
     u: tuple[float, ...]
     probability: float
     when: str
+
+    def bounds(self, fault: int) -> tuple[float, float]:
+        """95 % bounds of the degree of one of the faults."""
+        place = self.faults.index(fault)
+        half = COVERAGE * self.u[place]
+        return self.degrees[place] - half, self.degrees[place] + half
 
 
 @dataclass(frozen=True)

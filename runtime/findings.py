@@ -8,7 +8,6 @@ import numpy as np
 
 from runtime.causes import Cause, causes_of
 from runtime.combine import ENDED, ONSET
-from runtime.isolate import COVERAGE
 from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
@@ -157,13 +156,13 @@ def _finding(
     times: tuple[float, float],
 ) -> Finding:
     """A cause with its evidence at the strongest point of a run."""
-    fault, half = ruleset.faults[cause.fault], COVERAGE * cause.u
+    fault = ruleset.faults[cause.fault]
     strongest = members[int(np.argmax(seen.isolation.misfit[members]))]
     return Finding(
         fault,
         cause.degree,
-        max(cause.degree - half, fault.lowest),
-        min(cause.degree + half, fault.highest),
+        max(cause.lower, fault.lowest),
+        min(cause.upper, fault.highest),
         cause.probability,
         *times,
         tuple((ruleset.faults[i].id, p) for i, p in cause.rivals),

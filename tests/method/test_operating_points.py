@@ -49,7 +49,7 @@ def test_one_point_leaves_doubt() -> None:
 PAIRS = [
     {"A.leakage": 0.3, "B.clogging": 0.3},
     {"A.P_el.high": 0.4, "C.dp.low": 0.3},
-    {"B.widening": 0.3, "C.clogging": 0.3},
+    {"B.dp.high": 0.3, "C.clogging": 0.3},
 ]
 
 
@@ -61,6 +61,20 @@ def test_two_faults_at_once(faults: dict[str, float]) -> None:
     for finding in findings:
         assert faults[finding.fault.id] == pytest.approx(finding.degree, abs=0.02)
         assert {*faults} - {finding.fault.id} == set(finding.together)
+
+
+def test_pairs_that_cannot_be_told_apart_widen_the_bounds() -> None:
+    """A wider line before a clogging mixer looks like a leak before a worse clogging.
+
+    Both are said, and the bounds of the clogging hold its degree either way.
+    """
+    findings = found({"B.widening": 0.3, "C.clogging": 0.3}, 1, 610, lead=20)
+    named = {f.fault.id: f for f in findings}
+    mixer = named.pop("C.clogging")
+    (line,) = named.values()
+    assert {"B.leakage", "B.widening"} == {line.fault.id, *(name for name, _ in line.alternatives)}
+    assert mixer.lower <= 0.3 <= mixer.upper
+    assert () == mixer.alternatives
 
 
 def test_one_fault_then_a_second() -> None:
