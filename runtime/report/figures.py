@@ -77,6 +77,7 @@ def draw_residuals(curves: Curves) -> Figure:
         times = excess(curves, i, lasting[i]) if i in lasting else 0.0
         parts.append(_residual_panel(curves, i, times, i == drawable[-1]))
     key = ["shaded: zero within its limit", "▲ fired upwards, ▼ downwards"]
+    key += ["zero: what was taken for fault-free"] if curves.learned else []
     key += ["only judged samples are drawn"] if _is_long(curves) else []
     key += _grey(curves.time, curves.judged)
     body, caption = "".join(parts), say_residuals(curves)
@@ -98,7 +99,8 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
         panel.curve(*thin_series(curves.time, value), "plain"),
     ]
     fired = curves.fired()[row]
-    state = "inside" if curves.formed()[row] else "not judged"
+    state = "brief" if fired.any() else "inside"
+    state = state if curves.formed()[row] else "not judged"
     fixed = [panel.beside(f"{number(times, 2)} × limit" if times else state, bool(times))]
     for symbol, chosen in (("up", fired & (value > 0)), ("down", fired & (value < 0))):
         index = thin_marks(curves.time, np.abs(value), chosen, MARKS)
