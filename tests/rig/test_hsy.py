@@ -26,6 +26,7 @@ from tests.rig.hsy import (
 )
 from tests.rig.station import DAYS, FILE, HALF, LARGE, PLANT, PUMPS, SMALL, Station, judge
 
+
 @pytest.fixture(scope="module")
 def folder() -> Path:
     """Folder of the recordings."""

@@ -234,6 +234,18 @@ def test_caption_of_degrees_is_the_finding(leaking: Judged) -> None:
     assert expected == caption(leaking.page(), "degrees")
 
 
+def test_faults_named_together_count_as_named(leaking: Judged) -> None:
+    """A sample may have two faults: each is marked as named, none is missed."""
+    words = [w.replace("A.leakage", "A.leakage + B.clogging") for w in leaking.trace.verdict]
+    together = dataclasses.replace(leaking.trace, verdict=tuple(words))
+    both = dataclasses.replace(leaking, trace=together)
+    said = caption(both.page(), "degrees")
+    assert caption(leaking.page(), "degrees") == said
+    assert "never named" not in said
+    [marks] = tree(both.page()).findall(".//figure[@id='degrees']//svg[@aria-label='A.leakage']")
+    assert 27 == sum("#disc" == u.get("href") for u in marks.iter("use"))
+
+
 def long(judged: Judged, times: int) -> Judged:
     """A recording repeated, one behind the other."""
     recording, n = judged.recording, len(judged.recording)
