@@ -17,7 +17,11 @@ NAMED = 4
 
 
 def say_estimates(curves: Curves) -> str:
-    """Which two estimates of the module disagree most, by how much and when."""
+    """Which two estimates of the module disagree most, by how much and when.
+
+    The picture shows the plain flows, so the distance is theirs. What counts as too much is
+    decided against the baseline, so the limit is that of what differs from it.
+    """
     module = curves.sides[0].module
     names = [
         side.short
@@ -40,16 +44,27 @@ def say_estimates(curves: Curves) -> str:
         return f"The estimates of {module} ({listed(names)}) agree within their limits in {judged}."
     strongest = [(i, *curves.main_run(i, runs), len(runs)) for i, runs in own]
     i, first, last, times = max(strongest, key=lambda row: _excess(curves, *row[:3]))
-    mean = float(np.mean(curves.values[i, first : last + 1]))
-    limit = float(np.mean(curves.limits[i, first : last + 1]))
-    one, other = (side.short for side in compared[i])
-    side = "above" if mean > 0 else "below"
+    one, other = compared[i]
+    run = slice(first, last + 1)
+    apart = float(np.mean(curves.apart(one, other)[run]))
+    side = "above" if apart > 0 else "below"
     when = period(curves.time[first], curves.time[last])
-    again = f"; so it does in {counted(times - 1, 'other period')} shown" if times > 1 else ""
+    again = f"; {counted(times - 1, 'other period')} shown lie beyond it" if times > 1 else ""
     return (
-        f"The {one} estimate of {module} stands {number(abs(mean))} l/h {side} the {other} "
-        f"estimate {when}, beyond the limit of {number(limit, 2)} l/h{again}."
+        f"The {one.short} estimate of {module} stands {number(abs(apart))} l/h {side} the "
+        f"{other.short} estimate {when}, {_compared(curves, i, run, apart)}{again}."
     )
+
+
+def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
+    """What of a distance the baseline leaves, and the limit of that."""
+    seen, limit = (float(np.mean(table[row, run])) for table in (curves.values, curves.limits))
+    beyond = f"beyond the limit of {number(limit, 2)} l/h"
+    if np.isclose(seen, apart, rtol=1e-9):
+        return beyond
+    way = "up" if seen > 0 else "down"
+    usual = "what was taken for fault-free"
+    return f"{way} by {number(abs(seen))} l/h against {usual}, {beyond}"
 
 
 def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
@@ -82,7 +97,8 @@ def say_residuals(curves: Curves) -> str:
         return f"{none} its limit for three samples in a row{absent}."
     names = _some([f"{name} ({number(times, 2)} times its limit)" for times, name in found])
     rest = formed - len(found)
-    stay = f"; the other {rest} stay{'s' * (rest == 1)} inside" if rest else ""
+    brief = " but for one or two samples" if curves.fired().any(axis=1).sum() > len(found) else ""
+    stay = f"; the other {rest} stay{'s' * (rest == 1)} inside{brief}" if rest else ""
     return f"{names} leave{'s' * (len(found) == 1)} the shaded zero band{stay}{absent}."
 
 

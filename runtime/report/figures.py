@@ -17,7 +17,7 @@ from runtime.report.series import NOT_JUDGED, Curves, detail, persistent
 from runtime.report.text import counted, number
 from runtime.report.text import degree as degree_text
 from runtime.report.thin import COLUMNS, thin_band, thin_marks, thin_series
-from runtime.report.truth import Cases, Truth
+from runtime.report.truth import Cases, Truth, names_at
 from runtime.trace import Trace
 from runtime.wording import worst_first
 
@@ -77,6 +77,7 @@ def draw_residuals(curves: Curves) -> Figure:
         times = excess(curves, i, lasting[i]) if i in lasting else 0.0
         parts.append(_residual_panel(curves, i, times, i == drawable[-1]))
     key = ["shaded: zero within its limit", "▲ fired upwards, ▼ downwards"]
+    key += ["zero: what was taken for fault-free"] if curves.learned else []
     key += ["only judged samples are drawn"] if _is_long(curves) else []
     key += _grey(curves.time, curves.judged)
     body, caption = "".join(parts), say_residuals(curves)
@@ -98,7 +99,8 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
         panel.curve(*thin_series(curves.time, value), "plain"),
     ]
     fired = curves.fired()[row]
-    state = "inside" if curves.formed()[row] else "not judged"
+    state = "brief" if fired.any() else "inside"
+    state = state if curves.formed()[row] else "not judged"
     fixed = [panel.beside(f"{number(times, 2)} × limit" if times else state, bool(times))]
     for symbol, chosen in (("up", fired & (value > 0)), ("down", fired & (value < 0))):
         index = thin_marks(curves.time, np.abs(value), chosen, MARKS)
@@ -110,9 +112,14 @@ def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
 def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure:
     """Degree of each diagnosed fault with 95 % bounds; dashed the truth."""
     names = [f.fault.id for f in worst_first(diagnosis.findings)]
+    missed: list[str] = []
     if truth is not None:
         present = np.nan_to_num(truth.degree).max(axis=1) > 0
-        names += [n for n, p in zip(truth.faults, present, strict=True) if p and n not in names]
+        true = [name for name, p in zip(truth.faults, present, strict=True) if p]
+        said = {name for here in names_at(trace) for name in here}
+        said |= {f.fault.id for f in diagnosis.findings}
+        missed = [name for name in true if name not in said]
+        names += [name for name in true if name not in names]
     parts = [
         _degree_panel(diagnosis, trace, truth, name, i == len(names) - 1)
         for i, name in enumerate(names)
@@ -120,7 +127,7 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
     key = ["● named as the cause", "band: 95 % bounds"] if names else []
     key += ["dashed: truth"] if names and truth is not None else []
     key += _grey(trace.time, _with_degree(trace)) if names else []
-    caption = say_degrees(diagnosis, [n for n in names if n not in trace.verdict])
+    caption = say_degrees(diagnosis, missed)
     title = "Degree of the diagnosed faults"
     return Figure("degrees", title, "; ".join(key), "".join(parts), caption)
 
@@ -144,7 +151,8 @@ def _degree_panel(
         panel.curve(*thin_series(trace.time, degree), "s0"),
         panel.curve(*thin_series(trace.time, true), "truth"),
     ]
-    index = thin_marks(trace.time, degree, np.array(trace.verdict) == name, MARKS)
+    here = np.array([name in names for names in names_at(trace)], dtype=bool)
+    index = thin_marks(trace.time, degree, here, MARKS)
     fixed = [panel.marks(trace.time[index], degree[index], "disc", "s0")]
     found = [f for f in diagnosis.findings if f.fault.id == name]
     for f in found if len(found) <= LABELLED else ():

@@ -61,9 +61,11 @@ class Curves:
     ----------
     time : shape (n,), s.
     judged : shape (n,), samples of settled stretches that could be judged.
-    flows, flows_u : shape (sides, n), l/h; NaN where an estimate cannot be used.
-    values, limits : shape (residuals, n), l/h; a residual fires beyond its limit.
+    flows, flows_u : shape (sides, n), l/h, as read; NaN where an estimate cannot be used.
+    values, limits : shape (residuals, n), l/h, seen against the baseline; a residual fires
+        beyond its limit.
     focus : period of the largest finding, s.
+    learned : whether there is a baseline at all.
     """
 
     time: Array
@@ -75,6 +77,7 @@ class Curves:
     values: Array
     limits: Array
     focus: tuple[float, float] | None
+    learned: bool
 
     def at(self, chosen: slice) -> Curves:
         """Some of the samples, one behind the other."""
@@ -89,6 +92,11 @@ class Curves:
             values=values,
             limits=limits,
         )
+
+    def apart(self, one: Side, other: Side) -> Array:
+        """How far an estimate stands above another one, as read, shape (n,), l/h."""
+        distance: Array = self.flows[self.sides.index(one)] - self.flows[self.sides.index(other)]
+        return distance
 
     def main_run(self, row: int, runs: Sequence[tuple[int, int]]) -> tuple[int, int]:
         """The run with the largest mean size; if some lie in the focus, of those."""
@@ -131,7 +139,9 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     values, limits = np.full((len(residuals), n), np.nan), np.full((len(residuals), n), np.nan)
     index = ruleset.observer_index
     rows = [ruleset.residuals.index(r) for r in residuals]
+    learned = False
     for here, seen in _batches(recording, diagnosis):
+        learned |= any(len(part.baselines.states) > 1 for part in seen)
         valid = np.any([part.observed.valid for part in seen], axis=0)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
@@ -152,6 +162,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         factor * values,
         factor * limits,
         _focus(diagnosis),
+        learned,
     )
 
 

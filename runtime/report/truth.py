@@ -157,8 +157,16 @@ def _at(time: Array, degree: Array, wanted: Array) -> Array:
     return np.where(np.abs(time[nearest] - wanted) <= reach, degree[:, nearest], np.nan)
 
 
+def names_at(trace: Trace) -> list[list[str]]:
+    """Everything that the trace says of each sample; of some it names several faults."""
+    return [word.split(" + ") for word in trace.verdict]
+
+
 def cases_of(truth: Truth, trace: Trace, ruleset: Ruleset) -> Cases:
-    """Hold the trace against the truth, sample by sample; the largest true fault counts."""
+    """Hold the trace against the truth, sample by sample; the largest true fault counts.
+
+    It counts as named only where nothing is named beside it that is not there.
+    """
     words = np.array(trace.verdict)
     known = ~np.isnan(truth.degree).all(axis=0)
     index = np.flatnonzero(known & ~np.isin(words, NOT_JUDGED))
@@ -167,9 +175,15 @@ def cases_of(truth: Truth, trace: Trace, ruleset: Ruleset) -> Cases:
     true = degrees[fault, np.arange(len(index))]
     fault = np.where(true > 0, fault, -1)
     row = {f.id: i for i, f in enumerate(ruleset.faults)}
-    said = np.array([row.get(word, -1) for word in words[index]], dtype=int)
+    names = names_at(trace)
     meant = np.array([row[name] for name in truth.faults])[fault]
-    named = np.where(fault < 0, words[index] == "ok", said == meant)
+    first = np.array([row.get(names[i][0], -1) for i in index], dtype=int)
+    named = words[index] == "ok"
+    for case in np.flatnonzero(fault >= 0):
+        there = {name for name, x in zip(truth.faults, degrees[:, case], strict=True) if x > 0}
+        said_here = names[index[case]]
+        named[case] = truth.faults[fault[case]] in said_here and there.issuperset(said_here)
+    said = np.where(fault < 0, first, meant)
     counts = (said >= 0) & (named | (fault < 0))
     degree, lower, upper = (
         np.where(counts, t[said, index], 0.0) for t in (trace.degree, trace.lower, trace.upper)

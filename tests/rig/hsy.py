@@ -145,7 +145,8 @@ def _write_half(source: Path, half: int, target: Path) -> None:
 def show(folder: Path) -> None:
     """Print the figures."""
     station = judge(folder)
-    print(f"{len(station.settled)} samples, {int(station.settled.sum())} in settled stretches")
+    settled = int(station.settled.sum())
+    print(f"{len(station.settled)} samples, {settled} in {station.stretches} settled stretches")
     for fault in station.every:
         judged = station.judged(fault)
         print(f"{fault} in per cent, median of a day +- 95 % (samples)")

@@ -67,6 +67,7 @@ class Station:
     """The recording; degrees of every sample, and which samples lie in settled stretches."""
 
     recording: Recording
+    stretches: int
     settled: NDArray[np.bool_]
     every: Mapping[str, Degrees]
 
@@ -114,7 +115,7 @@ def judge(folder: Path) -> Station:
     points = points_of_samples(recording, ruleset, noise)
     day = (recording.time // 86_400).astype(int)
     every = {fault: Degrees(*_rules(points, fault), day) for fault in RESIDUAL}
-    return Station(recording, settled, every)
+    return Station(recording, len(stretches), settled, every)
 
 
 def _rules(points: Points, fault: str) -> tuple[Array, Array]:

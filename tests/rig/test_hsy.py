@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from rulec.cli import main
-from tests.conftest import ROOT, recordings_folder
+from runtime.isolate import alarm_chance, quantile
+from tests.conftest import ROOT, compiled, recordings_folder
 from tests.rig.hsy import (
     beyond_the_sheet,
     by_halves,
@@ -23,7 +24,7 @@ from tests.rig.hsy import (
     halves,
     while_running,
 )
-from tests.rig.station import FILE, LARGE, PUMPS, SMALL, Station, judge
+from tests.rig.station import DAYS, FILE, HALF, LARGE, PLANT, PUMPS, SMALL, Station, judge
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +42,8 @@ def station(folder: Path) -> Station:
 
 
 def test_a_third_of_the_samples_is_settled(station: Station) -> None:
-    """517 of 1536 samples; a start or stop of any pump ends a stretch for all."""
-    assert (1536, 517) == (len(station.settled), int(station.settled.sum()))
+    """503 of 1536 samples; a start, stop or step of any pump ends a stretch for all."""
+    assert (1536, 503) == (len(station.settled), int(station.settled.sum()))
 
 
 def test_the_pump_that_never_ran_is_not_judged(station: Station) -> None:
@@ -61,10 +62,11 @@ def test_excess_power_ranks_the_pumps_alike_in_both_halves(station: Station) -> 
 
 
 def test_excess_power_ranks_the_pumps_alike_from_day_to_day(station: Station) -> None:
-    """At least 85 % of all pairs of pumps keep their order; the two small ones always."""
+    """At least 85 % of all pairs of pumps keep their order; the two small ones always, which both
+    ran on two pairs of days only."""
     same, total = day_to_day(station.judged("excess-power"))
     assert same > 0.85 * total
-    assert (3, 3) == day_to_day(station.judged("excess-power"), SMALL)
+    assert (2, 2) == day_to_day(station.judged("excess-power"), SMALL)
 
 
 def test_missing_head_ranks_the_pumps_less_firmly(station: Station) -> None:
@@ -77,11 +79,15 @@ def test_missing_head_ranks_the_pumps_less_firmly(station: Station) -> None:
 
 
 def test_the_smallest_level_judged_decides_only_on_missing_head(station: Station) -> None:
-    """1.2 m was chosen after a look at the data. Excess power ranks alike at 1.5 and 1.8 m;
-    missing head does not: its ranking over the halves proves nothing."""
+    """1.2 m was chosen after a look at the data. Excess power ranks alike at 1.5 m; at 1.8 m the
+    two worst change places, 1.4 and 2.2, which lie within 1 %. Missing head turns round: its
+    ranking over the halves proves nothing."""
     power = [halves(station.judged_above(level, "excess-power")).kendall for level in (1.5, 1.8)]
     head = [halves(station.judged_above(level, "missing-head")).kendall for level in (1.5, 1.8)]
-    assert min(power) > 0.8
+    assert power == pytest.approx([13 / 15, 11 / 15])
+    full = station.judged_above(1.8, "excess-power")
+    last = full.of_days(HALF, DAYS)[[PUMPS.index("P14"), PUMPS.index("P22")]]
+    assert 0 < last[1] - last[0] < 0.01
     assert head[1] < 0 < head[0] < 0.5
 
 
@@ -116,14 +122,28 @@ def test_calibrations_on_either_half_agree_on_the_power(folder: Path) -> None:
     assert max(abs(first[p] - last[p]) for p in both) < 0.02
 
 
-def test_diagnose_reads_the_recording(folder: Path, tmp_path: Path) -> None:
-    """Pump 1.4 is among the findings, each says what else it may be; 1.3 is never named."""
+def test_diagnose_finds_rags_not_the_tolerance_of_the_sheet(folder: Path, tmp_path: Path) -> None:
+    """Pumps 1.4 and 2.4, on three occasions: head and power are wrong together, which flow lost
+    inside the pump explains, or a flow meter that reads low. Nothing is left unexplained."""
     target = tmp_path / "diagnosis.json"
     plant = ROOT / "plants" / "hsy-pumping"
     assert 0 == main(["diagnose", str(plant), str(folder / FILE), "--json", str(target)])
     diagnosis: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
     findings = diagnosis["findings"]
-    assert 517 == diagnosis["judged"]
-    assert "P14" in {f["module"] for f in findings}
-    assert "P13" not in {f["module"] for f in findings}
-    assert all(f["alternatives"] for f in findings)
+    assert (503, []) == (diagnosis["judged"], diagnosis["unknown"])
+    assert ["P14", "P14", "P24"] == [f["module"] for f in findings]
+    assert ["recirculation"] * 3 == [f["fault"].partition(".")[2] for f in findings]
+    rivals = [{a["fault"] for a in f["alternatives"]} for f in findings]
+    assert [{"P14.Q.low"}, {"P14.Q.low"}, {"P24.Q.low"}] == rivals
+
+
+def test_excess_power_stays_below_the_alarm(station: Station) -> None:
+    """The largest excess of a day, 14.8 % in 1.4, is 3.2 standard uncertainties: enough for that
+    one question, too little where 56 faults are tried on 64 stretches (5.4)."""
+    judged = station.judged("excess-power")
+    with np.errstate(invalid="ignore"):
+        largest = np.nanmax(judged.daily() / judged.daily_u())
+    faults = len(compiled(PLANT).faults)
+    needed = quantile(alarm_chance(station.stretches) / (2 * faults))
+    assert (64, 56) == (station.stretches, faults)
+    assert (3.2, 5.4) == (round(float(largest), 1), round(needed, 1))

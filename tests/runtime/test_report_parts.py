@@ -52,6 +52,34 @@ def test_another_fault_counts_as_nothing_found(leaking: Judged, abc: Ruleset) ->
     assert 0.6 == round(float(cases.discrepancy.max()), 1)
 
 
+def judged_as(judged: Judged, word: str, faults: dict[str, float], ruleset: Ruleset) -> Cases:
+    """All samples with the same words in the trace and the same true degrees."""
+    assert judged.truth is not None
+    n = len(judged.trace.time)
+    degree = np.array([np.full(n, x) for x in faults.values()])
+    truth = dataclasses.replace(judged.truth, faults=tuple(faults), degree=degree)
+    return cases_of(truth, dataclasses.replace(judged.trace, verdict=(word,) * n), ruleset)
+
+
+@pytest.mark.parametrize(
+    ("word", "faults", "named"),
+    [
+        ("A.leakage", {"A.leakage": 0.4, "C.clogging": 0.2}, True),
+        ("C.clogging + A.leakage", {"A.leakage": 0.4, "C.clogging": 0.2}, True),
+        ("C.clogging", {"A.leakage": 0.4, "C.clogging": 0.2}, False),
+        ("C.clogging + A.leakage", {"A.leakage": 0.4}, False),
+        ("A.leakage + unknown", {"A.leakage": 0.4}, False),
+        ("C.clogging + A.leakage", {"A.leakage": 0.0}, False),
+        ("ok", {"A.leakage": 0.0}, True),
+    ],
+)
+def test_several_faults_at_once(
+    word: str, faults: dict[str, float], named: bool, leaking: Judged, abc: Ruleset
+) -> None:
+    """The largest true fault must be among those named, and no false one beside it."""
+    assert {named} == set(judged_as(leaking, word, faults, abc).named)
+
+
 TRUTHS = {
     "no time": ("A.leakage [1]\n0\n", "there is no time column"),
     "no fault": ("time [s],A.lekage [1]\n0,0\n", "did you mean 'A.leakage'?"),

@@ -134,11 +134,12 @@ def test_readings_that_nothing_determines_are_given() -> None:
 
 
 def test_parallel_branches_leave_one_reading_free(tmp_path: Path) -> None:
-    """Nothing says that both branches lose the same, so one of their pressures is given."""
+    """The line of A reads the loss of one branch; nothing ties the other one, so it is given."""
     (tmp_path / "plant.yaml").write_text(
-        "plant: split\ntitle: Two branches\n"
-        "modules: {A: {type: dosing-pcp}, C: {type: static-mixer}, D: {type: static-mixer}}\n"
-        "connections: [A -> C, A -> D]\n"
+        "plant: split\ntitle: Two branches into one vessel\n"
+        "modules: {A: {type: dosing-pcp}, C: {type: static-mixer}, D: {type: static-mixer},\n"
+        "  T: {type: plain-pipe, title: vessel}}\n"
+        "connections: [A -> C, A -> D, C -> T, D -> T]\n"
     )
     split = equations_of(compile_plant(tmp_path))
     assert ("A.n", "D.dp") == split.given
