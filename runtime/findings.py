@@ -14,11 +14,7 @@ from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
 from runtime.runs import runs_of
 from runtime.seen import Seen
 from runtime.stationary import LONGEST, PERSISTENCE, Stretches
-from runtime.verdict import partly_blind, verdict_at
-
-BRIEF = (
-    f"estimates of the flow disagreed too briefly to judge; a finding takes {PERSISTENCE} samples"
-)
+from runtime.verdict import Verdict, partly_blind, verdict_at
 
 
 @dataclass(frozen=True)
@@ -92,7 +88,7 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
         until = float(time[stretches.last[members[-1]] - 1])
         text = verdicts[members[0]].text
         if kind == "fault" and stretches.lengths[members].sum() < PERSISTENCE:
-            found.not_judged.append(Period(since, until, BRIEF))
+            found.not_judged.append(Period(since, until, _brief(ruleset, verdicts[members[0]])))
         elif kind == "fault":
             causes = causes_of(ruleset, seen, members, known)
             known = frozenset(cause.fault for cause in causes)
@@ -106,6 +102,12 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
         else:
             found.unknown.append(Period(since, until, text))
     return found
+
+
+def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
+    """Why a short deviation is no finding."""
+    fault = ruleset.faults[verdict.faults[0]]
+    return f"{fault.id} would fit, but a finding takes {PERSISTENCE} samples"
 
 
 def _when(

@@ -148,7 +148,7 @@ def _shifts(values: Array, limit: float) -> np.ndarray:
     known = np.where(readable, values, values[np.argmax(readable)])
     sums = np.concatenate([[0.0], np.cumsum(known)])
     means = (sums[SHORTEST:] - sums[:-SHORTEST]) / SHORTEST
-    within = np.abs(known[SHORTEST - 1 :] - known[: 1 - SHORTEST])
+    within = np.ptp(np.lib.stride_tricks.sliding_window_view(known, SHORTEST), axis=1)
     size = np.abs(means[SHORTEST:] - means[:-SHORTEST])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
     peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
