@@ -139,6 +139,7 @@ def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
         variant.meaning,
         hypothesis.affects,
         hypothesis.scales,
+        fault.acts_on == "signal",
         _origin(fault.origin),
     )
 

@@ -142,7 +142,7 @@ class HypothesisTest:
         begin = [np.array([s]) for s in STARTS] if starts is None else list(starts)
         rough = self._fit(faults, undone, places, self.covariance, begin)
         # What a fault takes away or adds, it takes from the errors of an estimate as well.
-        covariance = self.spread(self._scale(undone, places, rough.degree))
+        covariance = self.spread(self._scale(faults, undone, places, rough.degree))
         pure = self._fit(faults, undone, places, covariance, (rough.degree,))
         information = _information(inverse_of(covariance), pure.effect)
         u = _spread(information)
@@ -203,6 +203,7 @@ class HypothesisTest:
         offsets = self.observed.offsets[[index[o] for o in touched]][:, self.members]
         none = np.zeros(shape)
         measured = self.observed.flows[[index[o] for o in touched]][:, self.members]
+        in_sensor = any(f.in_sensor for f in faults)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(measured != 0, offsets / measured, 0.0)
 
@@ -210,6 +211,8 @@ class HypothesisTest:
             out = plan.run({**inputs, **{f"x:{f.id}": degree[:, i] for i, f in enumerate(faults)}})
             values = np.array([np.broadcast_to(out[name], shape) for name in names])
             gradient = [[np.broadcast_to(out.get(s, none), shape) for s in row] for row in slopes]
+            if in_sensor:
+                return values - offsets, np.array(gradient)
             # What the baseline takes from an estimate scales with it, its slope too.
             return values * (1.0 - share), np.array(gradient) * (1.0 - share)[:, None]
 
@@ -259,15 +262,17 @@ class HypothesisTest:
                 break
         return best
 
-    def _scale(self, undone: Undone, places: Sequence[int], degree: Array) -> Array:
+    def _scale(self, faults: Faults, undone: Undone, places: Sequence[int], degree: Array) -> Array:
         """Undone over measured flow of each usable observer, shape (observers, points).
 
         So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
+        A reading that a fault scales takes its errors along: undone, they are as before.
         """
         flows = self._flows()
         scale = np.ones_like(flows)
+        outside = degree * np.array([0.0 if f.in_sensor else 1.0 for f in faults])
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale[places] = undone(self._everywhere(degree))[0] / flows[places]
+            scale[places] = undone(self._everywhere(outside))[0] / flows[places]
         return np.where(np.isfinite(scale), np.clip(scale, -FACTOR, FACTOR), 1.0)
 
     def _widened(

@@ -124,7 +124,8 @@ class FaultSpec:
     """A hypothesis.
 
     `affects` lists the observers that it makes wrong, `scales` the signals in what it scales: only
-    these may leave the calibrated range because of the fault.
+    these may leave the calibrated range because of the fault. `in_sensor` says that the reading
+    itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
     """
 
     id: str
@@ -140,6 +141,7 @@ class FaultSpec:
     meaning: str
     affects: tuple[str, ...]
     scales: tuple[str, ...]
+    in_sensor: bool
     origin: str
 
 
