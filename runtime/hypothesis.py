@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,6 +66,11 @@ class _State:
     effect: Array
     distance: Array
 
+    def judged_by(self, chi: ChiSquare) -> _State:
+        """The same place with another chi-square."""
+        distance, slope = chi.at(self.moved)
+        return replace(self, slope=slope, distance=_finite(distance))
+
     def is_better(self, other: _State) -> np.ndarray:
         """Whether chi-square is less than at another state, shape (n,).
 
@@ -73,7 +78,8 @@ class _State:
         values would lose the last steps of the search in rounding.
         """
         gain = np.einsum("in,in->n", self.moved - other.moved, self.slope + other.slope)
-        return np.isfinite(self.distance) & (gain < 0)
+        better: np.ndarray = np.isfinite(self.distance) & (gain < 0)
+        return better
 
     def where(self, better: np.ndarray, other: _State) -> _State:
         """Take over the problems where `other` is better."""
@@ -144,11 +150,12 @@ class HypothesisTest:
             return None
         pure = self.chi_square.of(flows)
         begin = _single(faults) if starts is None else np.array([s[0] for s in starts]).T
-        best = self._fit(undoing, pure, self._best_start(undoing, pure, begin))
+        start = self._best_start(undoing, pure, begin)
+        best = self._fit(undoing, pure, self._state(undoing, pure, start))
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
         widened = pure.tolerating(self._tolerance(undoing, best.degree))
-        left = self._fit(undoing, widened, best.degree).distance
+        left = self._fit(undoing, widened, best.judged_by(widened)).distance
         information = pure.information(best.effect)
         u = _spread(information)
         usable = np.isfinite(left) & np.isfinite(u).all(axis=0)
@@ -182,7 +189,7 @@ class HypothesisTest:
         """Slopes of the residuals of a problem by its flows, shape (rank, flows)."""
         if self.present is None:
             return self.basis
-        return np.kron(np.eye(len(self.present)), self.basis)
+        return np.asarray(np.kron(np.eye(len(self.present)), self.basis), dtype=float)
 
     def _as_problems(self, table: Array) -> Array:
         """A table of touched flows, shape (touched, ..., points), as (flows, ..., problems)."""
@@ -227,11 +234,10 @@ class HypothesisTest:
         distance, slope = chi.at(moved)
         return _State(degree, moved, slope, self._effect(slopes), _finite(distance))
 
-    def _fit(self, undoing: Undoing, chi: ChiSquare, start: Array) -> _State:
+    def _fit(self, undoing: Undoing, chi: ChiSquare, best: _State) -> _State:
         """Degrees of least distance: Gauss-Newton with halved steps."""
         low, top = _range(undoing.faults)
-        best = self._state(undoing, chi, start)
-        share = np.ones(start.shape[1])
+        share = np.ones(best.degree.shape[1])
         for _ in range(STEPS):
             change = share * _newton_step(chi, best)
             trial = self._state(undoing, chi, np.clip(best.degree + change, low, top))
@@ -250,15 +256,15 @@ class HypothesisTest:
         Each observer's own part of an effect may be off by the tolerance, independently of the
         other observers, but alike at all points of one problem.
         """
-        everywhere = self._everywhere(degree)
-        moved = undoing.moved(everywhere)
+        count = len(undoing.faults)
+        # As found, then without each of the faults.
+        tried = np.repeat(self._everywhere(degree)[:, None], count + 1, axis=1)
+        tried[range(count), range(1, count + 1)] = 0.0
+        moved = undoing.moved(tried)
         covariance: Array | float = 0.0
         for i, fault in enumerate(undoing.faults):
-            without = everywhere.copy()
-            without[i] = 0.0
-            spread = fault.tolerance * (moved - undoing.moved(without))
-            each = spread[:, None] * np.eye(len(spread))[:, :, None]
-            parts = self._as_problems(each)
+            spread = fault.tolerance * (moved[:, 0] - moved[:, i + 1])
+            parts = self._as_problems(spread[:, None] * np.eye(len(spread))[:, :, None])
             covariance = covariance + np.einsum("ikn,jkn->ijn", parts, parts)
         return np.asarray(covariance)
 
