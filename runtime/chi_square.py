@@ -98,8 +98,8 @@ def solved(matrix: Array, right: Array) -> Array:
             return right / matrix
     sound = np.isfinite(matrix).all(axis=(0, 1))
     regular = np.where(sound, matrix, np.eye(len(matrix))[:, :, None])
-    solution = np.linalg.solve(np.moveaxis(regular, -1, 0), np.moveaxis(right, -1, 0))
-    result = np.ascontiguousarray(np.moveaxis(solution, 0, -1))
+    solution = np.linalg.solve(regular.transpose(2, 0, 1), right.transpose(2, 0, 1))
+    result = np.ascontiguousarray(solution.transpose(1, 2, 0))
     result[:, :, ~sound] = np.nan
     return result
 
@@ -109,7 +109,7 @@ def inverse_information(information: Array) -> Array:
     if len(information) == 1:
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 / information
-    return np.moveaxis(_inverse(np.moveaxis(information, -1, 0), 1e-14), 0, -1)
+    return _inverse(information.transpose(2, 0, 1), 1e-14).transpose(1, 2, 0)
 
 
 def _inverse(matrices: Array, ridge: float) -> Array:

@@ -37,6 +37,9 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
 }
 UNARY = frozenset({"neg", "sqrt", "abs", "sign", "exp", "log", "tanh"})
 
+ABSENT = np.asarray(np.nan)
+"""Value of an input that is not given."""
+
 Operation = tuple[str, int, int]
 
 
@@ -131,7 +134,7 @@ class Plan:
         -------
         Per output name an array, shape (n,); shape (1,) if every input is a number.
         """
-        given = [np.asarray(values.get(name, np.nan), dtype=float) for name in self.inputs]
+        given = [np.asarray(values.get(name, ABSENT), dtype=float) for name in self.inputs]
         lengths = {len(v) for v in given if v.ndim}
         if len(lengths) > 1:
             raise ValueError(f"inputs of different length: {sorted(lengths)}")
