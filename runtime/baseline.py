@@ -18,7 +18,7 @@ import numpy as np
 
 from runtime.observe import Observed
 from runtime.plan import Array
-from runtime.redundancy import chi_square_limit, residual_basis
+from runtime.redundancy import chi_square_limit, covariance_of, patterns_of, residual_basis
 from runtime.ruleset import Ruleset
 
 CALM = 2.0
@@ -37,13 +37,20 @@ temperature, which moves most of them [assumed]."""
 class Baseline:
     """Mean, shape (errors,), and covariance of the lasting errors, in standard uncertainties.
 
-    `learned` are the points it rests on, `time` is that of the last of them, s.
+    It rests on the first `count` of `points`, a list that all baselines of a recording share: a
+    list for each would grow with the square of the recording. `time` is that of the last, s.
     """
 
     mean: Array
     covariance: Array
-    learned: tuple[int, ...]
+    points: list[int]
+    count: int
     time: float
+
+    @property
+    def learned(self) -> tuple[int, ...]:
+        """The points it rests on."""
+        return tuple(self.points[: self.count])
 
     def later(self, time: float) -> Baseline:
         """What is still known at a later time: the rest of the errors is as before anything."""
@@ -64,7 +71,7 @@ class Baselines:
 def nothing_learned(observed: Observed) -> Baseline:
     """What is known of the lasting errors without any fault-free stretch: their uncertainties."""
     count = observed.shared.shape[1]
-    return Baseline(np.zeros(count), np.eye(count), (), 0.0)
+    return Baseline(np.zeros(count), np.eye(count), [], 0, 0.0)
 
 
 def remembered(seconds: Array | float) -> Array:
@@ -79,52 +86,71 @@ def learn(ruleset: Ruleset, observed: Observed) -> Baselines:
     at = np.zeros(len(observed), dtype=int)
     time = times_of(observed)
     outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
-    for point, residuals, shared, noise in _residuals(ruleset, observed):
-        at[point] = len(states) - 1
-        if not outside[point]:
-            before = states[-1].later(time[point])
-            updated = _update(before, point, residuals, shared, noise)
+    for said in _in_order(ruleset, observed):
+        at[said.point] = len(states) - 1
+        if not outside[said.point]:
+            updated = _update(states[-1].later(time[said.point]), said)
             if updated is not None:
                 states.append(updated)
     return Baselines(tuple(states), _filled(at))
 
 
-def _residuals(ruleset: Ruleset, observed: Observed) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Per judgeable point: residuals (rank,), their shared gradients, covariance of the noise."""
-    known: dict[bytes, Array] = {}
-    for point in range(len(observed)):
-        valid = observed.valid[:, point]
-        key = valid.tobytes()
-        if key not in known:
-            known[key] = residual_basis(ruleset, valid)
-        basis = known[key]
+@dataclass(frozen=True)
+class _Said:
+    """What a judgeable point says: residuals (rank,), their gradients by the lasting errors
+    (rank, errors), covariance of the noise (rank, rank) and the logarithm of its determinant."""
+
+    point: int
+    residuals: Array
+    shared: Array
+    noise: Array
+    log_determinant: float
+
+
+def _in_order(ruleset: Ruleset, observed: Observed) -> list[_Said]:
+    """What the judgeable points say, in order of time."""
+    found: list[_Said] = []
+    for valid, members in patterns_of(observed.valid):
+        basis = residual_basis(ruleset, valid)
         if len(basis):
-            noise = basis @ observed.noise[point][np.ix_(valid, valid)] @ basis.T
-            shared = basis @ observed.shared[valid, :, point]
-            yield point, basis @ observed.flows[valid, point], shared, noise
+            found += _said(observed, valid, basis, members)
+    return sorted(found, key=lambda said: said.point)
 
 
-def _update(
-    before: Baseline, point: int, residuals: Array, shared: Array, noise: Array
-) -> Baseline | None:
+def _said(
+    observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
+) -> Iterator[_Said]:
+    """What points say that share their valid observers, all worked out together."""
+    noise = np.ascontiguousarray(covariance_of(basis, observed.noise, valid, members))
+    residuals = (basis @ observed.flows[valid][:, members]).T
+    shared = np.tensordot(basis, observed.shared[valid][:, :, members], axes=1)
+    shared = np.ascontiguousarray(np.moveaxis(shared, -1, 0))
+    _, size = np.linalg.slogdet(noise)
+    for k, point in enumerate(members.tolist()):
+        yield _Said(point, residuals[k], shared[k], noise[k], float(size[k]))
+
+
+def _update(before: Baseline, said: _Said) -> Baseline | None:
     """Condition on a point; None if it deviates, or adds next to nothing."""
+    residuals, shared = said.residuals, said.shared
     if not (np.isfinite(residuals).all() and np.isfinite(shared).all()):
         return None
     crossed = before.covariance @ shared.T
-    total = noise + shared @ crossed
+    total = said.noise + shared @ crossed
     off = residuals - shared @ before.mean
     solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
     if off @ solved[:, 0] > chi_square_limit(len(off), CALM):
         return None
-    gain = np.linalg.slogdet(total)[1] - np.linalg.slogdet(noise)[1]
+    gain = np.linalg.slogdet(total)[1] - said.log_determinant
     if gain < WORTH * len(off):
         return None
     covariance = before.covariance - crossed @ solved[:, 1:]
-    return Baseline(
-        before.mean + crossed @ solved[:, 0],
-        0.5 * (covariance + covariance.T),
-        (*before.learned, point),
-        before.time,
+    before.points.append(said.point)
+    return replace(
+        before,
+        mean=before.mean + crossed @ solved[:, 0],
+        covariance=0.5 * (covariance + covariance.T),
+        count=before.count + 1,
     )
 
 
@@ -147,19 +173,18 @@ def against(
 
     `at` gives the baseline of each point where the points are not those that were learned from.
     """
-    offsets = np.zeros_like(observed.flows)
-    lasting = np.zeros_like(observed.noise)
     at = baselines.at if at is None else at
-    time, unconditioned = times_of(observed), observed.covariance - observed.noise
-    for index in np.unique(at):
-        here, state = np.flatnonzero(at == index), baselines.states[index]
+    offsets = np.zeros_like(observed.flows)
+    time, lasting = times_of(observed), observed.covariance - observed.noise
+    # Points last, as they lie in memory.
+    spread = np.moveaxis(lasting, 0, -1)
+    for index, here in _same(at):
+        state = baselines.states[index]
         kept = remembered(time[here] - state.time)
         shared = observed.shared[:, :, here]
-        offsets[:, here] = kept * np.einsum("omn,m->on", shared, state.mean)
-        spread = np.einsum("omn,mk->nok", shared, _factor(state.covariance), optimize=True)
-        known = (kept**2)[:, None, None]
-        lasting[here] = known * (spread @ np.swapaxes(spread, 1, 2))
-        lasting[here] += (1.0 - known) * unconditioned[here]
+        offsets[:, here] = kept * (state.mean @ shared)
+        known = np.einsum("omn,pmn->opn", shared, state.covariance @ shared)
+        spread[:, :, here] = kept**2 * known + (1.0 - kept**2) * spread[:, :, here]
     covariance = observed.noise + lasting
     return replace(
         observed,
@@ -169,6 +194,16 @@ def against(
         residual_u=_spreads(ruleset, covariance),
         residual_systematic=_spreads(ruleset, lasting),
     )
+
+
+def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
+    """Baselines and the points that they hold for; all points at once where one holds for all."""
+    order = np.argsort(at, kind="stable")
+    indexes, starts = np.unique(at[order], return_index=True)
+    if len(indexes) == 1:
+        yield int(indexes[0]), slice(None)
+        return
+    yield from zip(indexes.tolist(), np.split(order, starts[1:]), strict=True)
 
 
 def _signed(ruleset: Ruleset, offsets: Array) -> Array:
@@ -181,19 +216,12 @@ def _signed(ruleset: Ruleset, offsets: Array) -> Array:
 def _spreads(ruleset: Ruleset, covariance: Array) -> Array:
     """Standard uncertainties of the residuals, shape (residuals, n)."""
     row = ruleset.observer_index
+    points_last = np.moveaxis(covariance, 0, -1)
     result = np.zeros((len(ruleset.residuals), len(covariance)))
     for i, residual in enumerate(ruleset.residuals):
         places = [row[t.observer] for t in residual.terms]
         signs = np.array([float(t.sign) for t in residual.terms])
-        own = covariance[:, places][:, :, places]
-        variance = np.einsum("i,nij,j->n", signs, own, signs, optimize=True)
+        own = points_last[np.ix_(places, places)]
+        variance = np.einsum("i,ijn,j->n", signs, own, signs)
         result[i] = np.sqrt(np.maximum(variance, 0.0))
     return result
-
-
-def _factor(covariance: Array) -> Array:
-    """A square root of a covariance, without directions that carry nothing."""
-    sizes, axes = np.linalg.eigh(covariance)
-    kept = sizes > 1e-12
-    factor: Array = axes[:, kept] * np.sqrt(sizes[kept])
-    return factor

@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from runtime.baseline import Baselines, remembered, times_of
-from runtime.hypothesis import HypothesisTest, Outcome, inverse_of, products
+from runtime.hypothesis import HypothesisTest, Outcome
 from runtime.isolate import COVERAGE, Isolation, accepted, shares
 from runtime.observe import Observed
 from runtime.plan import Array
@@ -145,14 +145,14 @@ def _thinned(points: np.ndarray) -> np.ndarray:
 
 
 def stacked_covariance(
-    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray, scale: Array
+    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray, scale: Array | None
 ) -> Array:
     """Covariance of the residuals of several points, shape (1, points * rank, points * rank).
 
     `scale` are factors on the errors of each usable observer, shape (observers, points).
     """
     rank = len(basis)
-    scaled = [basis * factors for factors in scale.T]
+    scaled = [basis] * len(points) if scale is None else [basis * part for part in scale.T]
     gradients = np.vstack(
         [b @ observed.shared[valid, :, k] for b, k in zip(scaled, points, strict=True)]
     )
@@ -192,14 +192,15 @@ def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[
 
 def _backward(test: HypothesisTest, when: str) -> Iterator[_Fit]:
     """The single faults that, present at other times, would explain most to first order."""
-    inverse, residuals = inverse_of(test.covariance), test.residuals()
     explained = np.zeros(len(test.ruleset.faults))
     for i, fault in enumerate(test.ruleset.faults):
-        effect = test.effect(fault)
-        if effect is None or not effect.any():
+        first = test.first_order(fault)
+        if first is None or not first.slope.any():
             continue
-        pull = -products(inverse, effect, residuals)[0]
-        explained[i] = max(pull, 0.0) ** 2 / products(inverse, effect, effect)[0]
+        chi = test.chi_square.of(first.flows)
+        pull = -float(first.slope[:, 0] @ chi.slope[:, 0])
+        information = float(chi.information(first.slope[:, None])[0, 0, 0])
+        explained[i] = max(pull, 0.0) ** 2 / information
     for i in np.argsort(-explained, kind="stable")[:BACKWARD]:
         outcome = test.run((test.ruleset.faults[i],)) if explained[i] > 0 else None
         if outcome is not None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from runtime.chi_square import ChiSquare, chi_square, inverse_information, inverse_of
 from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.ruleset import FaultSpec, Ruleset
+from runtime.undoing import Faults, Undoing
 
 NEGLIGIBLE = 1e-6
 """Share of a fault's own effect below which residuals count as untouched (it cancels)."""
@@ -21,7 +23,7 @@ STEPS = 15
 CONVERGED = 1e-9
 """Change of a degree below which it stands."""
 
-STARTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.5, 2.5, 5.0, 10.0)
+STARTS = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.5, 2.5, 5.0, 10.0])
 """Degrees tried first. Far from its start Gauss-Newton may run into a pole of the law."""
 
 FACTOR = 10.0
@@ -29,35 +31,6 @@ FACTOR = 10.0
 
 APART = 1e-4
 """Determinant of the information over its diagonal below which degrees are not told apart."""
-
-Faults = tuple[FaultSpec, ...]
-"""The faults of one hypothesis, at the same time."""
-
-Undone = Callable[[Array], tuple[Array, Array]]
-"""Degrees, shape (n, faults), to flows (touched observers, n) and their slopes by each degree
-(touched observers, faults, n)."""
-
-
-def inverse_of(covariance: Array) -> Array:
-    """Inverse of each covariance, shape (n, rank, rank).
-
-    A trace of ridge keeps residuals without any uncertainty of their own solvable; points whose
-    covariance is not finite give NaN.
-    """
-    rank = covariance.shape[1]
-    size = np.einsum("nrr->n", covariance)
-    sound = np.isfinite(covariance).all(axis=(1, 2)) & (size > 0)
-    regular = np.where(sound[:, None, None], covariance, np.eye(rank))
-    regular = regular + (1e-12 * np.where(sound, size, 1.0))[:, None, None] * np.eye(rank)
-    inverse: Array = np.asarray(np.linalg.inv(regular), dtype=float)
-    inverse[~sound] = np.nan
-    return inverse
-
-
-def products(inverse: Array, a: Array, b: Array) -> Array:
-    """Products of vectors in the metric of the inverse covariances, shape (n,)."""
-    product: Array = np.einsum("nr,nrs,ns->n", a, inverse, b, optimize=True)
-    return product
 
 
 @dataclass(frozen=True)
@@ -72,21 +45,50 @@ class Outcome:
 
 
 @dataclass(frozen=True)
+class FirstOrder:
+    """What a small degree of a fault does: touched flows (places) and their slopes by the degree,
+    shape (touched, n), 0 where the residuals do not see it."""
+
+    flows: list[int]
+    slope: Array
+
+
+@dataclass(frozen=True)
 class _State:
-    """Where the search stands: shapes (n, faults), (n, rank, faults), (n, rank), (n,)."""
+    """Where the search stands, n problems last.
+
+    Degrees (faults, n), how far they move flows and half the slope of chi-square there, both
+    (flows, n), effect of the degrees on the flows (flows, faults, n), chi-square (n,).
+    """
 
     degree: Array
+    moved: Array
+    slope: Array
     effect: Array
-    residuals: Array
     distance: Array
 
+    def judged_by(self, chi: ChiSquare) -> _State:
+        """The same place with another chi-square."""
+        distance, slope = chi.at(self.moved)
+        return replace(self, slope=slope, distance=_finite(distance))
+
+    def is_better(self, other: _State) -> np.ndarray:
+        """Whether chi-square is less than at another state, shape (n,).
+
+        The difference of a quadratic between two places is exact in the slopes; a difference of
+        values would lose the last steps of the search in rounding.
+        """
+        gain = np.einsum("in,in->n", self.moved - other.moved, self.slope + other.slope)
+        better: np.ndarray = np.isfinite(self.distance) & (gain < 0)
+        return better
+
     def where(self, better: np.ndarray, other: _State) -> _State:
-        """Take over the points where `other` is better."""
-        wide = better[:, None]
+        """Take over the problems where `other` is better."""
         return _State(
-            np.where(wide, other.degree, self.degree),
-            np.where(wide[:, None], other.effect, self.effect),
-            np.where(wide, other.residuals, self.residuals),
+            np.where(better, other.degree, self.degree),
+            np.where(better, other.moved, self.moved),
+            np.where(better, other.slope, self.slope),
+            np.where(better, other.effect, self.effect),
             np.where(better, other.distance, self.distance),
         )
 
@@ -97,8 +99,8 @@ class HypothesisTest:
 
     Each point is a problem of its own. If `present` is given, shape (points,), all points together
     are one problem with the same degrees wherever the faults are present (1) and none elsewhere
-    (0). `spread` gives the covariance of each problem, shape (problems, rank, rank), for factors
-    by which the errors of each usable observer are scaled, shape (observers, points).
+    (0). `spread` gives the covariance of each problem, shape (problems, rank, rank), as measured
+    or for factors by which the errors of each usable flow are scaled, shape (flows, points).
     """
 
     ruleset: Ruleset
@@ -106,155 +108,162 @@ class HypothesisTest:
     valid: np.ndarray
     basis: Array
     members: np.ndarray
-    spread: Callable[[Array], Array]
+    spread: Callable[[Array | None], Array]
     present: Array | None = None
-
-    @cached_property
-    def covariance(self) -> Array:
-        """Covariance of the residuals as measured, shape (problems, rank, rank)."""
-        return self.spread(np.ones((int(self.valid.sum()), len(self.members))))
 
     def residuals(self) -> Array:
         """Residuals as measured, shape (problems, rank)."""
-        return self._residuals_of(self._flows())
+        residuals: Array = (self.basis @ (self._flows - self._offsets)).T
+        return residuals if self.present is None else residuals.reshape(1, -1)
 
-    def effect(self, fault: FaultSpec) -> Array | None:
-        """Slope of the residuals by a small degree, shape (problems, rank); 0 where it cancels."""
-        touched, places = self._touched((fault,))
-        if not touched:
+    @cached_property
+    def chi_square(self) -> ChiSquare:
+        """Chi-square as a function of the usable flows; those of one point after the other where
+        all points are one problem."""
+        return self._chi_square(None)
+
+    def first_order(self, fault: FaultSpec) -> FirstOrder | None:
+        """Effect of a small degree; None where the fault touches no usable observer."""
+        undoing, flows = self._undoing((fault,))
+        if not flows:
             return None
-        _, slopes = self._undone((fault,), touched)(np.zeros((len(self.members), 1)))
-        effect = self._effects_of(slopes, places)[..., 0]
-        size = np.sqrt(np.einsum("nr,nr->n", effect, effect))
+        _, slopes = undoing.moved_and_slopes(np.zeros((1, len(self.members))))
+        slope = self._effect(slopes)[:, 0]
+        size = np.sqrt(np.sum((self._lifted[:, flows] @ slope) ** 2, axis=0))
         own = np.max(np.abs(slopes), axis=(0, 1))
         visible = size > NEGLIGIBLE * (own if self.present is None else np.max(own, keepdims=True))
-        return np.where(visible[:, None], effect, 0.0)
+        return FirstOrder(flows, np.where(visible, slope, 0.0))
 
     def run(self, faults: Faults, starts: Iterable[Array] | None = None) -> Outcome | None:
         """Fit the degrees of a hypothesis; None where it touches no usable observer.
 
         `starts` are degrees to begin with, each of a shape that broadcasts to (n, faults).
         """
-        touched, places = self._touched(faults)
-        if not touched:
+        undoing, flows = self._undoing(faults)
+        if not flows:
             return None
-        undone = self._undone(faults, touched)
-        begin = [np.array([s]) for s in STARTS] if starts is None else list(starts)
-        rough = self._fit(faults, undone, places, self.covariance, begin)
-        # What a fault takes away or adds, it takes from the errors of an estimate as well.
-        covariance = self.spread(self._scale(faults, undone, places, rough.degree))
-        pure = self._fit(faults, undone, places, covariance, (rough.degree,))
-        information = _information(inverse_of(covariance), pure.effect)
-        u = _spread(information)
+        pure = self.chi_square.of(flows)
+        begin = _single(faults) if starts is None else np.array([s[0] for s in starts]).T
+        start = self._best_start(undoing, pure, begin)
+        best = self._fit(undoing, pure, self._state(undoing, pure, start))
+        if not all(f.in_sensor for f in faults):
+            # What a fault takes from a flow or adds to it, it takes from its errors as well.
+            pure = self._chi_square(self._scale(undoing, best.degree)).of(flows)
+            best = self._fit(undoing, pure, best.judged_by(pure))
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
-        widened = self._widened(faults, undone, pure.degree, places, covariance)
-        best = self._fit(faults, undone, places, widened, (pure.degree,))
-        usable = np.isfinite(best.distance) & np.isfinite(u).all(axis=1)
+        widened = pure.tolerating(self._tolerance(undoing, best.degree))
+        left = self._fit(undoing, widened, best.judged_by(widened)).distance
+        information = pure.information(best.effect)
+        u = _spread(information)
+        usable = np.isfinite(left) & np.isfinite(u).all(axis=0)
         if len(faults) > 1:
             usable &= _told_apart(information)
         # The tolerance must not speak against a fault either: no price for the wider covariance.
-        evidence = np.where(usable, -0.5 * best.distance, -np.inf)
-        distance = np.where(usable, best.distance, np.inf) if len(faults) > 1 else best.distance
-        return Outcome(pure.degree, u, distance, evidence)
+        evidence = np.where(usable, -0.5 * left, -np.inf)
+        distance = np.where(usable, left, np.inf) if len(faults) > 1 else left
+        return Outcome(best.degree.T, u.T, distance, evidence)
 
+    def _chi_square(self, scale: Array | None) -> ChiSquare:
+        return chi_square(inverse_of(self.spread(scale)), self.residuals(), self._lifted)
+
+    def _scale(self, undoing: Undoing, degree: Array) -> Array:
+        """Undone over measured flow of each usable observer, shape (usable, points).
+
+        So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
+        A reading that a fault scales takes its errors along: undone, they are as before.
+        """
+        outside = np.array([[0.0 if f.in_sensor else 1.0] for f in undoing.faults])
+        column = np.cumsum(self.valid) - 1
+        places = [int(column[self.ruleset.observer_index[o]]) for o in undoing.touched]
+        scale = np.ones_like(self._flows)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            moved = undoing.moved(self._everywhere(degree * outside))
+            scale[places] += moved / self._flows[places]
+        return np.where(np.isfinite(scale), np.clip(scale, -FACTOR, FACTOR), 1.0)
+
+    @cached_property
     def _flows(self) -> Array:
-        """Usable flows less what the baseline takes, shape (usable observers, n)."""
-        seen = self.observed
-        flows: Array = (seen.flows[self.valid] - seen.offsets[self.valid])[:, self.members]
+        """Usable flows, shape (usable observers, points)."""
+        flows: Array = self.observed.flows[self.valid][:, self.members]
         return flows
 
-    def _residuals_of(self, flows: Array) -> Array:
-        residuals: Array = np.einsum("ro,on->nr", self.basis, flows)
-        return residuals if self.present is None else residuals.reshape(1, -1)
+    @cached_property
+    def _offsets(self) -> Array:
+        """What the baseline takes from them."""
+        offsets: Array = self.observed.offsets[self.valid][:, self.members]
+        return offsets
 
-    def _effects_of(self, slopes: Array, places: Sequence[int]) -> Array:
-        effect: Array = np.einsum("ro,odn->nrd", self.basis[:, places], slopes)
+    @cached_property
+    def _readings(self) -> dict[str, Array]:
+        """Readings per signal, shape (points,)."""
+        values = self.observed.points.values
+        return {name: readings[self.members] for name, readings in values.items()}
+
+    @cached_property
+    def _lifted(self) -> Array:
+        """Slopes of the residuals of a problem by its flows, shape (rank, flows)."""
         if self.present is None:
-            return effect
-        return (effect * self.present[:, None, None]).reshape(1, -1, effect.shape[2])
+            return self.basis
+        return np.asarray(np.kron(np.eye(len(self.present)), self.basis), dtype=float)
+
+    def _as_problems(self, table: Array) -> Array:
+        """A table of touched flows, shape (touched, ..., points), as (flows, ..., problems)."""
+        if self.present is None:
+            return table
+        return np.moveaxis(table, -1, 0).reshape(-1, *table.shape[1:-1], 1)
+
+    def _effect(self, slopes: Array) -> Array:
+        """Slopes at the points as those of the problems, shape (flows, faults, problems)."""
+        return self._as_problems(slopes if self.present is None else slopes * self.present)
 
     def _everywhere(self, degree: Array) -> Array:
-        """Degrees of the problems, shape (problems, faults), as degrees at all points."""
-        return degree if self.present is None else degree * self.present[:, None]
+        """Degrees of the problems, shape (faults, ..., problems), as degrees at all points."""
+        return degree if self.present is None else degree * self.present
 
-    def _touched(self, faults: Faults) -> tuple[list[str], list[int]]:
-        """Usable observers that the faults make wrong, and their places among the usable ones."""
+    def _undoing(self, faults: Faults) -> tuple[Undoing, list[int]]:
+        """The faults in the usable observers that they touch, and the places of these flows."""
         index = self.ruleset.observer_index
         column = np.cumsum(self.valid) - 1
         affected = dict.fromkeys(o for f in faults for o in f.affects)
         touched = [o for o in affected if self.valid[index[o]]]
-        return touched, [int(column[index[o]]) for o in touched]
+        places = [int(column[index[o]]) for o in touched]
+        kept = np.ones_like(self._flows[places])
+        if not any(f.in_sensor for f in faults):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = self._offsets[places] / self._flows[places]
+            kept -= np.where(np.isfinite(share), share, 0.0)
+        measured = self._flows[places]
+        undoing = Undoing(self.ruleset, faults, touched, self._readings, measured, kept)
+        if self.present is None:
+            return undoing, places
+        usable, points = len(self._flows), len(self.present)
+        return undoing, [point * usable + place for point in range(points) for place in places]
 
-    def _undone(self, faults: Faults, touched: list[str]) -> Undone:
-        """Function of the degrees: flows and slopes of the touched observers, faults undone."""
-        plan = self.ruleset.undone(tuple(touched), tuple(f.id for f in faults))
-        names = [f"q:{o}" for o in touched]
-        slopes = [[f"dq:{o}:{f.id}" for f in faults] for o in touched]
-        needed = plan.used_inputs()
-        inputs: dict[str, Array | float] = {
-            name: values[self.members]
-            for name, values in self.observed.points.values.items()
-            if name in needed
-        }
-        inputs.update({f"x:{f.id}": 0.0 for f in self.ruleset.faults if f"x:{f.id}" in needed})
-        shape = (len(self.members),)
-        index = self.ruleset.observer_index
-        offsets = self.observed.offsets[[index[o] for o in touched]][:, self.members]
-        none = np.zeros(shape)
-        measured = self.observed.flows[[index[o] for o in touched]][:, self.members]
-        in_sensor = any(f.in_sensor for f in faults)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(measured != 0, offsets / measured, 0.0)
+    def _best_start(self, undoing: Undoing, chi: ChiSquare, starts: Array) -> Array:
+        """The best of some degrees, shape (faults, starts), for each problem: (faults, n)."""
+        low, top = _range(undoing.faults)
+        degree = np.clip(starts, low, top)[:, :, None] + np.zeros(len(chi.value))
+        distance, _ = chi.at(self._as_problems(undoing.moved(self._everywhere(degree))))
+        best = np.argmin(_finite(distance), axis=0)
+        chosen: Array = np.take_along_axis(degree, best[None, None], axis=1)[:, 0]
+        return chosen
 
-        def evaluate(degree: Array) -> tuple[Array, Array]:
-            out = plan.run({**inputs, **{f"x:{f.id}": degree[:, i] for i, f in enumerate(faults)}})
-            values = np.array([np.broadcast_to(out[name], shape) for name in names])
-            gradient = [[np.broadcast_to(out.get(s, none), shape) for s in row] for row in slopes]
-            if in_sensor:
-                return values - offsets, np.array(gradient)
-            # What the baseline takes from an estimate scales with it, its slope too.
-            return values * (1.0 - share), np.array(gradient) * (1.0 - share)[:, None]
+    def _state(self, undoing: Undoing, chi: ChiSquare, degree: Array) -> _State:
+        """Chi-square with the faults undone at degrees, shape (faults, problems)."""
+        moved, slopes = undoing.moved_and_slopes(self._everywhere(degree))
+        moved = self._as_problems(moved)
+        distance, slope = chi.at(moved)
+        return _State(degree, moved, slope, self._effect(slopes), _finite(distance))
 
-        return evaluate
-
-    def _state(
-        self, undone: Undone, places: Sequence[int], inverse: Array, degree: Array
-    ) -> _State:
-        """Residuals and distance with the faults undone at degrees, shape (problems, faults)."""
-        values, slopes = undone(self._everywhere(degree))
-        flows = self._flows()
-        flows[places] = values
-        residuals = self._residuals_of(flows)
-        distance = products(inverse, residuals, residuals)
-        finite = np.where(np.isfinite(distance), distance, np.inf)
-        return _State(degree, self._effects_of(slopes, places), residuals, finite)
-
-    def _fit(
-        self,
-        faults: Faults,
-        undone: Undone,
-        places: Sequence[int],
-        covariance: Array,
-        starts: Iterable[Array],
-    ) -> _State:
-        """Degrees of least distance: best start, then Gauss-Newton with halved steps."""
-        low = np.array([f.lowest for f in faults])
-        top = np.array([f.highest for f in faults]) * (1.0 - 1e-6)
-        inverse = inverse_of(covariance)
-        blank = np.zeros((len(covariance), len(faults)))
-        best: _State | None = None
-        for start in starts:
-            if best is not None and start.size == 1 and not low.min() < start.min() < top.max():
-                continue
-            here = self._state(undone, places, inverse, np.clip(start + blank, low, top))
-            best = here if best is None else best.where(here.distance < best.distance, here)
-        assert best is not None
-        share = np.ones(len(covariance))
+    def _fit(self, undoing: Undoing, chi: ChiSquare, best: _State) -> _State:
+        """Degrees of least distance: Gauss-Newton with halved steps."""
+        low, top = _range(undoing.faults)
+        share = np.ones(best.degree.shape[1])
         for _ in range(STEPS):
-            change = share[:, None] * _newton_step(inverse, best.effect, best.residuals)
-            trial = self._state(undone, places, inverse, np.clip(best.degree + change, low, top))
-            better = trial.distance < best.distance
+            change = share * _newton_step(chi, best)
+            trial = self._state(undoing, chi, np.clip(best.degree + change, low, top))
+            better = trial.is_better(best)
             moved = np.max(np.abs(trial.degree - best.degree), initial=0.0)
             best = best.where(better, trial)
             share = np.where(better, 1.0, 0.5 * share)
@@ -262,89 +271,62 @@ class HypothesisTest:
                 break
         return best
 
-    def _scale(self, faults: Faults, undone: Undone, places: Sequence[int], degree: Array) -> Array:
-        """Undone over measured flow of each usable observer, shape (observers, points).
-
-        So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
-        A reading that a fault scales takes its errors along: undone, they are as before.
-        """
-        flows = self._flows()
-        scale = np.ones_like(flows)
-        outside = degree * np.array([0.0 if f.in_sensor else 1.0 for f in faults])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale[places] = undone(self._everywhere(outside))[0] / flows[places]
-        return np.where(np.isfinite(scale), np.clip(scale, -FACTOR, FACTOR), 1.0)
-
-    def _widened(
-        self,
-        faults: Faults,
-        undone: Undone,
-        degree: Array,
-        places: Sequence[int],
-        covariance: Array,
-    ) -> Array:
-        """Covariance plus the tolerance of each fault: a real one never looks quite like its law.
+    def _tolerance(self, undoing: Undoing, degree: Array) -> Array:
+        """Covariance of the touched flows by the tolerance of each fault, shape (flows, flows, n):
+        a real one never looks quite like its law.
 
         Each observer's own part of an effect may be off by the tolerance, independently of the
         other observers, but alike at all points of one problem.
         """
-        everywhere = self._everywhere(degree)
-        values, _ = undone(everywhere)
-        widened = covariance
-        for i, fault in enumerate(faults):
-            without = everywhere.copy()
-            without[:, i] = 0.0
-            spread = fault.tolerance * (values - undone(without)[0])
-            parts = np.einsum("ro,on->nro", self.basis[:, places], spread)
-            if self.present is not None:
-                parts = parts.reshape(1, -1, parts.shape[2])
-            widened = widened + parts @ np.swapaxes(parts, 1, 2)
-        return widened
+        count = len(undoing.faults)
+        # As found, then without each of the faults.
+        tried = np.repeat(self._everywhere(degree)[:, None], count + 1, axis=1)
+        tried[range(count), range(1, count + 1)] = 0.0
+        moved = undoing.moved(tried)
+        covariance: Array | float = 0.0
+        for i, fault in enumerate(undoing.faults):
+            spread = fault.tolerance * (moved[:, 0] - moved[:, i + 1])
+            parts = self._as_problems(spread[:, None] * np.eye(len(spread))[:, :, None])
+            covariance = covariance + np.einsum("ikn,jkn->ijn", parts, parts)
+        return np.asarray(covariance)
 
 
-def _information(inverse: Array, effect: Array) -> Array:
-    """Information on the degrees of each problem, shape (n, faults, faults)."""
-    information: Array = np.swapaxes(effect, 1, 2) @ (inverse @ effect)
-    return information
+def _range(faults: Faults) -> tuple[Array, Array]:
+    """Lowest and highest degree of each fault, shape (faults, 1)."""
+    low, top = ([[f.lowest] for f in faults], [[f.highest * (1.0 - 1e-6)] for f in faults])
+    return np.array(low), np.array(top)
 
 
-def _newton_step(inverse: Array, effect: Array, residuals: Array) -> Array:
-    """Gauss-Newton change of the degrees, shape (n, faults); 0 where there is none."""
-    weighted = np.swapaxes(effect, 1, 2) @ inverse
-    information, pull = weighted @ effect, (weighted @ residuals[:, :, None])[:, :, 0]
-    if effect.shape[2] == 1:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            change = -pull / information[:, :, 0]
-    else:
-        change = -np.einsum("nij,nj->ni", _inverted(information), pull)
-    return np.where(np.isfinite(change).all(axis=1, keepdims=True), change, 0.0)
+def _single(faults: Faults) -> Array:
+    """Degrees tried first where none are given, shape (faults, starts): zero and what is in the
+    range of the faults."""
+    low, top = _range(faults)
+    tried = STARTS[(STARTS == 0.0) | ((low.min() < STARTS) & (top.max() > STARTS))]
+    return np.broadcast_to(tried, (len(faults), len(tried)))
 
 
-def _inverted(information: Array) -> Array:
-    """Inverse of small information matrices; NaN where they have none."""
-    size = np.einsum("nii->n", information)
-    sound = np.isfinite(information).all(axis=(1, 2)) & (size > 0)
-    count = information.shape[1]
-    regular = np.where(sound[:, None, None], information, np.eye(count))
-    regular = regular + (1e-14 * np.where(sound, size, 1.0))[:, None, None] * np.eye(count)
-    inverse: Array = np.linalg.inv(regular)
-    inverse[~sound] = np.nan
-    return inverse
+def _finite(distance: Array) -> Array:
+    """Nothing is farther than what cannot be calculated."""
+    return np.where(np.isfinite(distance), distance, np.inf)
+
+
+def _newton_step(chi: ChiSquare, state: _State) -> Array:
+    """Gauss-Newton change of the degrees, shape (faults, n); 0 where there is none."""
+    pull = -np.einsum("idn,in->dn", state.effect, state.slope)
+    change = np.einsum("ijn,jn->in", inverse_information(chi.information(state.effect)), pull)
+    return np.where(np.isfinite(change).all(axis=0), change, 0.0)
 
 
 def _spread(information: Array) -> Array:
-    """Standard uncertainties of degrees from their information, shape (n, faults)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if information.shape[1] == 1:
-            u: Array = 1.0 / np.sqrt(information[:, :, 0])
-        else:
-            u = np.sqrt(np.einsum("nii->ni", _inverted(information)))
+    """Standard uncertainties of degrees from their information, shape (faults, n)."""
+    with np.errstate(invalid="ignore"):
+        u: Array = np.sqrt(np.einsum("iin->in", inverse_information(information)))
     return np.where(np.isfinite(u), u, np.inf)
 
 
 def _told_apart(information: Array) -> np.ndarray:
     """Whether the effects of simultaneous faults point in different directions, shape (n,)."""
-    own = np.prod(np.einsum("nii->ni", information), axis=1)
+    own = np.prod(np.einsum("iin->in", information), axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart: np.ndarray = np.linalg.det(information) > APART * own
+        apart: np.ndarray = np.linalg.det(np.moveaxis(information, -1, 0)) > APART * own
     return apart

@@ -15,11 +15,11 @@ from statistics import NormalDist
 
 import numpy as np
 
-from runtime.hypothesis import HypothesisTest, inverse_of, products
+from runtime.hypothesis import HypothesisTest
 from runtime.observe import Observed
 from runtime.pairs import PairFits, fit_pairs
 from runtime.plan import Array
-from runtime.redundancy import chi_square_limit, residual_basis
+from runtime.redundancy import chi_square_limit, covariance_of, patterns_of, residual_basis
 from runtime.ruleset import Ruleset
 
 COVERAGE = 2.0
@@ -30,6 +30,10 @@ PER_RECORDING = 1e-4
 
 PER_STRETCH = 3e-6
 """Probability of a false alarm in a stretch of a long recording."""
+
+SAME = 8
+"""Decimals of log-likelihoods: hypotheses that differ by less explain a point alike, and not
+rounding but their order in the ruleset says which one is named."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +105,10 @@ def isolate(ruleset: Ruleset, observed: Observed, looks: int | None = None) -> I
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     result = _nothing_judged(len(ruleset.faults), len(observed), chance)
-    patterns, group = np.unique(observed.valid, axis=1, return_inverse=True)
-    for i in range(patterns.shape[1]):
-        members = np.flatnonzero(np.ravel(group) == i)
-        basis = residual_basis(ruleset, patterns[:, i])
+    for valid, members in patterns_of(observed.valid):
+        basis = residual_basis(ruleset, valid)
         if len(basis):
-            test = test_of(ruleset, observed, patterns[:, i], basis, members)
-            _judge_group(test, result)
+            _judge_group(test_of(ruleset, observed, valid, basis, members), result)
     return result
 
 
@@ -115,9 +116,11 @@ def test_of(
     ruleset: Ruleset, observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
 ) -> HypothesisTest:
     """Test of points on their own, with the covariance they have."""
-    own = observed.covariance[members][:, valid][:, :, valid]
 
-    def spread(scale: Array) -> Array:
+    def spread(scale: Array | None) -> Array:
+        if scale is None:
+            return covariance_of(basis, observed.covariance, valid, members)
+        own = observed.covariance[members][:, valid][:, :, valid]
         factors = scale.T
         scaled: Array = basis @ (own * factors[:, :, None] * factors[:, None, :]) @ basis.T
         return scaled
@@ -128,23 +131,23 @@ def test_of(
 def _judge_group(test: HypothesisTest, result: Isolation) -> None:
     faults, members, rank = test.ruleset.faults, test.members, len(test.basis)
     chance = result.chance
-    inverse, residuals = inverse_of(test.covariance), test.residuals()
-    misfit = products(inverse, residuals, residuals)
+    misfit = test.chi_square.value
     result.judged[members] = True
     result.misfit[members] = misfit
     result.freedom[members] = rank
-    # Half of the chance of a false alarm goes to "anything is wrong", half to the known faults:
-    # a test in the direction of a fault sees smaller ones.
+    # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
+    # estimates can show: a test in the direction of a fault sees smaller ones.
     deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
-    strongest = quantile(chance / (2 * max(len(faults), 1)))
-    for i, fault in enumerate(faults):
-        effect = test.effect(fault)
-        if effect is None:
-            continue
-        information = products(inverse, effect, effect)
+    effects = [(i, test.first_order(fault)) for i, fault in enumerate(faults)]
+    visible = [(i, first) for i, first in effects if first is not None]
+    strongest = quantile(chance / (2 * max(len(visible), 1)))
+    for i, first in visible:
+        chi = test.chi_square.of(first.flows)
+        information = chi.information(first.slope[:, None])[0, 0]
+        pull = -np.einsum("in,in->n", first.slope, chi.slope)
         with np.errstate(divide="ignore", invalid="ignore"):
             floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
-            deviating |= -products(inverse, effect, residuals) * floor > strongest
+            deviating |= pull * floor > strongest
         result.floor[i, members] = floor
     result.deviating[members] = deviating
     if not deviating.any():
@@ -194,21 +197,22 @@ def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:
         return
     probability = shares(fits.evidence)
     places = np.array(fits.pairs)
-    best = np.argmax(probability, axis=0)
-    found = probability.max(axis=0) > 0
-    for column in np.flatnonzero(found):
-        point = members[column]
-        result.pair[point] = places[best[column]]
-        for side in (0, 1):
-            np.add.at(result.probability[:, point], places[:, side], probability[:, column])
-            # The most probable pair of each fault comes last and stays.
-            for k in np.argsort(probability[:, column], kind="stable"):
-                result.degree[places[k, side], point] = fits.degree[k, column, side]
-                result.u[places[k, side], point] = fits.u[k, column, side]
+    found = np.flatnonzero(probability.max(axis=0) > 0)
+    points = members[found]
+    result.pair[points] = places[np.argmax(probability[:, found], axis=0)]
+    order = np.argsort(probability[:, found], axis=0, kind="stable")
+    # The most probable pair of each fault comes last and stays; of a pair, its second fault.
+    for side in (0, 1):
+        np.add.at(result.probability, (places[:, side, None], points), probability[:, found])
+        for row in order:
+            fault = places[row, side]
+            result.degree[fault, points] = fits.degree[row, found, side]
+            result.u[fault, points] = fits.u[row, found, side]
 
 
 def shares(evidence: Array) -> Array:
     """Log-likelihoods, shape (hypotheses, n), to probabilities with equal priors; 0 if none."""
+    evidence = np.round(evidence, SAME)
     best = np.max(evidence, axis=0, initial=-np.inf)
     known = np.isfinite(best)
     weight = np.where(known, np.exp(evidence - np.where(known, best, 0.0)), 0.0)

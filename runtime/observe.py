@@ -18,6 +18,10 @@ STUCK = 20
 MARGIN = 0.1
 """Share of the calibrated range by which readings may leave it."""
 
+Gradients = dict[str, dict[int, Array]]
+"""Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
+shape (n,)."""
+
 
 @dataclass(frozen=True)
 class Points:
@@ -196,7 +200,7 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= _usable(ruleset, observer, points, out, n)
-    noise, shared = _errors(ruleset, points, n)
+    noise, lasting, shared = _errors(ruleset, points, n)
     return Observed(
         points,
         flows,
@@ -204,7 +208,7 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         noise,
         shared,
         np.zeros_like(flows),
-        noise + np.einsum("omn,pmn->nop", shared, shared, optimize=True),
+        noise + lasting,
         np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
         np.array([out[name] for name in spreads]).reshape(-1, n),
         np.array([np.broadcast_to(systematic[name], (n,)) for name in spreads]).reshape(-1, n),
@@ -227,34 +231,53 @@ def _usable(
     return usable
 
 
-def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array]:
-    """Covariance of what is new at every point, and gradients by what stays over a recording."""
+def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array]:
+    """Covariances, shape (n, observers, observers), of what is new at every point and of what
+    stays over a recording, and gradients by the latter, shape (observers, errors, n)."""
     names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
     unit = dict.fromkeys(points.values, np.ones(n))
     slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
     row = ruleset.observer_index
-    fleeting: dict[str, Array] = {}
-    lasting: dict[str, Array] = {}
+    fleeting: Gradients = {}
+    lasting: Gradients = {}
     for name in names:
         _, observer, error = name.split(":", 2)
-        systematic, statistical = np.ones(n), np.zeros(n)
+        if error in ruleset.misfits:
+            fleeting.setdefault(error, {})[row[observer]] = slopes[name]
+            lasting.setdefault(error, {})
+            continue
+        systematic: Array | float = 1.0
         if error in points.values:
-            systematic, statistical = points.systematic[error], points.statistical(error)
-        elif error in ruleset.misfits:
-            systematic, statistical = statistical, systematic
-        for table, u in ((lasting, systematic), (fleeting, statistical)):
-            column = table.setdefault(error, np.zeros((len(row), n)))
-            column[row[observer]] = slopes[name] * u
-    scattered = _stacked(fleeting, len(row), n)
-    noise = np.einsum("omn,pmn->nop", scattered, scattered, optimize=True)
-    return noise, _stacked(lasting, len(row), n)
+            systematic = points.systematic[error]
+            statistical = points.statistical(error)
+            fleeting.setdefault(error, {})[row[observer]] = slopes[name] * statistical
+        lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
+    shape = (len(row), n)
+    return _covariance(fleeting, shape), _covariance(lasting, shape), _stacked(lasting, shape)
 
 
-def _stacked(columns: Mapping[str, Array], observers: int, n: int) -> Array:
-    """Columns by name as one table, shape (observers, columns, n)."""
-    if not columns:
-        return np.zeros((observers, 0, n))
-    return np.stack([columns[name] for name in sorted(columns)], axis=1)
+def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
+    """Sum of the products of gradients by the same error, shape (n, observers, observers).
+
+    An error reaches few observers. Points lie last in memory, so that sums run over them.
+    """
+    observers, n = shape
+    covariance = np.zeros((observers, observers, n))
+    for column in gradients.values():
+        for i, a in column.items():
+            for j, b in column.items():
+                covariance[i, j] += a * b
+    return np.moveaxis(covariance, -1, 0)
+
+
+def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
+    """Gradients by all errors as one table, shape (observers, errors, n)."""
+    observers, n = shape
+    table = np.zeros((observers, len(gradients), n))
+    for place, error in enumerate(sorted(gradients)):
+        for i, gradient in gradients[error].items():
+            table[i, place] = gradient
+    return table
 
 
 def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from runtime.hypothesis import HypothesisTest, Outcome, inverse_of
+from runtime.hypothesis import APART, FirstOrder, HypothesisTest, Outcome
 from runtime.plan import Array
 
 SCREENED = 12
@@ -57,35 +57,34 @@ def _screened(test: HypothesisTest) -> list[tuple[int, int]]:
 
 def _linear(test: HypothesisTest) -> Iterator[tuple[tuple[int, int], Array]]:
     """Distance left by each pair with linear effects and non-negative degrees."""
-    root = _root(inverse_of(test.covariance))
-    measured = np.einsum("nrs,ns->nr", root, test.residuals())
-    effects: dict[int, Array] = {}
-    for i, fault in enumerate(test.ruleset.faults):
-        effect = test.effect(fault)
-        if effect is not None and np.any(effect):
-            effects[i] = np.einsum("nrs,ns->nr", root, effect)
-    size = {i: np.sum(e * e, axis=1) for i, e in effects.items()}
-    pull = {i: -np.sum(e * measured, axis=1) for i, e in effects.items()}
-    whole = np.sum(measured**2, axis=1)
+    chi = test.chi_square
+    effects = dict(_effects(test))
+    weighted = {
+        i: np.einsum("fin,in->fn", chi.curvature[:, e.flows], e.slope) for i, e in effects.items()
+    }
+    size = {i: np.sum(e.slope * weighted[i][e.flows], axis=0) for i, e in effects.items()}
+    pull = {i: -np.sum(e.slope * chi.slope[e.flows], axis=0) for i, e in effects.items()}
     for i, j in combinations(effects, 2):
-        cross = np.sum(effects[i] * effects[j], axis=1)
+        cross = np.sum(effects[j].slope * weighted[i][effects[j].flows], axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             determinant = size[i] * size[j] - cross**2
             a = (size[j] * pull[i] - cross * pull[j]) / determinant
             b = (size[i] * pull[j] - cross * pull[i]) / determinant
-            left = whole - a * pull[i] - b * pull[j]
-        both = (a > 0) & (b > 0) & np.isfinite(left)
+            left = chi.value - a * pull[i] - b * pull[j]
+        # Effects in the same direction leave nothing but rounding in the determinant, and the fit
+        # would refuse them: they must not take the place of a pair that can be told apart.
+        apart = determinant > APART * size[i] * size[j]
+        both = apart & (a > 0) & (b > 0) & np.isfinite(left)
         if np.any(both):
             yield (i, j), np.where(both, left, np.inf)
 
 
-def _root(inverse: Array) -> Array:
-    """A square root of each inverse covariance; 0 where there is none."""
-    sound = np.asarray(np.isfinite(inverse).all(axis=(1, 2)))
-    safe = np.where(sound[:, None, None], inverse, 0.0)
-    sizes, axes = np.linalg.eigh(safe)
-    root: Array = np.sqrt(np.maximum(sizes, 0.0))[:, :, None] * np.swapaxes(axes, 1, 2)
-    return root
+def _effects(test: HypothesisTest) -> Iterator[tuple[int, FirstOrder]]:
+    """What small degrees of the faults do, where residuals see them."""
+    for i, fault in enumerate(test.ruleset.faults):
+        first = test.first_order(fault)
+        if first is not None and np.any(first.slope):
+            yield i, first
 
 
 def _fit(test: HypothesisTest, pair: tuple[int, int]) -> Outcome | None:

@@ -37,6 +37,9 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
 }
 UNARY = frozenset({"neg", "sqrt", "abs", "sign", "exp", "log", "tanh"})
 
+ABSENT = np.asarray(np.nan)
+"""Value of an input that is not given."""
+
 Operation = tuple[str, int, int]
 
 
@@ -58,7 +61,20 @@ class Plan:
         return len(self.inputs) + len(self.constants)
 
     def select(self, outputs: Iterable[str]) -> Plan:
-        """Keep what the named outputs need; unknown names raise KeyError."""
+        """Keep what the named outputs need; unknown names raise KeyError.
+
+        The same names give the same plan, so that how to run it is worked out once.
+        """
+        names = tuple(outputs)
+        if names not in self._selections:
+            self._selections[names] = self._selected(names)
+        return self._selections[names]
+
+    @cached_property
+    def _selections(self) -> dict[tuple[str, ...], Plan]:
+        return {}
+
+    def _selected(self, outputs: Iterable[str]) -> Plan:
         kept = {name: self.outputs[name] for name in outputs}
         needed = self._needed(kept.values())
         renumber = {i: i for i in range(self.first_operation)}
@@ -89,14 +105,15 @@ class Plan:
                 stack += [(j, False) for j in ((a,) if name in UNARY else (a, b))]
         return order
 
-    def used_inputs(self) -> set[str]:
+    @cached_property
+    def used_inputs(self) -> frozenset[str]:
         """Names of the inputs that some operation or output reads."""
         used = set(self.outputs.values())
         for name, a, b in self.operations:
             used.add(a)
             if name not in UNARY:
                 used.add(b)
-        return {name for i, name in enumerate(self.inputs) if i in used}
+        return frozenset(name for i, name in enumerate(self.inputs) if i in used)
 
     @cached_property
     def _schedules(self) -> dict[tuple[bool, ...], _Schedule]:
@@ -117,7 +134,7 @@ class Plan:
         -------
         Per output name an array, shape (n,); shape (1,) if every input is a number.
         """
-        given = [np.asarray(values.get(name, np.nan), dtype=float) for name in self.inputs]
+        given = [np.asarray(values.get(name, ABSENT), dtype=float) for name in self.inputs]
         lengths = {len(v) for v in given if v.ndim}
         if len(lengths) > 1:
             raise ValueError(f"inputs of different length: {sorted(lengths)}")
@@ -142,11 +159,15 @@ class Plan:
 
         Numbers are arrays without dimension: those are cheaper to hand to numpy than floats.
         """
-        values: list[Any] = [*given, *(np.asarray(c) for c in self.constants)]
+        values: list[Any] = [*given, *self._constants]
         values += [None] * len(self.operations)
         for function, a, b, i in schedule.scalars:
             values[i] = np.asarray(function(values[a]) if b < 0 else function(values[a], values[b]))
         return values
+
+    @cached_property
+    def _constants(self) -> list[Array]:
+        return [np.asarray(c) for c in self.constants]
 
     def _schedule(self, varying: tuple[bool, ...]) -> _Schedule:
         """Split operations into scalar ones and array steps; buffers are reused after last use."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from runtime.plan import Array
-from runtime.ruleset import FaultSpec, ObserverSpec, ResidualSpec, Ruleset
+from runtime.ruleset import FaultSpec, Junction, ObserverSpec, ResidualSpec, Ruleset
 
 LINKED = 1e-9
 """Share of an estimate in another's redundancy above which both belong to one block."""
@@ -64,16 +66,47 @@ def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
     The flows of all modules obey the junction balances; what the observers say beyond one value
     per free flow is redundant. Shape (rank, valid observers), orthonormal rows.
     """
-    modules = {name: i for i, name in enumerate(ruleset.modules)}
-    balances = np.zeros((len(ruleset.junctions), len(modules)))
-    for row, junction in zip(balances, ruleset.junctions, strict=True):
+    of_observers = zip(ruleset.observers, valid, strict=True)
+    chosen = tuple(observer.module for observer, usable in of_observers if usable)
+    return _basis(tuple(ruleset.modules), ruleset.junctions, chosen)
+
+
+@lru_cache(maxsize=256)
+def _basis(
+    modules: tuple[str, ...], junctions: tuple[Junction, ...], chosen: tuple[str, ...]
+) -> Array:
+    """The basis for estimates of the flows through chosen modules; every batch asks for it."""
+    column = {name: i for i, name in enumerate(modules)}
+    balances = np.zeros((len(junctions), len(modules)))
+    for row, junction in zip(balances, junctions, strict=True):
         for name in junction.outlets:
-            row[modules[name]] += 1.0
+            row[column[name]] += 1.0
         for name in junction.inlets:
-            row[modules[name]] -= 1.0
+            row[column[name]] -= 1.0
     free_flows = _null_space(balances)
-    chosen = [modules[o.module] for o, ok in zip(ruleset.observers, valid, strict=True) if ok]
-    return _null_space(free_flows[chosen].T).T
+    basis = _null_space(free_flows[[column[name] for name in chosen]].T).T
+    basis.setflags(write=False)
+    return basis
+
+
+def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Points with the same valid observers: flags, shape (observers,), and the points."""
+    if valid.shape[1] and (valid == valid[:, :1]).all():
+        yield valid[:, 0], np.arange(valid.shape[1])
+        return
+    patterns, group = np.unique(valid, axis=1, return_inverse=True)
+    for i, pattern in enumerate(patterns.T):
+        yield pattern, np.flatnonzero(np.ravel(group) == i)
+
+
+def covariance_of(basis: Array, covariance: Array, valid: np.ndarray, members: np.ndarray) -> Array:
+    """Covariance of residuals, shape (members, rank, rank), from that of all observers.
+
+    Points are kept last, as they lie in memory: two large products in place of many small ones.
+    """
+    own = np.moveaxis(covariance, 0, -1)[np.ix_(valid, valid, members)]
+    half = np.tensordot(basis, own, axes=1)
+    return np.moveaxis(basis @ half, -1, 0)
 
 
 def _null_space(matrix: Array) -> Array:

@@ -44,8 +44,9 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
     )
     for here, seen in see_samples(recording, ruleset, noise, stretches, known, chosen):
-        for i, sample in enumerate(here):
-            words[sample] = _word(ruleset, seen, i)
+        sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in seen], axis=0)
+        for i, sample in enumerate(here.tolist()):
+            words[sample] = "ok" if sound[i] else _word(ruleset, seen, i)
         for part in seen:
             fits = part.isolation.probability > 0
             degree[:, here] += np.where(fits, part.isolation.degree, 0.0)

@@ -158,7 +158,7 @@ def test_select_keeps_what_is_needed() -> None:
     inputs = {"a": np.array([1.0, 4.0]), "b": np.array([9.0, 1.0]), "c": 0.0}
     assert len(chosen.operations) == 3
     assert {"y"} == set(chosen.outputs)
-    assert {"a", "b"} == chosen.used_inputs() - {"c"}
+    assert {"a", "b"} == chosen.used_inputs - {"c"}
     np.testing.assert_array_equal(plan.run(inputs)["y"], chosen.run(inputs)["y"])
     with pytest.raises(KeyError):
         plan.select(["nothing"])
