@@ -29,33 +29,23 @@ class CalibrationRefused(Exception):
 
 
 @dataclass(frozen=True)
-class Flow:
-    """A true flow, shape (n,), m3/s, with the shared and the new part of its uncertainty."""
-
-    name: str
-    values: Array
-    systematic: Array
-    statistical: Array
-
-
-@dataclass(frozen=True)
 class Readings:
     """Settled readings of one module: per local variable shape (n,), and the true flow.
 
     `systematic` gives the standard uncertainty shared by all readings of a sensor, as
-    derivative: how much each reading would change, shape (n,), one standard deviation on;
-    `statistical` the part that is new in each reading.
+    derivative: how much each reading would change, shape (n,), one standard deviation on.
     """
 
     values: Mapping[str, Array]
     systematic: Mapping[str, Array]
-    statistical: Mapping[str, Array]
-    flow: Flow
+    flow: Array
+    flow_systematic: Array
+    flow_name: str
 
 
 @dataclass(frozen=True)
 class ObserverFit:
-    """What was found for one observer; misfit beyond the noise of the readings, in m3/s."""
+    """What was found for one observer; misfit in m3/s."""
 
     observer: str
     misfit: float
@@ -84,7 +74,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     current = {p.name: p.value for p in module.parameters.values()}
     names: list[str] = []
     parts: list[_Part] = []
-    kept_all = np.zeros(len(readings.flow.values), dtype=bool)
+    kept_all = np.zeros(len(readings.flow), dtype=bool)
     for observer in model.observers:
         if module.type.observers[observer].is_reference:
             continue
@@ -140,30 +130,29 @@ def _fit_observer(
         fixed = dict(zip(free, (scaled * scale).tolist(), strict=True))
         local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
         flows = np.broadcast_to(plan.run({**local, **fixed})["Q"], (len(chosen),))
-        off = flows - readings.flow.values[chosen]
-        far = 10.0 * float(np.max(np.abs(readings.flow.values[chosen])))
+        off = flows - readings.flow[chosen]
+        far = 10.0 * float(np.max(np.abs(readings.flow[chosen])))
         bounded: Array = np.where(np.isfinite(off), off, far)
         return bounded
 
-    measured = readings.flow.values[rows]
-    size = float(np.std(measured)) or float(np.mean(np.abs(measured)))
+    size = float(np.std(readings.flow[rows])) or float(np.mean(np.abs(readings.flow[rows])))
     best, kept = _robust(error, begin, rows, size)
     off = error(best, kept)
     spread = float(np.sqrt(np.sum(off**2) / max(len(kept) - len(free), 1)))
     jacobian = _jacobian(lambda p: error(p, kept), best, size) if free else np.zeros((len(kept), 0))
     inverse = _inverse(module, observer, free, jacobian)
     sensitivity = -(inverse @ jacobian.T) * scale[:, None]
-    values = best * scale
-    slopes = _input_slopes(
-        plan, model, observer, {**inputs, **dict(zip(free, values, strict=True))}
-    )
-    total = float(np.sum((readings.flow.values[kept] - readings.flow.values[kept].mean()) ** 2))
+    total = float(np.sum((readings.flow[kept] - readings.flow[kept].mean()) ** 2))
     summary = ObserverFit(
         observer,
-        _own_misfit(spread, len(kept) - len(free), _noise(slopes, readings, kept)),
+        spread,
         1.0 - float(np.sum(off**2)) / total if total else 0.0,
         len(kept),
         len(rows) - len(kept),
+    )
+    values = best * scale
+    slopes = _input_slopes(
+        plan, model, observer, {**inputs, **dict(zip(free, values, strict=True))}
     )
     return _Part(
         values,
@@ -175,28 +164,11 @@ def _fit_observer(
     )
 
 
-def _noise(slopes: Mapping[str, Array], readings: Readings, rows: np.ndarray) -> float:
-    """Mean variance that the noise of readings and flow gives the difference of both."""
-    variance = np.broadcast_to(readings.flow.statistical, readings.flow.values.shape)[rows] ** 2
-    for name, slope in slopes.items():
-        variance = variance + (slope[rows] * readings.statistical[name][rows]) ** 2
-    return float(np.mean(variance))
-
-
-def _own_misfit(spread: float, freedom: int, noise: float) -> float:
-    """Scatter about the law beyond the noise of the readings.
-
-    It cannot be known better than the variance of so many points: a part of the scatter stays.
-    """
-    least = spread**2 * np.sqrt(2.0 / max(freedom, 1))
-    return float(np.sqrt(max(spread**2 - noise, min(least, spread**2))))
-
-
 def _usable_rows(
     module: Module, model: TypeModel, observer: str, count: int, readings: Readings
 ) -> np.ndarray:
     """Points with all readings and a true flow; refuses if they are too few for `count`."""
-    usable = np.isfinite(readings.flow.values)
+    usable = np.isfinite(readings.flow)
     for name in _variables(model, observer):
         usable &= np.isfinite(readings.values.get(name, np.full(len(usable), np.nan)))
     rows = np.flatnonzero(usable)
@@ -204,7 +176,7 @@ def _usable_rows(
     if len(rows) < needed:
         raise CalibrationRefused(
             f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
-            f"{readings.flow.name}; {needed} are needed for {count} parameters"
+            f"{readings.flow_name}; {needed} are needed for {count} parameters"
         )
     return rows
 
@@ -303,7 +275,7 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
         end = place + len(part.values)
         covariance[place:end, place:end] = part.statistical
         place = end
-    for name in [*readings.systematic, readings.flow.name]:
+    for name in [*readings.systematic, readings.flow_name]:
         shift = np.concatenate([_shift(part, name, readings) for part in parts])
         covariance += np.outer(shift, shift)
     return covariance
@@ -311,8 +283,8 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
 
 def _shift(part: _Part, name: str, readings: Readings) -> Array:
     """Change of the parameters if one sensor is one standard deviation off all the time."""
-    if name == readings.flow.name:
-        change: Array = -readings.flow.systematic[part.rows]
+    if name == readings.flow_name:
+        change: Array = -readings.flow_systematic[part.rows]
     elif name in part.slopes:
         change = part.slopes[name] * readings.systematic[name][part.rows]
     else:

@@ -36,12 +36,15 @@ JUMP = 6.0
 PERSISTENCE = 5
 """Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
 
+MIDDLE = (PERSISTENCE + 1) / 2
+"""Samples from one to the middle of the next few."""
+
 TAIL = 5
 """Samples behind a jump at most that are left out because a reading still settles."""
 
-SETTLED = 3.0
-"""A reading has settled when it differs from the rest of its stretch by this many times its noise,
-or less."""
+SETTLED = 4.0
+"""A reading has settled when it differs from the next few by this many times its noise, or less,
+its drift apart."""
 
 GAP = 3.0
 """A pause longer than this many sampling intervals ends a stretch."""
@@ -181,13 +184,15 @@ def _cut(ends: np.ndarray, jumps: np.ndarray, levels: Array) -> Stretches:
 
 
 def _settled_from(levels: Array, begin: int, stop: int) -> int:
-    """First sample from which on no reading differs from what follows by more than its noise.
+    """First sample from which on no reading differs from the next few by more than its noise.
 
     `levels` are readings in units of what still counts as noise, shape (signals, n).
     """
     latest = min(begin + TAIL, stop - PERSISTENCE)
     for low in range(begin, latest):
-        ahead = levels[:, low + 1 : min(low + 1 + LONGEST, stop)]
-        if not np.any(np.abs(levels[:, low] - np.median(ahead, axis=1)) > 1.0):
+        rest = levels[:, low + 1 : min(low + 1 + LONGEST, stop)]
+        drift = np.median(np.diff(rest, axis=1), axis=1) * MIDDLE
+        ahead = np.median(rest[:, :PERSISTENCE], axis=1) - drift
+        if not np.any(np.abs(levels[:, low] - ahead) > 1.0):
             return low
     return max(begin, latest)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from rich.table import Table
 from rulec.commands.output import console, write_json, write_text
 from rulec.continuity import flows_by_continuity
 from rulec.differentiate import GATHERED, Models
-from rulec.fit import CalibrationRefused, Flow, ModuleFit, Readings, fit_module
+from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Module
 from runtime.observe import Points, points_of_stretches
@@ -64,10 +64,11 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
         model = models.types[module.type.key]
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
-        flow = flows[module.name]
-        if not np.isfinite(flow.values).any():  # it stood all the time: what it was remains
+        name, flow, shared = flows[module.name]
+        if not np.isfinite(flow).any():  # it stood all the time: what it was remains
             continue
-        readings = Readings(*_local(models, ruleset, points, module), flow)
+        values, systematic = _local(models, ruleset, points, module)
+        readings = Readings(values, systematic, flow, shared, name)
         fits.append(fit_module(module, model, readings))
     if not fits:
         raise CalibrationRefused(
@@ -77,13 +78,15 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
     return fits
 
 
-def _reference_flows(models: Models, ruleset: Ruleset, points: Points) -> dict[str, Flow]:
-    """True flow of each module.
+def _reference_flows(
+    models: Models, ruleset: Ruleset, points: Points
+) -> dict[str, tuple[str, Array, Array]]:
+    """True flow of each module: name of its source, values, and shared standard uncertainty.
 
     From its own flow meter, else by continuity from the flow meters of other modules.
     """
     network = models.residuals.network
-    own: dict[str, Flow] = {}
+    own: dict[str, tuple[str, Array, Array]] = {}
     for module in network.plant.modules.values():
         meter = _flow_meter(module)
         if meter is None or f"{module.name}.{meter}" not in points.values:
@@ -93,23 +96,14 @@ def _reference_flows(models: Models, ruleset: Ruleset, points: Points) -> dict[s
         if signal.minimum is not None:
             flow[~(flow >= signal.minimum)] = np.nan
         shared = np.broadcast_to(systematic_u(signal, flow), flow.shape)
-        own[module.name] = Flow(signal.id, flow, shared, points.statistical(signal.id))
+        own[module.name] = (signal.id, flow, shared)
     result = dict(own)
     for name, fixed in flows_by_continuity(network.graph, own).items():
         terms = fixed.terms
-        result[name] = Flow(
-            " + ".join(own[m].name for m in terms),
-            np.sum([sign * own[m].values for m, sign in terms.items()], axis=0),
-            _quadrature(own[m].systematic for m in terms),
-            _quadrature(own[m].statistical for m in terms),
-        )
+        flow = np.sum([sign * own[m][1] for m, sign in terms.items()], axis=0)
+        shared = np.sqrt(np.sum([own[m][2] ** 2 for m in terms], axis=0))
+        result[name] = (" + ".join(own[m][0] for m in terms), flow, shared)
     return result
-
-
-def _quadrature(parts: Iterable[Array]) -> Array:
-    """Root of the sum of squares."""
-    total: Array = np.sqrt(sum((p**2 for p in parts), np.zeros(1)))
-    return total
 
 
 def _flow_meter(module: Module) -> str | None:
@@ -123,12 +117,10 @@ def _flow_meter(module: Module) -> str | None:
 
 def _local(
     models: Models, ruleset: Ruleset, points: Points, module: Module
-) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
-    """Readings under the local names of a module, below-minimum ones blanked, and the shared and
-    the new part of their uncertainty."""
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Readings under the local names of a module, below-minimum ones blanked."""
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
-    statistical: dict[str, Array] = {}
     for name in module.type.signals:
         signal = ruleset.signal_by_id[f"{module.name}.{name}"]
         if signal.id not in points.values:
@@ -138,7 +130,6 @@ def _local(
             readings[~(readings >= signal.minimum)] = np.nan
         values[name] = readings
         systematic[name] = np.broadcast_to(systematic_u(signal, readings), readings.shape)
-        statistical[name] = points.statistical(signal.id)
     n = len(next(iter(points.values.values())))
     missing = np.full(n, np.nan)
     for name in module.type.gathers:
@@ -146,10 +137,10 @@ def _local(
         parts = [points.values.get(i, missing) for i in ids]
         values[GATHERED + name] = np.sum(parts, axis=0) if parts else np.zeros(n)
         shared = [systematic_u(ruleset.signal_by_id[i], v) for i, v in zip(ids, parts, strict=True)]
-        systematic[GATHERED + name] = np.broadcast_to(_quadrature(shared), (n,))
-        new = [points.statistical(i) for i in ids if i in points.values]
-        statistical[GATHERED + name] = np.broadcast_to(_quadrature(new), (n,))
-    return values, systematic, statistical
+        systematic[GATHERED + name] = np.broadcast_to(
+            np.sqrt(sum((s**2 for s in shared), np.zeros(1))), (n,)
+        )
+    return values, systematic
 
 
 def _file(models: Models, fits: list[ModuleFit]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from tests.rig.hsy import (
     halves,
     while_running,
 )
-from tests.rig.station import DAYS, FILE, HALF, LARGE, PLANT, PUMPS, SMALL, Station, judge
+from tests.rig.station import FILE, LARGE, PLANT, PUMPS, SMALL, Station, judge
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +41,10 @@ def station(folder: Path) -> Station:
     return judge(folder)
 
 
-def test_a_third_of_the_samples_is_settled(station: Station) -> None:
-    """503 of 1536 samples; a start, stop or step of any pump ends a stretch for all."""
-    assert (1536, 503) == (len(station.settled), int(station.settled.sum()))
+def test_a_quarter_of_the_samples_is_settled(station: Station) -> None:
+    """407 of 1536 samples; a start, stop or step of any pump ends a stretch for all, and samples
+    in which a reading still settles are left out."""
+    assert (1536, 407) == (len(station.settled), int(station.settled.sum()))
 
 
 def test_the_pump_that_never_ran_is_not_judged(station: Station) -> None:
@@ -71,7 +72,7 @@ def test_excess_power_ranks_the_pumps_alike_from_day_to_day(station: Station) ->
 
 def test_missing_head_ranks_the_pumps_less_firmly(station: Station) -> None:
     """Rags move it within hours; in the first hour of a run three quarters of the pairs stay."""
-    assert 0.5 < halves(station.judged("missing-head")).kendall < 0.8
+    assert 0.4 < halves(station.judged("missing-head")).kendall < 0.8
     same, total = day_to_day(station.judged("missing-head"))
     assert 0.55 * total < same < 0.7 * total
     same, total = day_to_day(station.fresh("missing-head"))
@@ -79,15 +80,11 @@ def test_missing_head_ranks_the_pumps_less_firmly(station: Station) -> None:
 
 
 def test_the_smallest_level_judged_decides_only_on_missing_head(station: Station) -> None:
-    """1.2 m was chosen after a look at the data. Excess power ranks alike at 1.5 m; at 1.8 m the
-    two worst change places, 1.4 and 2.2, which lie within 1 %. Missing head turns round: its
-    ranking over the halves proves nothing."""
+    """1.2 m was chosen after a look at the data. Excess power ranks alike at 1.5 m and 1.8 m.
+    Missing head turns round: its ranking over the halves proves nothing."""
     power = [halves(station.judged_above(level, "excess-power")).kendall for level in (1.5, 1.8)]
     head = [halves(station.judged_above(level, "missing-head")).kendall for level in (1.5, 1.8)]
-    assert power == pytest.approx([13 / 15, 11 / 15])
-    full = station.judged_above(1.8, "excess-power")
-    last = full.of_days(HALF, DAYS)[[PUMPS.index("P14"), PUMPS.index("P22")]]
-    assert 0 < last[1] - last[0] < 0.01
+    assert power == pytest.approx([13 / 15, 13 / 15])
     assert head[1] < 0 < head[0] < 0.5
 
 
@@ -130,7 +127,7 @@ def test_diagnose_finds_rags_not_the_tolerance_of_the_sheet(folder: Path, tmp_pa
     assert 0 == main(["diagnose", str(plant), str(folder / FILE), "--json", str(target)])
     diagnosis: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
     findings = diagnosis["findings"]
-    assert (503, []) == (diagnosis["judged"], diagnosis["unknown"])
+    assert (407, []) == (diagnosis["judged"], diagnosis["unknown"])
     assert ["P14", "P14", "P24"] == [f["module"] for f in findings]
     assert ["recirculation"] * 3 == [f["fault"].partition(".")[2] for f in findings]
     rivals = [{a["fault"] for a in f["alternatives"]} for f in findings]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from runtime.baseline import LASTING, Baseline, learn, nothing_learned, remembered
+from runtime.baseline import LASTING, learn, nothing_learned, remembered
 from runtime.diagnose import Diagnosis, diagnose
 from runtime.observe import Observed, observe, points_of_stretches
 from runtime.redundancy import residual_basis
@@ -63,7 +65,7 @@ def test_what_was_learned_is_forgotten() -> None:
     """After many times the memory, errors are as uncertain as before anything."""
     observed = stretches_observed(60)
     blank = nothing_learned(observed)
-    known = Baseline(blank.mean + 1.0, 0.01 * blank.covariance, (0,), 0.0)
+    known = replace(blank, mean=blank.mean + 1.0, covariance=0.01 * blank.covariance)
     late = known.later(20 * LASTING)
     assert np.allclose(blank.mean, late.mean, atol=1e-6)
     assert np.allclose(blank.covariance, late.covariance, atol=1e-6)
