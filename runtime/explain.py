@@ -18,8 +18,8 @@ from runtime.wording import (
     causes,
     context,
     estimates,
+    flow_unit,
     headline,
-    l_per_h,
     worst_first,
 )
 
@@ -100,12 +100,14 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
         f"{escape(finding.fault.meaning)}; seen from {finding.since:g} s to {finding.until:g} s"
     )
     tree.add(f"do: {escape(finding.fault.action)}")
-    why = tree.add("because these estimates of the same flow disagree (l/h)")
+    unit = flow_unit(ruleset)
+    why = tree.add(f"because these estimates of the same flow disagree ({unit.name})")
     why.add(_residual_table(ruleset, finding))
     flows = why.add("estimates and the readings behind them")
     for e in estimates(ruleset, finding):
         flows.add(
-            f"{escape(e.equation)} = [bold]{e.flow:.1f}[/] ±{e.half:.1f} l/h  "
+            f"{escape(e.equation)} = [bold]{unit.factor * e.flow:.1f}[/] "
+            f"±{unit.factor * e.half:.1f} {unit.name}  "
             f"[dim]{escape(', '.join(e.readings))}[/]"
         )
     for text in context(finding):
@@ -123,13 +125,14 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
     for title in ("residual", "value", "limit", "fired", "expected", ""):
         justify = "right" if title in ("value", "limit") else "left"
         table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    factor = flow_unit(ruleset).factor
     ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
     for e in ordered[:12]:
         kind, words = agreement(ruleset, finding, e)
         table.add_row(
             e.residual,
-            f"{l_per_h(e.value):.1f}" if e.verdict != "invalid" else "-",
-            f"±{l_per_h(e.threshold):.1f}" if e.verdict != "invalid" else "-",
+            f"{factor * e.value:.1f}" if e.verdict != "invalid" else "-",
+            f"±{factor * e.threshold:.1f}" if e.verdict != "invalid" else "-",
             e.verdict,
             e.expected,
             f"[{_AGREEMENT.get(kind, 'dim')}]{words}[/]",

@@ -240,20 +240,22 @@ def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Arr
     row = ruleset.observer_index
     fleeting: Gradients = {}
     lasting: Gradients = {}
-    for name in names:
-        _, observer, error = name.split(":", 2)
-        if error in ruleset.misfits:
-            fleeting.setdefault(error, {})[row[observer]] = slopes[name]
-            lasting.setdefault(error, {})
-            continue
-        systematic: Array | float = 1.0
-        if error in points.values:
-            systematic = points.systematic[error]
-            statistical = points.statistical(error)
-            fleeting.setdefault(error, {})[row[observer]] = slopes[name] * statistical
-        lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
-    shape = (len(row), n)
-    return _covariance(fleeting, shape), _covariance(lasting, shape), _stacked(lasting, shape)
+    # A reading beyond all limits has no slope; its estimate is not used.
+    with np.errstate(invalid="ignore"):
+        for name in names:
+            _, observer, error = name.split(":", 2)
+            if error in ruleset.misfits:
+                fleeting.setdefault(error, {})[row[observer]] = slopes[name]
+                lasting.setdefault(error, {})
+                continue
+            systematic: Array | float = 1.0
+            if error in points.values:
+                systematic = points.systematic[error]
+                new = slopes[name] * points.statistical(error)
+                fleeting.setdefault(error, {})[row[observer]] = new
+            lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
+        shape = (len(row), n)
+        return _covariance(fleeting, shape), _covariance(lasting, shape), _stacked(lasting, shape)
 
 
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:

@@ -20,6 +20,9 @@ STATUS = {
 EITHER = 0.2
 """Alternatives more probable than this stand in the headline."""
 
+LARGE = 5e-3
+"""Typical flow, m3/s, from which on l/h would have too many digits."""
+
 SHOWN = 5
 """Faults told in full."""
 
@@ -27,6 +30,21 @@ SHOWN = 5
 def l_per_h(flow: float) -> float:
     """Flow in l/h from m3/s."""
     return flow * 3.6e6
+
+
+@dataclass(frozen=True)
+class FlowUnit:
+    """Unit in which a plant's flows are told; shown = SI * factor."""
+
+    name: str
+    factor: float
+
+
+def flow_unit(ruleset: Ruleset) -> FlowUnit:
+    """l/h for a rig, m3/h for a station."""
+    flows = sorted(abs(o.reference) for o in ruleset.observers)
+    large = bool(flows) and flows[len(flows) // 2] > LARGE
+    return FlowUnit("m3/h", 3600.0) if large else FlowUnit("l/h", 3.6e6)
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
@@ -79,7 +97,7 @@ def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[s
 
 @dataclass(frozen=True)
 class Estimate:
-    """An observer at the strongest point: equation, flow and 95 % half width in l/h, readings."""
+    """An observer at the strongest point: equation, flow and 95 % half width in m3/s, readings."""
 
     equation: str
     flow: float
@@ -103,7 +121,7 @@ def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
             if signal_id in readings:
                 shown = (readings[signal_id] - signal.offset) / signal.factor
                 parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
-        yield Estimate(spec.equation, l_per_h(flow), 2 * l_per_h(u), tuple(parts))
+        yield Estimate(spec.equation, flow, 2 * u, tuple(parts))
 
 
 def context(finding: Finding) -> Iterator[str]:
