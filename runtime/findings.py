@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.causes import Cause, causes_of
 from runtime.combine import ENDED, ONSET
+from runtime.isolate import accepted
 from runtime.observe import Observed
 from runtime.plan import Array
 from runtime.ruleset import THRESHOLD, FaultSpec, Ruleset
@@ -15,6 +16,9 @@ from runtime.runs import runs_of
 from runtime.seen import Seen
 from runtime.stationary import LONGEST, PERSISTENCE, Stretches
 from runtime.verdict import Verdict, partly_blind, verdict_at
+
+FAR = 10.0
+"""A deviation this many times beyond the limit of an alarm (in chi-square) need not persist."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
         text = verdicts[members[0]].text
-        if kind == "fault" and stretches.lengths[members].sum() < PERSISTENCE:
+        if kind == "fault" and _too_brief(seen, stretches, members):
             found.not_judged.append(Period(since, until, _brief(ruleset, verdicts[members[0]])))
         elif kind == "fault":
             causes = causes_of(ruleset, seen, members, known)
@@ -102,6 +106,15 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
         else:
             found.unknown.append(Period(since, until, text))
     return found
+
+
+def _too_brief(seen: Seen, stretches: Stretches, members: list[int]) -> bool:
+    """Is a deviation short, and not so large that no end of a transient explains it?"""
+    isolation = seen.isolation
+    strongest = members[int(np.argmax(isolation.misfit[members]))]
+    limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
+    far = isolation.misfit[strongest] > FAR * limit
+    return bool(stretches.lengths[members].sum() < PERSISTENCE and not far)
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:

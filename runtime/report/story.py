@@ -208,7 +208,8 @@ def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> str:
 
 def _estimates(ruleset: Ruleset, finding: Finding) -> str:
     body = "".join(
-        f'<tr><td>{safe(e.equation)}</td><td class="num">{l_per_h(e.flow):.1f} ± {l_per_h(e.half):.1f}</td>'
+        f"<tr><td>{safe(e.equation)}</td>"
+        f'<td class="num">{l_per_h(e.flow):.1f} ± {l_per_h(e.half):.1f}</td>'
         f"<td>{safe(', '.join(e.readings))}</td></tr>"
         for e in estimates(ruleset, finding)
     )
