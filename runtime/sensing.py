@@ -38,12 +38,15 @@ def sense(
     values: Mapping[str, Array],
     errors: SensorErrors,
     random: np.random.Generator,
+    gains: Mapping[str, Array] | None = None,
 ) -> dict[str, Array]:
     """Readings of one recording.
 
     Parameters
     ----------
     values : per signal id an array, shape (n,), SI, as a perfect sensor would show it.
+    gains : factor that a fault in a sensor puts on its reading, shape (n,); it scales the errors
+        of the sensor too, as in the seed paper, where the reading is multiplied.
 
     Returns
     -------
@@ -56,7 +59,8 @@ def sense(
         true = values[signal.id]
         shared = _normal(random, BOUND if errors.bounded else np.inf)
         own = errors.statistical * random.standard_normal(len(true))
-        readings[signal.id] = true + systematic_u(signal, true) * (shared + own)
+        gain = (gains or {}).get(signal.id, 1.0)
+        readings[signal.id] = true + gain * systematic_u(signal, true) * (shared + own)
     return readings
 
 

@@ -89,7 +89,8 @@ def record(
     equations = equations_of(replace(ruleset, undo=group.truth))
     degrees, count = degrees_of(ruleset, group.fault, settings), len(points)
     faulty = _simulated(equations, points, group, degrees)
-    healthy = _simulated(equations, points, group, (0.0,)) if settings.lead_in else faulty
+    healthy = _simulated(equations, points, group, (0.0,))
+    sensor = _faulty_sensor(ruleset, group.fault)
     for i, degree in enumerate(np.repeat(degrees, count).tolist()):
         point = i % count
         if not (faulty.solved[i] and healthy.solved[point]):
@@ -105,7 +106,15 @@ def record(
             for name, values in faulty.values.items()
         }
         random = group.random(SENSORS, point, round(degree * 1e9))
-        yield degree, sense(ruleset, true, settings.errors, random)
+        gains = {name: values / healthy.values[name][point] for name, values in true.items()}
+        own = {name: gain for name, gain in gains.items() if name == sensor}
+        yield degree, sense(ruleset, true, settings.errors, random, own)
+
+
+def _faulty_sensor(ruleset: Ruleset, fault: str) -> str:
+    """The signal whose reading a fault scales; none if it acts on the plant."""
+    spec = ruleset.fault_by_id.get(fault)
+    return spec.scales[0] if spec is not None and spec.in_sensor else ""
 
 
 def _simulated(
