@@ -24,13 +24,13 @@ from runtime.plan import Array
 from runtime.redundancy import chi_square_limit, residual_basis
 from runtime.ruleset import Ruleset
 
-MOST = 12
+MOST = 8
 """Stretches that are stacked of a run, and of its baseline, spread over their length."""
 
 PLAUSIBLE = 0.02
 """Probability in some stretch from which on a fault is a candidate for a pair."""
 
-BACKWARD = 5
+BACKWARD = 3
 """Faults tried as having been there during the baseline."""
 
 KNOWN = np.log(10.0)
