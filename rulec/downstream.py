@@ -70,7 +70,7 @@ class _Ways:
         head: Mapping[str, int],
         goal: int,
     ) -> None:
-        self._goal, self._head = goal, head
+        self._head = head
         useful = nx.ancestors(places, goal) | {goal} if goal in places else {goal}
         self._leaving = {
             place: tuple(m for m in names if head[m] in useful)

@@ -31,5 +31,9 @@ def write_json(options: argparse.Namespace, data: Any) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a file as a whole or not at all: a killed process leaves no half file."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        error.filename = str(path)  # the user asked for this one
+        raise
