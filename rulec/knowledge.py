@@ -205,6 +205,90 @@ class FaultType:
 
 
 @dataclass(frozen=True)
+class Driver:
+    """A reading that an effect depends on, by quantity.
+
+    `where` is ``own`` (a signal of the module), ``plant`` (own, or else of any module) or
+    ``downstream`` (a signal of the module behind, as in ``downstream(name)``). The quantity
+    ``time`` means seconds since the beginning of the recording.
+    """
+
+    name: str
+    quantity: str
+    where: str
+    title: str
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an effect; numbers in SI.
+
+    At `null` the plain relation comes back; None where the parameter only shapes the term.
+    `starts` are values to try, `quantiles` quantiles of the readings of `driver` to try. `fixed`:
+    no unknown, but the median reading of `driver`.
+    """
+
+    name: str
+    title: str
+    unit: Unit
+    null: float | None
+    lowest: float
+    highest: float
+    starts: tuple[float, ...]
+    quantiles: tuple[float, ...]
+    driver: str | None
+    fixed: bool
+
+
+@dataclass(frozen=True)
+class Join:
+    """A kind of place that an effect can join, and the law it has there.
+
+    Either `reads` (a signal of this quantity, ``any`` for all) or `gives` (a definition or
+    observer of this quantity) is set. `falls_with`, `rises_with` name a driver and the sign of the
+    slope by it at the reference point; `measured` asks for places that read a signal of the very
+    quantity they give (a processed reading), else those are left out. `law` stands over ``law``,
+    ``law(driver=...)``, drivers and parameters.
+    """
+
+    reads: str
+    gives: str
+    falls_with: str
+    rises_with: str
+    measured: bool
+    law: EffectLaw
+
+
+@dataclass(frozen=True)
+class EffectLaw:
+    """What a place becomes: `expression` over drivers, parameters, ``law`` and `substitutes`.
+
+    ``law(dp=0)`` is read as the name of an entry of `substitutes`: which driver of the plain law
+    is replaced by what.
+    """
+
+    text: str
+    expression: Expression
+    substitutes: Mapping[str, Mapping[str, Expression]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Physics, ageing or a sensor error that a relation may leave out; `sort` says which."""
+
+    name: str
+    title: str
+    sort: str
+    joins: tuple[Join, ...]
+    drivers: Mapping[str, Driver]
+    parameters: Mapping[str, EffectParameter]
+    regime: str
+    text: str
+    action: str
+    origin: Origin
+
+
+@dataclass(frozen=True)
 class Knowledge:
     """The checked knowledge base."""
 
@@ -213,3 +297,4 @@ class Knowledge:
     faults: Mapping[str, FaultType]
     modules: Mapping[str, ModuleType]
     fluids: Mapping[str, Fluid]
+    effects: Mapping[str, Effect] = field(default_factory=dict)

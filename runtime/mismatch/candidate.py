@@ -1,0 +1,153 @@
+"""What may explain a mismatch: effects, faults and sensor errors, joined to one place of a plant.
+
+The compiler matches its knowledge to a plant and hands over candidates as data, and a `Workshop`
+that turns a module with some of them built in into a plan. So the runtime needs neither sympy nor
+the knowledge base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from runtime.plan import Array, Plan
+
+TIME = "time"
+"""Plan input: seconds since the beginning of the recording, for effects that change with time."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A parameter that a candidate brings in; numbers in SI.
+
+    `id` is its input in the plan. At `null` the plain relation comes back, whatever the other
+    parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
+    tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
+    with `fixed` is no unknown at all: it stays at the median reading of `driver`.
+    SI = shown * factor + offset.
+    """
+
+    id: str
+    name: str
+    title: str
+    unit: str
+    factor: float
+    offset: float
+    null: float | None
+    lowest: float
+    highest: float
+    starts: tuple[float, ...]
+    quantiles: tuple[float, ...]
+    driver: str | None
+    fixed: bool
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One explanation at one place.
+
+    `sort` is ``physics``, ``ageing``, ``fault`` or ``sensor``. `id` is unique in the plant, as
+    ``A.slip-temperature@Q_law``. `place` is the definition, observer or signal that it changes;
+    `observers` lists the ids of all observers that it reaches. `drivers` maps the names in its
+    law to ids of signals of the plant (or ``time``); `equation` shows the repaired relation.
+    `text` has slots for parameters, drivers, {module} and {place}.
+    """
+
+    id: str
+    sort: str
+    name: str
+    title: str
+    module: str
+    place: str
+    observers: tuple[str, ...]
+    unknowns: tuple[Unknown, ...]
+    drivers: Mapping[str, str]
+    equation: str
+    text: str
+    action: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Missing:
+    """An effect that would join a place, were its driver recorded.
+
+    `quantity` is what would have to be measured; `title` and `sensor` say how to tell the user.
+    """
+
+    name: str
+    title: str
+    module: str
+    place: str
+    quantity: str
+    sensor: str
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place where an error of unknown course may sit; `unknown` shifts it, in its own unit.
+
+    `kind` is ``definition``, ``observer`` or ``signal``; `signal` is the id of the reading where
+    it is one. `unit` is how values of the place are shown, SI = shown * factor.
+    """
+
+    id: str
+    kind: str
+    module: str
+    place: str
+    title: str
+    unit: str
+    factor: float
+    observers: tuple[str, ...]
+    unknown: str
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Parameters of the plain plant that recalibration may move, SI.
+
+    `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
+    (parameters, parameters), is the calibration's.
+    """
+
+    ids: tuple[str, ...]
+    units: tuple[str, ...]
+    factors: Array
+    values: Array
+    covariance: Array
+    constants: Mapping[str, float]
+
+
+class Workshop(Protocol):
+    """Builds modules with candidates in them."""
+
+    @property
+    def parameters(self) -> BaseParameters:
+        """Parameters of all modules."""
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every explanation that fits some place, in a stable order."""
+
+    @property
+    def missing(self) -> tuple[Missing, ...]:
+        """Effects that lack a driver."""
+
+    @property
+    def spots(self) -> tuple[Spot, ...]:
+        """Places to look at before naming."""
+
+    def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
+        """The observers of a module with candidates (by id, in order of acceptance) built in.
+
+        Inputs are signal ids, ids of parameters and unknowns, ``time``; outputs ``q:<observer>``
+        and ``guard:<observer>:<i>`` (positive where the observer exists). Candidates and spots of
+        other modules do not matter.
+        """
+
+    def free_form(self, spot: str, features: tuple[tuple[str, str], ...]) -> Candidate:
+        """An additive term at a spot without physics behind it; see runtime/mismatch/free_form."""
+
+    def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
+        """The equation of a place with candidates built in, as text."""

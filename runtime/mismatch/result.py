@@ -1,0 +1,221 @@
+"""What a comparison of simulation and recording found; the terminal, JSON and report show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.plan import Array
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a mismatch shows: readings of `variable` between `low` and `high` (None: open).
+
+    Numbers are in `unit`, as shown; `share` of the mismatch at that place lies inside.
+    """
+
+    variable: str
+    low: float | None
+    high: float | None
+    unit: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Location:
+    """A place that is wrong: `share` of the whole mismatch, where and when (periods in s).
+
+    `title` tells the place in words; `also` lists places that no residual tells from it.
+    """
+
+    module: str
+    place: str
+    title: str
+    share: float
+    region: tuple[Region, ...]
+    periods: tuple[tuple[float, float], ...]
+    also: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter as shown: value, standard uncertainty, 95 % profile interval, in `unit`."""
+
+    title: str
+    value: float
+    u: float
+    lower: float
+    upper: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another explanation that fits about as well."""
+
+    id: str
+    name: str
+    title: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Something that must lose: its gain in log likelihood on blocks it was not fitted to."""
+
+    title: str
+    gain: float
+
+
+@dataclass(frozen=True)
+class Period:
+    """A fault was there from `since` to `until` (s) at a degree."""
+
+    since: float
+    until: float
+    degree: float
+    u: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``.
+
+    `id` is that of the candidate; `gain` its own gain in log likelihood on selection blocks, and
+    `rivals` those that lost. `closed` is the share of the mismatch at its place that it explains.
+    """
+
+    id: str
+    sort: str
+    name: str
+    title: str
+    module: str
+    place: str
+    parameters: Mapping[str, Estimate]
+    equation: str
+    text: str
+    action: str
+    source: str
+    probability: float
+    alternatives: tuple[Alternative, ...]
+    gain: float
+    rivals: tuple[Rival, ...]
+    periods: tuple[Period, ...]
+    closed: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square errors of the predicted signal, as shown."""
+
+    shipped: float
+    recalibrated: float
+    repaired: float
+    noise: float
+    points: int
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well the predicted signal is met; `gain_interval` is the 95 % block-bootstrap interval
+    of the fall of the held-out error by the repair, as a share of the recalibrated error.
+
+    `closed` is the share of the explainable mismatch (in squares) that is gone, held out.
+    """
+
+    signal: str
+    unit: str
+    estimation: Errors
+    heldout: Errors
+    gain_interval: tuple[float, float]
+    closed: float
+
+
+@dataclass(frozen=True)
+class Confounded:
+    """Two parameters that the recording does not tell apart."""
+
+    first: str
+    second: str
+    correlation: float
+
+
+@dataclass(frozen=True)
+class HiddenDriver:
+    """Course of something that drives a mismatch and is not recorded.
+
+    `time` (s) and `course` have shape (n,), `course` in `unit` (of the place that it moves).
+    """
+
+    module: str
+    place: str
+    text: str
+    time: Array
+    course: Array
+    unit: str
+    candidates: tuple[str, ...]
+    sensor: str
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A parameter of the plain model, recalibrated (SI), for the repaired model."""
+
+    id: str
+    value: float
+    u: float
+
+
+@dataclass(frozen=True)
+class Curves:
+    """For pictures; arrays of shape (n,), as shown; `heldout` flags points nothing was fitted to.
+
+    `residual_before` is measured less recalibrated, `residual_after` measured less repaired;
+    `drivers` maps titles (with unit) to readings.
+    """
+
+    time: Array
+    measured: Array
+    shipped: Array
+    recalibrated: Array
+    repaired: Array
+    heldout: np.ndarray
+    drivers: Mapping[str, Array]
+    inside: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The whole answer.
+
+    `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
+    ``cannot judge``. `split` says in words which blocks served for what, `digest` is its hash.
+    `noise` says where the size of the noise comes from. `parameters` and `covariance` (SI) are
+    those of the repaired model, `joined` the ids of the candidates in it, in order.
+    """
+
+    plant: str
+    title: str
+    recording: str
+    verdict: str
+    headline: str
+    locations: tuple[Location, ...]
+    findings: tuple[Finding, ...]
+    fit: Fit | None
+    confounded: tuple[Confounded, ...]
+    hidden: HiddenDriver | None
+    untested: tuple[str, ...]
+    next: str
+    split: str
+    digest: str
+    noise: str
+    tried: int
+    notes: tuple[str, ...]
+    joined: tuple[str, ...]
+    parameters: tuple[Changed, ...]
+    covariance: Array
+    curves: Curves | None
+    seconds: float
