@@ -43,8 +43,10 @@ def run_with_slopes(
             if name in UNARY:
                 x, value = numbers[a], OPERATIONS[name](numbers[a])
                 inner = slopes[a]
-                factor = _UNARY[name](x, value) if inner else None
-                own = {j: factor * s for j, s in inner.items()}
+                own = {}
+                if inner:
+                    factor = _UNARY[name](x, value)
+                    own = {j: factor * s for j, s in inner.items()}
             else:
                 x, y = numbers[a], numbers[b]
                 value = OPERATIONS[name](x, y)
