@@ -1,4 +1,4 @@
-"""Every effect of kb/: off at its null, something when on, and joined to the places it is meant for."""
+"""Every effect of kb/: off at its null, something when on, joined to the places it is meant for."""
 
 from __future__ import annotations
 
