@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from rulec.language.diagnostics import Place
@@ -168,6 +168,18 @@ class ModuleType:
         """Equations of all definitions and observers."""
         definitions = [d.expression for d in self.definitions.values()]
         return definitions + [o.expression for o in self.observers.values()]
+
+    def with_definitions(self, expression: Expression) -> Iterator[Expression]:
+        """An equation and those of all definitions that it stands on."""
+        seen: set[str] = set()
+        stack = [expression]
+        while stack:
+            part = stack.pop()
+            yield part
+            for name, _ in part.names():
+                if name in self.definitions and name not in seen:
+                    seen.add(name)
+                    stack.append(self.definitions[name].expression)
 
     def components(self) -> dict[str, list[str]]:
         """Observers of each component, the primary one first."""
