@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.amend import Amended, Change, amend
-from rulec.binding import Binder, Binding, drivers_of, names_of
+from rulec.binding import Binder, Binding, drivers_of
 from rulec.differentiate import Models, TypeFault, law_of
 from rulec.equation_text import equation_of
 from rulec.knowledge import Effect, EffectParameter, Join, Knowledge, Origin, Parameter, Variant
@@ -150,7 +150,7 @@ class _Matcher:
         id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
         if several:
             id_ += f"({', '.join(binding.signals.values())})"
-        used = names_of(join)
+        used = join.law.names()
         parameters = {name: p for name, p in effect.parameters.items() if name in used}
         change = Change(
             (site.key,),
