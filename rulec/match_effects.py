@@ -7,6 +7,7 @@ each candidate stands for.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -257,6 +258,7 @@ class _Matcher:
         return Matched(candidate, change)
 
 
+@functools.lru_cache(maxsize=100)
 def undoing(variant: Variant, acts_on: str) -> Expression:
     """What should be there, over ``law`` (what is there) and the degree ``x``.
 
