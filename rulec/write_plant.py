@@ -20,7 +20,7 @@ from rulec.write_module import write_module
 PLANT_HEAD = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
 KB = "kb"
 CALIBRATION = "calibration.yaml"
-KNOWLEDGE = ("module", "fault", "sensor", "fluid", "units")
+OF_PLANTS = ("plant", "columns", "calibration")
 
 
 def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterator[tuple[str, str]]:
@@ -100,7 +100,7 @@ def _knowledge(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]
         if file in amended:
             continue
         document, _ = read_document(file)
-        if document is not None and kind_of(document) in KNOWLEDGE:
+        if document is not None and kind_of(document) not in (None, *OF_PLANTS):
             yield f"{KB}/{file.relative_to(sources.kb).as_posix()}", file.read_text("utf-8-sig")
     for file in sorted((shipped(KB) / "schema").glob("*.json")):
         yield f"{KB}/schema/{file.name}", file.read_text("utf-8")
