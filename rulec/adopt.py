@@ -17,11 +17,12 @@ from rulec.amend import Amended, fresh, replaced, text_of
 from rulec.downstream import Downstream, Undefined
 from rulec.knowledge import ModuleType, Origin, Parameter
 from rulec.language.expression import GATHER, Expression, parse
+from rulec.language.units import BASES, Dimension, Unit
 from rulec.link import Network
 from rulec.plant import Module, Plant
 from rulec.repair import AdoptRefused, Repair
 from rulec.workshop import PlantWorkshop
-from runtime.mismatch.candidate import TIME, Candidate
+from runtime.mismatch.candidate import TIME, Candidate, Unknown
 
 NOT_PHYSICS = {
     "fault": "a fault is to be mended, not to be built into the model; rulec diagnose watches it",
@@ -85,7 +86,11 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
     ids = tuple(c.id for c in taken)
     instances = {
         module.name: _instance(
-            module, readings.written(module.name, workshop.amended(module.name, ids)), taken, repair
+            network.plant,
+            module,
+            readings.written(module.name, workshop.amended(module.name, ids)),
+            taken,
+            repair,
         )
         for module in network.plant.modules.values()
     }
@@ -180,15 +185,17 @@ def _over(expression: Expression, table: Mapping[str, ast.expr]) -> Expression:
     return parse(text_of(replaced(expression.tree, table)))
 
 
-def _instance(module: Module, amended: Amended, taken: list[Candidate], repair: Repair) -> Adopted:
+def _instance(
+    plant: Plant, module: Module, amended: Amended, taken: list[Candidate], repair: Repair
+) -> Adopted:
     """The amended type with the values that were found for its new parameters."""
-    sources = {u.id: (c, u.fixed) for c in taken for u in c.unknowns}
+    sources = {u.id: (c, u) for c in taken for u in c.unknowns}
     values = {k: v for joined in repair.joined for k, v in joined.values.items()}
     u = dict(zip(repair.parameters, np.sqrt(np.diag(repair.covariance)).tolist(), strict=True))
     values |= dict(zip(repair.parameters, repair.values.tolist(), strict=True))
     brought = {}
     for local, input_ in amended.inputs.items():
-        candidate, fixed = sources[input_]
+        candidate, unknown = sources[input_]
         if input_ not in values:
             raise AdoptRefused(f"the repair has no value for '{input_}'; run rulec mismatch again")
         known = amended.type.parameters[local]
@@ -198,11 +205,34 @@ def _instance(module: Module, amended: Amended, taken: list[Candidate], repair: 
         brought[local] = replace(
             known,
             value=values[input_],
-            u=0.0 if fixed else u.get(input_, 0.0),
+            u=0.0 if unknown.fixed else u.get(input_, 0.0),
+            unit=_shown_in(plant, known, unknown),
             origin=Origin(known.origin.file, known.origin.line, source),
         )
     kind = replace(amended.type, parameters={**amended.type.parameters, **brought})
     return Adopted(module, kind, brought, amended.inputs)
+
+
+def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
+    """A unit that a file may have; a typical reading is shown as its signal is."""
+    if unknown.fixed and unknown.driver:
+        module, signal = unknown.driver.split(".")
+        unit = plant.modules[module].type.signals[signal].unit
+        if unit.dimension == parameter.unit.dimension:
+            return unit
+    try:
+        return plant.knowledge.units.parse(parameter.unit.text)
+    except ValueError:
+        dimension = parameter.unit.dimension
+        return Unit(_spelled(dimension), 1.0, dimension)
+
+
+def _spelled(dimension: Dimension) -> str:
+    """A dimension in units of SI, as in m**3/s."""
+    powers = list(zip(BASES, dimension.exponents, strict=True))
+    top = [f"{base}**{e}" if e != 1 else base for base, e in powers if e > 0]
+    bottom = [f"/{base}**{-e}" if e != -1 else f"/{base}" for base, e in powers if e < 0]
+    return ("*".join(top) or "1") + "".join(bottom)
 
 
 def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]:

@@ -102,7 +102,7 @@ def _block(names: list[str], covariance: Array, values: Mapping[str, Parameter])
     scale = np.array([values[name].unit.factor for name in names])
     shown = covariance / np.outer(scale, scale)
     shown = (shown + shown.T) / 2.0
-    return {"of": names, "matrix": [[_ten(v) for v in row] for row in shown]}
+    return {"of": names, "matrix": [[_full(v) for v in row] for row in shown]}
 
 
 def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
@@ -121,10 +121,15 @@ def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
-    """Value in full, so that the plant reads what was fitted; ten digits of the uncertainty."""
+    """Value in full, so that the plant reads what was fitted; ten digits of its uncertainty."""
     unit = parameter.unit
-    value = float(f"{unit.from_si(parameter.value):.15g}")
-    return {"value": value, "unit": unit.text, "u": _ten(parameter.u / unit.factor)}
+    value = unit.from_si(parameter.value)
+    return {"value": _full(value), "unit": unit.text, "u": _ten(parameter.u / unit.factor)}
+
+
+def _full(value: float) -> float:
+    """What a double holds: a nearly singular covariance must stay positive."""
+    return float(f"{value:.15g}")
 
 
 def _ten(value: float) -> float:

@@ -68,8 +68,8 @@ def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
     covariance = np.array(part["covariance"], dtype=float).reshape(-1, max(count, 1))[:, :count]
     if values.shape != (count,) or covariance.shape != (count, count):
         raise ValueError(f"{count} parameters, but other numbers of values or covariances")
-    if not np.all(np.isfinite(covariance)):
-        raise ValueError("a covariance is not finite")
+    if not np.all(np.isfinite(covariance)) or np.any(np.diag(covariance) < 0.0):
+        raise ValueError("a variance is not a number, or below 0")
     return Repair(
         _plant(file, str(part["plant"])),
         recording,

@@ -82,7 +82,8 @@ def parameter_entry(parameter: Parameter) -> dict[str, Any]:
 
 
 def _six(value: float) -> float:
-    return float(f"{value:.6g}")
+    rounded = float(f"{value:.6g}")
+    return int(rounded) if rounded.is_integer() else rounded
 
 
 def _definition(old: Mapping[str, Any] | None, definition: Definition) -> dict[str, Any]:

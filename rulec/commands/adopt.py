@@ -42,7 +42,7 @@ def _tell(out: Console, target: Path, adoption: Adoption) -> None:
         kind = adoption.instances[candidate.module].type
         what = f"{candidate.module}: {candidate.title}, in {kind.name} version {kind.version}"
         out.print(f"[green]✓[/] {escape(what)}")
-        out.print(f"  {candidate.equation}", markup=False, highlight=False)
+        out.print(f"  {candidate.equation}", markup=False, soft_wrap=True)
     for name, reason in adoption.left:
         out.print(f"[yellow]![/] {escape(f'not adopted: {name}: {reason}')}")
     if not adoption.taken:

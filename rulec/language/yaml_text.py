@@ -10,8 +10,7 @@ from typing import Any
 WIDTH = 90
 """Lists longer than this get a line for each entry."""
 
-_PLAIN = re.compile(r"[A-Za-z(\[]?[A-Za-z0-9_ ().*/+\-=<>%;]*[A-Za-z0-9_).%]")
-_NUMBER_LIKE = re.compile(r"[-+.0-9].*")
+_PLAIN = re.compile(r"[A-Za-z(]([A-Za-z0-9_ ().*/+\-=<>%;]*[A-Za-z0-9_).%])?")
 _WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
 
 
@@ -34,8 +33,7 @@ def flow(value: Any) -> str:
 
 def _text(text: str) -> str:
     """Plain where nothing in it means anything to YAML, else in quotes."""
-    plain = _PLAIN.fullmatch(text) and text[0] != "[" and text.lower() not in _WORDS
-    if plain and not _NUMBER_LIKE.fullmatch(text):
+    if _PLAIN.fullmatch(text) and text.lower() not in _WORDS:
         return text
     return json.dumps(text, ensure_ascii=False)
 
