@@ -7,16 +7,14 @@ a type of its own, named after its first module.
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec.amend import Amended, fresh, replaced, text_of
-from rulec.downstream import Downstream, Undefined
+from rulec.amend import Amended
+from rulec.gathering import Gathering
 from rulec.knowledge import ModuleType, Origin, Parameter
-from rulec.language.expression import GATHER, Expression, parse
 from rulec.language.units import BASES, Dimension, Unit
 from rulec.link import Network
 from rulec.plant import Module, Plant
@@ -70,7 +68,7 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
     """Work out the new types of all modules; raises `AdoptRefused` where the plant has changed."""
     by_id = {c.id: c for c in workshop.candidates}
     free = {s.id for s in workshop.spots}
-    readings = _Readings(network)
+    readings = Gathering(network)
     taken: list[Candidate] = []
     left: list[tuple[str, str]] = []
     for joined in repair.joined:
@@ -99,7 +97,7 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
     return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
 
 
-def _why_not(candidate: Candidate, readings: _Readings) -> str:
+def _why_not(candidate: Candidate, readings: Gathering) -> str:
     """Why a candidate cannot be written into a module type; empty if it can."""
     if candidate.sort in NOT_PHYSICS:
         return NOT_PHYSICS[candidate.sort]
@@ -114,75 +112,6 @@ def _why_not(candidate: Candidate, readings: _Readings) -> str:
                 f"{source} is neither for {candidate.module}"
             )
     return ""
-
-
-class _Readings:
-    """Readings of other modules as `downstream(name)`, with the names that types must provide."""
-
-    def __init__(self, network: Network) -> None:
-        self._network = network
-        self._provides = {m.type.name: dict(m.type.provides) for m in self._modules}
-        self._known: dict[tuple[str, str], str] = {}
-
-    @property
-    def _modules(self) -> list[Module]:
-        return list(self._network.plant.modules.values())
-
-    def name(self, module: str, source: str) -> str:
-        """Under which name a module gathers this one signal; empty if it cannot."""
-        if (module, source) not in self._known:
-            self._known[module, source] = self._found(module, source)
-        return self._known[module, source]
-
-    def _found(self, module: str, source: str) -> str:
-        owner, signal = source.split(".")
-        kind = self._network.plant.modules[owner].type.name
-        for name, provided in self._provides[kind].items():
-            if provided == signal and self._sum(module, name) == ((owner, signal),):
-                return name
-        name = fresh(f"{signal}_{owner}", {n for own in self._provides.values() for n in own})
-        self._provides[kind][name] = signal
-        if self._sum(module, name) == ((owner, signal),):
-            return name
-        del self._provides[kind][name]
-        return ""
-
-    def _sum(self, module: str, name: str) -> tuple[tuple[str, str], ...]:
-        """What `downstream(name)` sums with the types as they would be."""
-        network = self._network
-        modules = {m.name: replace(m, type=self._with_provides(m.type)) for m in self._modules}
-        plant = replace(network.plant, modules=modules)
-        try:
-            return Downstream(plant, network.balances, network.graph).sum(module, name)
-        except Undefined:
-            return ()
-
-    def _with_provides(self, kind: ModuleType) -> ModuleType:
-        return replace(kind, provides=self._provides[kind.name])
-
-    def written(self, module: str, amended: Amended) -> Amended:
-        """An amended type without names of its own for what other modules read."""
-        table: dict[str, ast.expr] = {}
-        for local, source in amended.outside.items():
-            argument = ast.Name(self.name(module, source), ast.Load())
-            table[local] = ast.Call(ast.Name(GATHER, ast.Load()), [argument], [])
-        kind = self._with_provides(amended.type)
-        definitions = {
-            n: replace(d, expression=_over(d.expression, table))
-            for n, d in kind.definitions.items()
-        }
-        observers = {
-            n: replace(o, expression=_over(o.expression, table)) for n, o in kind.observers.items()
-        }
-        kind = replace(kind, definitions=definitions, observers=observers)
-        gathers = {name for e in kind.equations() for name, _ in e.gathered()}
-        return replace(amended, type=replace(kind, gathers=tuple(sorted(gathers))), outside={})
-
-
-def _over(expression: Expression, table: Mapping[str, ast.expr]) -> Expression:
-    if not any(name in table for name, _ in expression.names()):
-        return expression
-    return parse(text_of(replaced(expression.tree, table)))
 
 
 def _instance(
