@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,12 +31,18 @@ def plant_path(name: str) -> Path:
     return ROOT / "plants" / name
 
 
+@functools.cache
+def opened(plant: Path) -> PlantWorkshop:
+    """The workshop of a plant, opened once."""
+    return open_workshop(plant)[1]
+
+
 def mismatch(plant: Path, found: Found, **extra: Any) -> tuple[dict[str, Any], PlantWorkshop]:
     """What `rulec mismatch` writes, as far as it is adopted; values by local names, SI.
 
     All uncertain parameters of the plain plant are moved by a tenth of their uncertainty.
     """
-    _, workshop = open_workshop(plant)
+    workshop = opened(plant)
     base, by_id = workshop.parameters, {c.id: c for c in workshop.candidates}
     joined, ids, values = [], [], []
     for name, given in found:
@@ -229,7 +236,7 @@ def test_a_driver_of_a_neighbour_cannot_be_written(
 ) -> None:
     """A mixer without thermometer, driven by that of a module upstream of it."""
     plant = plant_path("abc")
-    _, workshop = open_workshop(plant)
+    workshop = opened(plant)
     name = next(
         c.id
         for c in workshop.candidates
@@ -256,7 +263,7 @@ def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
     data, _ = mismatch(plant, [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})])
     new = adopted(tmp_path, data)
     assert 0 == main(["check", str(new)])
-    valve = next(c.id for c in open_workshop(new)[1].candidates if c.name == "relief-valve")
+    valve = next(c.id for c in opened(new).candidates if c.name == "relief-valve")
     again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
     (tmp_path / "second").mkdir()
     second = adopted(tmp_path / "second", again)
