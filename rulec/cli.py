@@ -20,9 +20,19 @@ _COMMANDS = {
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
+    "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "demo": "see the whole thing on a shipped example",
 }
+
+_REFUSALS = (
+    "RecordingRefused",
+    "RulesetRefused",
+    "CalibrationRefused",
+    "SimulationRefused",
+    "AdoptRefused",
+)
+"""Exceptions whose message is for the user."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -61,7 +71,7 @@ def _message(error: Exception) -> str | None:
 
         assert isinstance(error, Refused)
         return render_all(error.diagnostics)
-    if kind in ("RecordingRefused", "RulesetRefused", "CalibrationRefused", "SimulationRefused"):
+    if kind in _REFUSALS:
         return f"rulec: {error}"
     if isinstance(error, OSError):
         return f"rulec: {error.filename or 'file'}: {error.strerror}"
@@ -110,6 +120,10 @@ def _parser() -> argparse.ArgumentParser:
         "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
     )
     _json(diagnose)
+    made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
+    made["adopt"].add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
+    )
     _study(made["study"])
     return parser
 

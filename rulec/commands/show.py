@@ -16,16 +16,18 @@ from rulec.derive_signatures import Signatures
 from rulec.differentiate import Models
 from rulec.language.diagnostics import did_you_mean
 from rulec.link import Network
+from rulec.match_effects import Matches, match_effects
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant
 from rulec.read import Sources
+from rulec.workshop import open_workshop
 from runtime.ruleset import Ruleset
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the passes up to the named one and print its result."""
     out = console(options)
-    names = [p.__name__ for p in PASSES]
+    names = [*(p.__name__ for p in PASSES), match_effects.__name__]
     short = [n for n in names if options.step in n.split("_")]
     if len(short) == 1:
         options.step = short[0]
@@ -38,7 +40,10 @@ def run(options: argparse.Namespace) -> int:
         )
         out.print(text + "passes in order: " + ", ".join(names), markup=False)
         return 0 if asked else 2
-    result = run_passes(Path(options.plant), up_to(options.step))
+    if options.step == match_effects.__name__:
+        result: Any = open_workshop(Path(options.plant))[1].matches
+    else:
+        result = run_passes(Path(options.plant), up_to(options.step))
     for line in _LINES[type(result)](result):
         out.print(line, markup=False, soft_wrap=True)
     return 0
@@ -131,6 +136,22 @@ def _ruleset(ruleset: Ruleset) -> Iterator[str]:
         yield f"{name} = {_value(numbered, i)}"
 
 
+def _matches(matches: Matches) -> Iterator[str]:
+    by_module: dict[str, list[str]] = {}
+    for matched in matches.candidates:
+        candidate = matched.candidate
+        names = ", ".join(u.name for u in candidate.unknowns if not u.fixed)
+        lines = by_module.setdefault(candidate.module, [])
+        lines.append(f"  {candidate.id} ({candidate.sort}): {candidate.equation}   [{names}]")
+    for missing in matches.missing:
+        lines = by_module.setdefault(missing.module, [])
+        sensor = f"; {missing.sensor}" if missing.sensor else ""
+        lines.append(f"  {missing.name}@{missing.place}: {missing.quantity} is not read{sensor}")
+    for module, lines in by_module.items():
+        yield f"\n{module}"
+        yield from lines
+
+
 def _value(numbered: list[str], i: int) -> str:
     return numbered[i] if i < len(numbered) else f"v{i}"
 
@@ -146,4 +167,5 @@ _LINES: dict[type, Callable[[Any], Iterator[str]]] = {
     Rules: _rules,
     Isolability: _isolability,
     Ruleset: _ruleset,
+    Matches: _matches,
 }
