@@ -20,6 +20,7 @@ _COMMANDS = {
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
+    "simulate": "predict a recording from its inputs, with faults if asked for",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "demo": "see the whole thing on a shipped example",
 }
@@ -110,8 +111,32 @@ def _parser() -> argparse.ArgumentParser:
         "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
     )
     _json(diagnose)
+    _simulate(made["simulate"])
     _study(made["study"])
     return parser
+
+
+def _simulate(simulate: argparse.ArgumentParser) -> None:
+    simulate.add_argument("plant", metavar="PLANT", help="or its ruleset")
+    simulate.add_argument(
+        "inputs",
+        metavar="INPUTS",
+        help="recording (CSV file, or a folder of them); of it the readings are used that no "
+        "equation determines, such as speeds",
+    )
+    simulate.add_argument(
+        "-o", "--output", metavar="RECORDING", required=True, help="file; for a folder a folder"
+    )
+    simulate.add_argument(
+        "--fault",
+        metavar="M.FAULT=DEGREE",
+        action="append",
+        default=[],
+        help="let a fault act, with @FROM:TO behind it from one second to another; repeatable",
+    )
+    simulate.add_argument(
+        "--noise", metavar="SEED", type=int, help="add errors of the sensors, drawn by a number"
+    )
 
 
 def _study(study: argparse.ArgumentParser) -> None:
