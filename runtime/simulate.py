@@ -93,27 +93,32 @@ def simulate_with(
     """
     offsets = offsets or {}
     _check(equations, given, degrees, offsets)
+    course = _begun(equations, given, degrees, offsets)
+    for number, step in enumerate(equations.steps):
+        course.take(number, step, solve, start or {})
+    known = course.known
+    found = [known[name] for name in (*equations.predicted, *equations.flows)]
+    return Simulated(
+        {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
+        {m: known[m] for m in equations.flows},
+        np.isfinite(found).all(axis=0) & np.ones(len(course.failed), dtype=bool),
+        course.failed,
+        course,
+    )
+
+
+def _begun(equations: Equations, given: Given, degrees: Given, offsets: Given) -> _Course:
+    """Nothing found yet."""
     asked = [*given.values(), *degrees.values(), *offsets.values()]
     (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in asked))
-    known = {s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals}
-    course = _Course(
+    return _Course(
         equations,
-        known,
+        {s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals},
         {name: _spread(degree, n) for name, degree in degrees.items()},
         {name: _spread(offset, n) for name, offset in offsets.items()},
         np.full(n, -1),
         np.ones(n),
         np.full((n, 2), -1.0),
-    )
-    for number, step in enumerate(equations.steps):
-        course.take(number, step, solve, start or {})
-    found = [known[name] for name in (*equations.predicted, *equations.flows)]
-    return Simulated(
-        {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
-        {m: known[m] for m in equations.flows},
-        np.isfinite(found).all(axis=0) & np.ones(n, dtype=bool),
-        course.failed,
-        course,
     )
 
 

@@ -27,6 +27,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         injected = [parse_fault(text) for text in options.fault]
         _refuse_target(source, target)
+        if options.noise is not None and options.noise < 0:
+            raise ValueError(f"--noise {options.noise}: give a number from 0 on")
     except ValueError as mistake:
         aside.print(f"rulec simulate: {mistake}", markup=False, soft_wrap=True)
         return 2
@@ -91,7 +93,8 @@ def _write(
 def _summary(prediction: Prediction, target: Path) -> str:
     rows, whole = len(prediction.whole), int(np.count_nonzero(prediction.whole))
     count = f"{rows} rows" if rows == whole else f"{rows} rows, {whole} of them predicted in full"
-    return f"{target}: {count}; {_few(prediction.values)} follow from {_few(prediction.given)}"
+    found, given = _few(prediction.values), _few(prediction.given)
+    return f"{target}: {count}; predicted {found} from {given or 'nothing'}"
 
 
 def _few(names: Iterable[str]) -> str:
