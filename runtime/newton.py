@@ -8,6 +8,7 @@ of several solutions the one is found that the known one turns into.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
@@ -32,8 +33,11 @@ SHRINKS = 0.5
 Source: natural monotonicity test, Deuflhard 2004, Newton Methods for Nonlinear Problems, sec. 3.3.
 """
 
-FIRST, SHORTEST = 0.25, 1.0 / 4096.0
+FIRST, SHORTEST = 0.25, 1.0 / 65536.0
 """Share of the way that is tried first, and below which the way counts as ended."""
+
+ROWS, ENTRIES = 4096, 2_000_000
+"""Systems at a time, of which more leave the cache; entries of their matrices, likewise."""
 
 
 class Systems(Protocol):
@@ -58,20 +62,31 @@ def follow(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
     Solutions, shape (k, m), and the share that was reached, shape (k,): 1 where the system is
     solved, -1 where not even share 0 is. Short of 1 the solution is the last on the way.
     """
-    at, solved = straight(systems, start, index)
+    at, solved = start.copy(), np.zeros(len(start), dtype=bool)
+    for part in _parts(np.arange(len(start)), start, ROWS):
+        at[part], solved[part] = straight(systems, start[part], np.ones(len(part)), index[part])
     reached = np.ones(len(at))
-    rest = np.flatnonzero(~solved)
-    if rest.size:
-        at[rest], reached[rest] = _along_the_way(systems, start[rest], index[rest])
+    # Few are far away, and the way takes many small calls: all of them go it together.
+    for part in _parts(np.flatnonzero(~solved), start):
+        at[part], reached[part] = _along_the_way(systems, start[part], index[part])
     return at, reached
 
 
-def straight(systems: Systems, start: Array, index: Index) -> tuple[Array, NDArray[np.bool_]]:
-    """Full Newton steps at share 1, as long as they shrink; returns where, and which converged."""
+def _parts(numbers: Index, start: Array, most: int = ENTRIES) -> Iterator[Index]:
+    """As many systems at a time as memory allows."""
+    size = max(1, min(most, ENTRIES // max(1, start.shape[1]) ** 2))
+    for low in range(0, len(numbers), size):
+        yield numbers[low : low + size]
+
+
+def straight(
+    systems: Systems, start: Array, share: Array, index: Index
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Full Newton steps, as long as they shrink; returns where, and which converged."""
     at, solved = start.copy(), np.zeros(len(start), dtype=bool)
     live, bound = np.arange(len(start)), np.full(len(start), np.inf)
     while live.size:
-        left, slopes = systems.linearised(at[live], np.ones(live.size), index[live])
+        left, slopes = systems.linearised(at[live], share[live], index[live])
         step = _solve_each(slopes, -left)
         longest = np.abs(step).max(axis=1)
         near = longest <= np.maximum(bound[live], CONVERGED)
@@ -87,14 +102,14 @@ def straight(systems: Systems, start: Array, index: Index) -> tuple[Array, NDArr
 def _along_the_way(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
     """As `follow`, always from share 0."""
     n = len(start)
-    at, solved = newton(systems, start, np.zeros(n), index)
+    at, solved = straight(systems, start, np.zeros(n), index)
     reached, stride = np.where(solved, 0.0, -1.0), np.full(n, FIRST)
     while True:
         live = np.flatnonzero((reached >= 0.0) & (reached < 1.0) & (stride >= SHORTEST))
         if not live.size:
             return at, reached
         share = np.minimum(reached[live] + stride[live], 1.0)
-        found, solved = newton(systems, at[live], share, index[live])
+        found, solved = straight(systems, at[live], share, index[live])
         at[live[solved]] = found[solved]
         reached[live] = np.where(solved, share, reached[live])
         stride[live] *= np.where(solved, 2.0, 0.5)

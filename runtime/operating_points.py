@@ -73,7 +73,7 @@ class OperatingPoints:
                 estimate = estimate + share * self.offsets[name][index]
             rows.append(estimate)
         rows += [self._on_the_way(name, share, index) for name in step.known_flows]
-        return np.array(rows).reshape(-1, k)
+        return np.array(rows).reshape(len(rows), k)
 
 
 def _summed(factors: Array, terms: Array) -> Array:

@@ -24,9 +24,6 @@ from runtime.ruleset import Ruleset
 
 __all__ = ["Simulated", "SimulationRefused", "simulate", "simulate_with"]
 
-ROWS, ENTRIES = 4096, 2_000_000
-"""Operating points, and entries of their matrices, at a time: more leave the cache."""
-
 Given = Mapping[str, Array | float]
 
 Solver = Callable[[Systems, Array, Index], tuple[Array, Array]]
@@ -157,13 +154,12 @@ class _Course:
                 begin[:, j] = start[name] / step.scales[j]
         names = (*step.readings, *step.flows)
         self.known.update({name: np.full(n, np.nan) for name in names})
-        size = max(1, min(ROWS, ENTRIES // max(1, len(step.readings)) ** 2))
-        for low in range(0, len(index), size):
-            part = index[low : low + size]
-            at, reached = begin[part], np.ones(len(part))
-            if step.readings:
-                at, reached = solve(points, at, part)
-            self._keep(number, points, part, at, reached)
+        if not index.size:
+            return
+        at, reached = begin[index], np.ones(len(index))
+        if step.readings:
+            at, reached = solve(points, at, index)
+        self._keep(number, points, index, at, reached)
 
     def _keep(
         self, number: int, points: OperatingPoints, index: Index, at: Array, reached: Array

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rulec.eliminate import independent_without, solved_for
 from rulec.matching import match, surplus
 from rulec.pipeline import compile_plant
 from runtime.equations import Equations, SimulationRefused, equations_of
@@ -236,3 +237,21 @@ def test_surplus_names_all_that_compete() -> None:
     readers = [[0, 1], [2]]
     assert ([0, 1], [0]) == surplus(readers, match(readers), 3)
     assert ([], []) == surplus([[0], [1]], [0, 1], 2)
+
+
+def test_flows_are_eliminated() -> None:
+    """Two estimates of a flow, which is half of another one: what is left says they agree."""
+    #                  flows: a, b; estimates: p, q
+    equations = np.array([[-1.0, 0, 1, 0], [-1.0, 0, 0, 1], [2.0, -1.0, 0, 0]])
+    flows, left = solved_for(equations, 2)
+    assert [[1, 0], [2, 0]] == flows.tolist()
+    assert [[-1, 1]] == left.tolist()
+
+
+def test_balances_that_say_nothing_new_are_dropped() -> None:
+    """The flow of the first column is eliminated; the last balance is the sum of the others."""
+    balances = np.array([[1.0, -1, 0, 0], [-1.0, 0, 1, 0], [0, -1, 0, 1.0], [0, -2, 1, 1.0]])
+    kept = independent_without(balances, 1)
+    assert (2, 4) == kept.shape
+    assert [0, 0] == kept[:, 0].tolist()
+    assert 2 == np.linalg.matrix_rank(kept)
