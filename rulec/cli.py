@@ -21,6 +21,7 @@ _COMMANDS = {
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
     "adopt": "write the plant that a mismatch asks for, with amended module types",
+    "simulate": "predict a recording from its inputs, with faults if asked for",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "demo": "see the whole thing on a shipped example",
 }
@@ -124,8 +125,32 @@ def _parser() -> argparse.ArgumentParser:
     made["adopt"].add_argument(
         "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
     )
+    _simulate(made["simulate"])
     _study(made["study"])
     return parser
+
+
+def _simulate(simulate: argparse.ArgumentParser) -> None:
+    simulate.add_argument("plant", metavar="PLANT", help="or its ruleset")
+    simulate.add_argument(
+        "inputs",
+        metavar="INPUTS",
+        help="recording (CSV file, or a folder of them); of it the readings are used that no "
+        "equation determines, such as speeds",
+    )
+    simulate.add_argument(
+        "-o", "--output", metavar="RECORDING", required=True, help="file; for a folder a folder"
+    )
+    simulate.add_argument(
+        "--fault",
+        metavar="M.FAULT=DEGREE",
+        action="append",
+        default=[],
+        help="let a fault act, with @FROM:TO behind it from one second to another; repeatable",
+    )
+    simulate.add_argument(
+        "--noise", metavar="SEED", type=int, help="add errors of the sensors, drawn by a number"
+    )
 
 
 def _study(study: argparse.ArgumentParser) -> None:

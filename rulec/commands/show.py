@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from rulec.differentiate import Models
 from rulec.language.diagnostics import did_you_mean
 from rulec.link import Network
 from rulec.match_effects import Matches, match_effects
+from rulec.order_equations import Ordered
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant
 from rulec.read import Sources
@@ -126,6 +127,25 @@ def _isolability(isolability: Isolability) -> Iterator[str]:
         yield f"unobserved: {name}"
 
 
+def _ordered(ordered: Ordered) -> Iterator[str]:
+    if ordered.simulation.refused:
+        yield ordered.simulation.refused
+        return
+    yield f"given: {', '.join(ordered.simulation.given)}"
+    for number, step in enumerate(ordered.simulation.steps, 1):
+        yield f"step {number} finds {', '.join((*step.readings, *step.flows))}"
+        for terms in step.zeros:
+            yield f"  0 = {_signed(terms)}"
+        for flow, terms in step.flows.items():
+            yield f"  flow of {flow} = {_signed(terms)}"
+
+
+def _signed(terms: Mapping[str, float]) -> str:
+    sizes = {name: "" if abs(c) == 1.0 else f"{abs(c):g} " for name, c in terms.items()}
+    text = " ".join(f"{'+' if c > 0 else '-'} {sizes[name]}{name}" for name, c in terms.items())
+    return text.removeprefix("+ ") or "0"
+
+
 def _ruleset(ruleset: Ruleset) -> Iterator[str]:
     plan = ruleset.plan
     yield f"plan: {len(plan.inputs)} inputs, {len(plan.operations)} operations"
@@ -166,6 +186,7 @@ _LINES: dict[type, Callable[[Any], Iterator[str]]] = {
     Signatures: _signatures,
     Rules: _rules,
     Isolability: _isolability,
+    Ordered: _ordered,
     Ruleset: _ruleset,
     Matches: _matches,
 }

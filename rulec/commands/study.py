@@ -19,6 +19,7 @@ from rulec.commands.output import console, write_json
 from rulec.differentiate import Models
 from rulec.perturb import true_plan
 from rulec.pipeline import PASSES, run_passes, up_to
+from runtime.equations import equations_of
 from runtime.plan import Plan
 from runtime.ruleset import Ruleset
 from runtime.sensing import SensorErrors
@@ -28,7 +29,6 @@ from runtime.study.points import Points, operating_points
 from runtime.study.pool import run_groups
 from runtime.study.summary import percent, rows_of, sentences
 from runtime.study.tally import Cell, Tally, tally
-from runtime.unknowns import equations_of
 
 Draw = Callable[[np.random.Generator], Plan]
 
