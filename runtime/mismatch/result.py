@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from runtime.plan import Array
+
+
+class MismatchRefused(Exception):
+    """The comparison cannot be made; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +198,9 @@ class Mismatch:
     `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
     ``cannot judge``. `split` says in words which blocks served for what, `digest` is its hash.
     `noise` says where the size of the noise comes from. `parameters` and `covariance` (SI) are
-    those of the repaired model, `joined` the ids of the candidates in it, in order.
+    those of the repaired model, `joined` the ids of the candidates in it, in order. `fixed` holds
+    their parameters that are no unknowns, `misfit` the scatter of each observer about its repaired
+    law, both SI by id.
     """
 
     plant: str
@@ -219,3 +225,5 @@ class Mismatch:
     covariance: Array
     curves: Curves | None
     seconds: float
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    misfit: Mapping[str, float] = field(default_factory=dict)

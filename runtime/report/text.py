@@ -33,11 +33,21 @@ def number(value: float, digits: int = 3) -> str:
     if not np.isfinite(value):
         return "–"
     size = int(np.floor(np.log10(abs(value)))) if value else 0
-    decimals = max(digits - 1 - size, 0)
-    text = f"{value:,.{decimals}f}"
+    text = fixed(value, max(digits - 1 - size, 0))
     if "." in text:
         text = text.rstrip("0").rstrip(".")
-    return text.replace(",", "\u202f").replace("-", "−")
+    return text
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number with so many decimals.
+
+    >>> fixed(0.15, 3), fixed(-1234.5, 1)
+    ('0.150', '−1\u202f234.5')
+    """
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
 
 
 def degree(value: float) -> str:

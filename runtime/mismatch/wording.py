@@ -1,0 +1,213 @@
+"""Words that the terminal and the report share: one comparison, told the same way twice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from runtime.mismatch.result import (
+    Alternative,
+    Confounded,
+    Estimate,
+    Finding,
+    Fit,
+    Location,
+    Mismatch,
+    Period,
+    Region,
+)
+from runtime.report.text import counted, degree, fixed, listed, moment, number, percent
+from runtime.wording import STATUS
+
+VERDICTS = {
+    "none": ("ok", "the model leaves nothing out that this recording shows"),
+    "named": ("M", "the model leaves something out, and what it is has been found"),
+    "ambiguous": ("S", "the model leaves something out; several explanations fit"),
+    "unnamed": ("S", "the model leaves something out that no known effect explains"),
+    "fault": ("F", "the model is right: the plant has a fault"),
+    "sensor": ("F", "the model is right: a sensor reads wrong"),
+    "cannot judge": ("C", "this recording does not allow an answer"),
+}
+"""Verdict to letter of NE 107 and meaning; two verdicts of one letter differ in words."""
+
+SORTS = {
+    "physics": "physics that the model leaves out",
+    "ageing": "a change with time or age",
+    "fault": "a fault of the plant",
+    "sensor": "an error of a sensor",
+    "free": "a free-form term without physics behind it",
+}
+
+SPANS = 4
+"""Periods named one by one."""
+
+PLAUSIBLE = 0.01
+"""Alternatives less probable than this are not worth a word."""
+
+
+def letter(mismatch: Mismatch) -> str:
+    """Letter of NE 107."""
+    return VERDICTS.get(mismatch.verdict, ("C", ""))[0]
+
+
+def symbol(mismatch: Mismatch) -> str:
+    """Symbol of NE 107, by whose shape verdicts are told apart without colour."""
+    return STATUS[letter(mismatch)][0]
+
+
+def meaning(mismatch: Mismatch) -> str:
+    """The verdict in words."""
+    words = VERDICTS.get(mismatch.verdict, ("C", mismatch.verdict))[1]
+    return words[:1].upper() + words[1:]
+
+
+def told(finding: Finding) -> str:
+    """The sentence of a finding, its slots filled with the values found."""
+    values = {name: _with_unit(e) for name, e in finding.parameters.items()}
+    values |= {"module": finding.module, "place": finding.place}
+    return re.sub(r"\{(\w+)\}", lambda slot: values.get(slot[1], slot[0]), finding.text)
+
+
+def _with_unit(estimate: Estimate) -> str:
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    return value_and_u(estimate)[0] + unit
+
+
+def value_and_u(estimate: Estimate) -> tuple[str, str]:
+    """Value and standard uncertainty, both to two digits of the latter; a dash without one.
+
+    >>> value_and_u(Estimate("b", 0.0231234, 0.00112, 0.021, 0.025, "1/K"))
+    ('0.0231', '0.0011')
+    """
+    value, u = estimate.value, estimate.u
+    if not (np.isfinite(value) and np.isfinite(u) and u > 0):
+        return number(value, 4), "–"
+    decimals = max(0, 1 - int(np.floor(np.log10(u))))
+    return fixed(value, decimals), fixed(u, decimals)
+
+
+def interval(estimate: Estimate) -> str:
+    """The 95 % interval of a parameter; one that was not searched for has none.
+
+    >>> interval(Estimate("b", 0.02, 0.001, 0.018, 0.0221, "1/K"))
+    '0.0180 to 0.0221'
+    """
+    low, high, u = estimate.lower, estimate.upper, estimate.u
+    if not u > 0:
+        return "fixed"
+    decimals = max(0, 1 - int(np.floor(np.log10(u)))) if np.isfinite(u) else 3
+    return f"{fixed(low, decimals)} to {fixed(high, decimals)}"
+
+
+def where(location: Location) -> str:
+    """A place with its name in the equations, and how much of the mismatch lies there."""
+    name = f"{location.module}.{location.place}"
+    place = name if location.title in ("", name) else f"{location.title} ({name})"
+    if not np.isfinite(location.share):
+        return place
+    return f"{place}: {share(location.share)} of the mismatch"
+
+
+def region_words(region: Region) -> str:
+    """The region of one variable.
+
+    >>> region_words(Region("A.T", 52.0, None, "degC", 0.8))
+    'A.T above 52 degC (80\\xa0% of it)'
+    """
+    low, high = (None if b is None else number(b, 4) for b in (region.low, region.high))
+    unit = "" if region.unit == "1" else f" {region.unit}"
+    if low is None and high is None:
+        words = f"{region.variable} anywhere"
+    elif high is None:
+        words = f"{region.variable} above {low}{unit}"
+    elif low is None:
+        words = f"{region.variable} below {high}{unit}"
+    elif region.low == region.high:
+        words = f"{region.variable} at {low}{unit}"
+    else:
+        words = f"{region.variable} from {low} to {high}{unit}"
+    return words + (f" ({share(region.share)} of it)" if np.isfinite(region.share) else "")
+
+
+def periods_words(periods: Sequence[tuple[float, float]]) -> str:
+    """Periods in a sentence; of many the first ones."""
+    spans = [f"{moment(a)} to {moment(b)}\u00a0s" for a, b in periods[:SPANS]]
+    more = [counted(len(periods) - SPANS, "other period")] if len(periods) > SPANS else []
+    return listed([*spans, *more])
+
+
+def degree_words(periods: Sequence[Period]) -> Iterator[str]:
+    """When a fault was there, and how large; the largest ones in order of time."""
+    largest = sorted(periods, key=lambda p: -abs(p.degree))[:SPANS]
+    for p in sorted(largest, key=lambda p: p.since):
+        span = f"{moment(p.since)} to {moment(p.until)}\u00a0s"
+        yield f"{span}: degree {degree(p.degree)} ± {fixed(p.u, 3)}"
+    if len(periods) > SPANS:
+        yield f"and {counted(len(periods) - SPANS, 'other period')}, none larger"
+
+
+def errors_of(fit: Fit) -> tuple[tuple[str, float, float], ...]:
+    """Name and error of each model on estimation and held-out blocks, in the unit of the signal."""
+    seen, kept = fit.estimation, fit.heldout
+    return (
+        ("as shipped", seen.shipped, kept.shipped),
+        ("recalibrated", seen.recalibrated, kept.recalibrated),
+        ("repaired", seen.repaired, kept.repaired),
+        ("noise alone", seen.noise, kept.noise),
+    )
+
+
+def proof(fit: Fit, repaired: bool) -> str:
+    """What held-out blocks say of the repair, or of recalibration where there is none."""
+    kept = fit.heldout
+    points = counted(kept.points, "held-out point")
+    if not repaired:
+        return f"Held out are {points}, which played no part in the search."
+    fall = 1 - kept.repaired / kept.recalibrated if kept.recalibrated > 0 else np.nan
+    if not np.isfinite(fall):
+        return f"The error on {points} could not be compared."
+    low, high = fit.gain_interval
+    way = "falls" if fall >= 0 else "rises"
+    words = f"On {points} the error {way} by {share(abs(fall))} against recalibration"
+    if np.isfinite(low) and np.isfinite(high):
+        words += f" (95\u00a0%: {share(low)} to {share(high)})"
+    if np.isfinite(fit.closed):
+        words += f"; {share(fit.closed)} of the explainable mismatch is closed"
+    return words + "."
+
+
+def rivals_words(finding: Finding) -> str:
+    """What the finding won against, the strongest rival first."""
+    ordered = sorted(finding.rivals, key=lambda r: -r.gain if np.isfinite(r.gain) else np.inf)
+    lost = "; ".join(f"{r.title} {number(r.gain, 2)}" for r in ordered)
+    return f"{finding.title} gains {number(finding.gain, 3)} in log likelihood. Lost: {lost}."
+
+
+def share(value: float) -> str:
+    """A share in percent, also a negative one or one that is not known.
+
+    >>> share(0.64), share(-0.02), share(float("nan"))
+    ('64\xa0%', '−2\xa0%', '–')
+    """
+    if not np.isfinite(value):
+        return "–"
+    return percent(value) if value >= 0 else f"−{percent(-value)}"
+
+
+def plausible(finding: Finding) -> tuple[Alternative, ...]:
+    """Alternatives worth a word, the most probable first."""
+    ordered = sorted(finding.alternatives, key=lambda a: -a.probability)
+    return tuple(a for a in ordered if a.probability >= PLAUSIBLE)
+
+
+def confounded_words(pair: Confounded) -> str:
+    """Two parameters that the recording does not tell apart."""
+    return f"{pair.first} and {pair.second} (correlation {number(pair.correlation, 2)})"
+
+
+def labelled(parameters: Mapping[str, Estimate]) -> Iterator[tuple[str, Estimate]]:
+    """Parameters with title and the name that they have in the equation."""
+    for name, estimate in parameters.items():
+        yield (f"{name}, {estimate.title}" if estimate.title else name), estimate
