@@ -83,8 +83,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mismatch:
     """Compile, read, analyse, telling on a terminal what is being done."""
-    from rulec.workshop import open_workshop  # type: ignore[import-not-found]
-    from runtime.mismatch.analyse import analyse  # type: ignore[import-not-found]
+    from rulec.workshop import open_workshop  # type: ignore[import-untyped, import-not-found, unused-ignore]
 
     with _progress(out) as progress:
         progress("reading the plant")
@@ -92,9 +91,9 @@ def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mis
         progress("reading the recording")
         recording = read_recording(Path(options.recording), ruleset)
         check_heldout(recording, heldout)
-        found: Mismatch = analyse(
-            recording, ruleset, workshop, heldout=heldout, progress=progress
-        )
+        from runtime.mismatch.analyse import analyse  # type: ignore[import-untyped, import-not-found, unused-ignore]
+
+        found: Mismatch = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
     name = Path(options.recording).resolve().name
     notes = tuple(dict.fromkeys((*recording.notes, *found.notes)))
     return replace(found, recording=name, notes=notes)

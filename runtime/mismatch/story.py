@@ -139,7 +139,7 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     for title in ("", "fitted", "held out", ""):
         justify = "left" if not title else "right"
         table.add_column(title, justify=justify, header_style="dim", no_wrap=True)  # type: ignore[arg-type]
-    rows = [row for row in errors_of(fit) if mismatch.findings or row[0] != "repaired"]
+    rows = errors_of(fit, bool(mismatch.findings))
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
     for name, seen, kept in rows:
         table.add_row(f"  {name}", number(seen), number(kept), _bar(name, kept, largest))

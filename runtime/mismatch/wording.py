@@ -148,15 +148,16 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
         yield f"and {counted(len(periods) - SPANS, 'other period')}, none larger"
 
 
-def errors_of(fit: Fit) -> tuple[tuple[str, float, float], ...]:
+def errors_of(fit: Fit, repaired: bool) -> tuple[tuple[str, float, float], ...]:
     """Name and error of each model on estimation and held-out blocks, in the unit of the signal."""
     seen, kept = fit.estimation, fit.heldout
-    return (
+    rows = [
         ("as shipped", seen.shipped, kept.shipped),
         ("recalibrated", seen.recalibrated, kept.recalibrated),
         ("repaired", seen.repaired, kept.repaired),
         ("noise alone", seen.noise, kept.noise),
-    )
+    ]
+    return tuple(row for row in rows if repaired or row[0] != "repaired")
 
 
 def proof(fit: Fit, repaired: bool) -> str:

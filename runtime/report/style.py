@@ -89,6 +89,12 @@ figcaption { margin-top: .7rem; }
 .bar { stroke-opacity: .55; }
 .band.zero, .band.unjudged { fill: var(--zero); fill-opacity: 1; }
 .band.unjudged { fill: var(--grey); }
+.band.located { fill: var(--c4); fill-opacity: .13; } .band.heldout { fill: var(--soft);
+  fill-opacity: .55; }
+.curve.dots { stroke-width: 3.6; stroke-opacity: .5; stroke-dasharray: none; }
+.wide { width: 50%; min-width: 8rem; }
+.meter { display: block; height: .75rem; min-width: 1px; border-radius: 2px;
+  background: var(--c0); } .after { margin-top: 1rem; }
 use { stroke: var(--paper); stroke-width: .8; }
 .mark.fired use[href="#cross"] { stroke: var(--of); stroke-width: 1.8; }
 .shares td, .shares thead th + th, .matrix td, .matrix thead th { text-align: center; }
