@@ -165,7 +165,9 @@ def proof(fit: Fit, repaired: bool) -> str:
     kept = fit.heldout
     points = counted(kept.points, "held-out point")
     if not repaired:
-        return f"Held out are {points}, which played no part in the search."
+        kept_out = counted(kept.points, "point")
+        were = "was" if kept.points == 1 else "were"
+        return f"{kept_out} {were} held out and played no part in the search."
     fall = 1 - kept.repaired / kept.recalibrated if kept.recalibrated > 0 else np.nan
     if not np.isfinite(fall):
         return f"The error on {points} could not be compared."

@@ -56,7 +56,7 @@ def degree(value: float) -> str:
     >>> degree(0.17)
     '0.170'
     """
-    return f"{value:.3f}"
+    return f"{value:.3f}" if np.isfinite(value) else "–"
 
 
 def bounds(low: float, high: float) -> str:
@@ -74,6 +74,8 @@ def moment(seconds: float) -> str:
     >>> moment(126839.0), moment(12.25)
     ('126\u202f839', '12.25')
     """
+    if not np.isfinite(seconds):
+        return "–"
     digits = 3 if abs(seconds) < 1 else 6
     return number(seconds, max(digits, len(str(int(abs(seconds))))))
 

@@ -245,3 +245,56 @@ ALL = {
     "none": NONE,
     "cannot judge": CANNOT_JUDGE,
 }
+
+
+def broken(mismatch: Mismatch) -> Mismatch:
+    """The same comparison with every number unknown."""
+    findings = tuple(
+        replace(
+            f,
+            parameters={
+                k: replace(e, value=NAN, u=NAN, lower=NAN, upper=float("inf"))
+                for k, e in f.parameters.items()
+            },
+            probability=NAN,
+            alternatives=tuple(replace(a, probability=NAN) for a in f.alternatives),
+            gain=NAN,
+            rivals=tuple(replace(r, gain=NAN) for r in f.rivals),
+            periods=tuple(Period(NAN, NAN, NAN, NAN) for _ in f.periods),
+            closed=NAN,
+        )
+        for f in mismatch.findings
+    )
+    locations = tuple(
+        replace(
+            place,
+            share=NAN,
+            region=tuple(replace(r, low=NAN, high=NAN, share=NAN) for r in place.region),
+            periods=tuple((NAN, NAN) for _ in place.periods),
+        )
+        for place in mismatch.locations
+    )
+    nothing = Errors(NAN, NAN, NAN, NAN, 0)
+    hidden = mismatch.hidden
+    return replace(
+        mismatch,
+        findings=findings,
+        locations=locations,
+        fit=Fit("", "", nothing, nothing, (NAN, NAN), NAN) if mismatch.fit else None,
+        confounded=tuple(replace(c, correlation=NAN) for c in mismatch.confounded),
+        hidden=replace(hidden, course=np.full(len(hidden.time), NAN)) if hidden else None,
+        covariance=np.full_like(mismatch.covariance, NAN),
+        curves=_unknown(mismatch.curves) if mismatch.curves else None,
+        seconds=NAN,
+    )
+
+
+def _unknown(drawn: Curves) -> Curves:
+    nothing = np.full(len(drawn.time), NAN)
+    return replace(
+        drawn,
+        shipped=nothing,
+        recalibrated=nothing,
+        repaired=nothing,
+        drivers=dict.fromkeys(drawn.drivers, nothing),
+    )
