@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from runtime.mismatch.report.drawn import Drawn, middle_by, rms
-from runtime.mismatch.result import Finding, HiddenDriver
+from runtime.mismatch.result import HiddenDriver, Period
 from runtime.plan import Array
 from runtime.report.text import counted, degree, number, percent, period
 
@@ -61,11 +63,11 @@ def say_agreement(drawn: Drawn) -> str:
     return f"95\u00a0% of the points lie nearer to the diagonal than: {'; '.join(parts)}."
 
 
-def say_periods(finding: Finding) -> str:
+def say_periods(periods: Sequence[Period]) -> str:
     """How often, and the largest degree."""
-    worst = max(finding.periods, key=lambda p: abs(p.degree))
+    worst = max(periods, key=lambda p: abs(p.degree))
     return (
-        f"{counted(len(finding.periods), 'period')}; the largest degree is {degree(worst.degree)}, "
+        f"{counted(len(periods), 'period')}; the largest degree is {degree(worst.degree)}, "
         f"{period(worst.since, worst.until)}."
     )
 

@@ -15,7 +15,7 @@ from runtime.mismatch.report.captions import (
     say_time,
 )
 from runtime.mismatch.report.drawn import Drawn, curves_of, detail_of, middle_by
-from runtime.mismatch.result import Finding, HiddenDriver, Mismatch
+from runtime.mismatch.result import Finding, HiddenDriver, Mismatch, Period
 from runtime.plan import Array
 from runtime.report.chart import Axis, Panel, axis, labels_apart
 from runtime.report.figure import Figure, plot
@@ -46,8 +46,9 @@ def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
             yield _over_driver(drawn, i, title, readings)
         yield _agreement(drawn)
     for i, finding in enumerate(mismatch.findings):
-        if finding.periods:
-            yield _periods(mismatch, finding, i)
+        periods = [p for p in finding.periods if np.isfinite([p.since, p.until, p.degree]).all()]
+        if periods:
+            yield _periods(drawn, finding, periods, i)
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
         yield _course(mismatch.hidden)
 
@@ -151,13 +152,12 @@ def _agreement(drawn: Drawn) -> Figure:
     )
 
 
-def _periods(mismatch: Mismatch, finding: Finding, index: int) -> Figure:
+def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], index: int) -> Figure:
     """Degree of a fault over time with its 95 % bounds."""
-    periods = sorted(finding.periods, key=lambda p: p.since)
+    periods = sorted(found, key=lambda p: p.since)
     time = np.array([t for p in periods for t in (p.since, p.until, p.until)])
     degree = np.array([d for p in periods for d in (p.degree, p.degree, np.nan)])
     spread = np.array([2 * p.u for p in periods for _ in range(3)])
-    drawn = curves_of(mismatch)
     span = np.concatenate([time, drawn.time]) if drawn is not None else time
     panel = Panel(
         _time(span),
@@ -171,7 +171,7 @@ def _periods(mismatch: Mismatch, finding: Finding, index: int) -> Figure:
     name = f"{finding.module}.{finding.name}"
     body = plot(panel.drawn(name, f"{name}, degree [1]", lines, [], True), True)
     title = f"{finding.title} in {finding.module}"
-    return Figure(f"periods{index}", title, "band: 95 % bounds", body, say_periods(finding))
+    return Figure(f"periods{index}", title, "band: 95 % bounds", body, say_periods(periods))
 
 
 def _course(hidden: HiddenDriver) -> Figure:
