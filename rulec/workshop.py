@@ -21,6 +21,7 @@ from rulec.lower import Lowering, lower_module, parameter_id
 from rulec.match_effects import Matched, Matches, match_effects
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import survey
+from rulec.read import read_plant
 from rulec.spots import shift_of, spots_of
 from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
 from runtime.plan import Plan
@@ -30,7 +31,8 @@ from runtime.ruleset import Ruleset
 def open_workshop(path: Path) -> tuple[Ruleset, PlantWorkshop]:
     """Compile a plant, and open its workshop; raises `Refused` with all mistakes in it."""
     symbolic = up_to("differentiate")
-    models: Models = run_passes(path, symbolic)
+    sources = read_plant(path, effects=True)
+    models: Models = run_passes(sources, symbolic[1:])
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     return ruleset, PlantWorkshop(models, reference_readings(models, ruleset))
 
