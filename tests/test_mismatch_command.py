@@ -66,7 +66,7 @@ def call(*options: str) -> int:
 def test_story_goes_to_standard_output(calls: Calls, capsys: pytest.CaptureFixture[str]) -> None:
     """A mismatch is a result: exit code 0."""
     assert 0 == call()
-    assert "◆ The model leaves something out" in capsys.readouterr().out
+    assert "◆ Physics left out of the model" in capsys.readouterr().out
     assert () == calls.heldout
 
 
@@ -103,7 +103,7 @@ def test_json_on_standard_output_is_alone_there(
     shown = capsys.readouterr()
     data: dict[str, Any] = json.loads(shown.out)
     assert data["hidden_driver"]["series"] is None
-    assert "▲ The model leaves something out" in shown.err
+    assert "▲ A mismatch that nothing known explains" in shown.err
 
 
 def test_held_out_periods_reach_the_analysis(

@@ -83,7 +83,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mismatch:
     """Compile, read, analyse, telling on a terminal what is being done."""
-    from rulec.workshop import open_workshop  # type: ignore[import-untyped, import-not-found, unused-ignore]
+    from rulec.workshop import open_workshop
 
     with _progress(out) as progress:
         progress("reading the plant")
@@ -91,7 +91,7 @@ def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mis
         progress("reading the recording")
         recording = read_recording(Path(options.recording), ruleset)
         check_heldout(recording, heldout)
-        from runtime.mismatch.analyse import analyse  # type: ignore[import-untyped, import-not-found, unused-ignore]
+        from runtime.mismatch.analyse import analyse
 
         found: Mismatch = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
     name = Path(options.recording).resolve().name

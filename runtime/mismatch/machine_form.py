@@ -14,7 +14,6 @@ from runtime.mismatch.result import (
     Mismatch,
     Region,
 )
-from runtime.mismatch.wording import told
 
 
 def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None) -> dict[str, Any]:
@@ -101,7 +100,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
             for name, e in finding.parameters.items()
         },
         "equation": finding.equation,
-        "text": told(finding),
+        "text": finding.text,
         "action": finding.action,
         "source": finding.source,
         "probability": finding.probability,

@@ -178,7 +178,8 @@ class Curves:
     """For pictures; arrays of shape (n,), as shown; `heldout` flags points nothing was fitted to.
 
     `residual_before` is measured less recalibrated, `residual_after` measured less repaired;
-    `drivers` maps titles (with unit) to readings.
+    `drivers` maps titles (with unit) to readings, `inside` flags points whose errors count: those
+    outside of periods of faults.
     """
 
     time: Array

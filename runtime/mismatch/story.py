@@ -30,7 +30,6 @@ from runtime.mismatch.wording import (
     rivals_words,
     share,
     symbol,
-    told,
     value_and_u,
     where,
 )
@@ -49,8 +48,8 @@ COURSE = 60
 def tell(out: Console, mismatch: Mismatch) -> None:
     """Print the whole story."""
     colour = _COLOURS[letter(mismatch)]
-    out.print(f"\n[bold {colour}]{symbol(mismatch)} {escape(meaning(mismatch))}[/]")
-    out.print(f"[dim]{escape(mismatch.title)}, {escape(mismatch.recording)}[/]")
+    verdict = f"[bold {colour}]{symbol(mismatch)} {escape(meaning(mismatch))}[/]"
+    out.print(f"\n{verdict}\n[dim]{escape(mismatch.title)}, {escape(mismatch.recording)}[/]")
     if mismatch.headline:
         out.print(f"\n[bold]{escape(mismatch.headline)}[/]")
     _facts(out, _findings(mismatch))
@@ -62,7 +61,7 @@ def tell(out: Console, mismatch: Mismatch) -> None:
     _numbers(out, mismatch)
     if mismatch.next:
         _heading(out, "Next")
-        out.print(_inset(mismatch.next, "bold"))
+        out.print(_inset(Text(mismatch.next, "bold")))
     _small_print(out, mismatch)
 
 
@@ -73,26 +72,36 @@ def _heading(out: Console, title: str) -> None:
 def _facts(out: Console, rows: Iterable[tuple[str, str]]) -> None:
     """Terms and what is to be said of them; texts are escaped here and nowhere else."""
     table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
-    table.add_column(style="dim", min_width=11, no_wrap=True)
+    table.add_column(style="dim", min_width=9, no_wrap=True)
     table.add_column(overflow="fold")
     for term, text in rows:
-        table.add_row(f"  {escape(term)}", escape(text))
+        table.add_row(escape(term), escape(text))
     if table.row_count:
-        out.print(table)
+        out.print(_inset(table))
+
+
+def _inset(content: RenderableType) -> Padding:
+    return Padding(content, (0, 0, 0, 2))
 
 
 def _findings(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
-    """What was found and where; without a finding the places alone."""
+    """What was found, each with its place; then places where nothing was found."""
+    places = list(mismatch.locations)
     for finding in mismatch.findings[:SHOWN]:
-        yield "what", told(finding)
+        yield "what", finding.text
+        here = [p for p in places if (p.module, p.place) == (finding.module, finding.place)]
+        for location in here:
+            places.remove(location)
+            yield from _place(location)
         yield from _about(finding)
     if len(mismatch.findings) > SHOWN:
         left = len(mismatch.findings) - SHOWN
         yield "", f"and {counted(left, 'other finding')} (--json has all)"
-    for location in mismatch.locations[:SHOWN]:
+        return
+    for location in places[:SHOWN]:
         yield from _place(location)
-    if len(mismatch.locations) > SHOWN:
-        yield "", f"and {counted(len(mismatch.locations) - SHOWN, 'other place')}"
+    if len(places) > SHOWN:
+        yield "", f"and {counted(len(places) - SHOWN, 'other place')}"
 
 
 def _about(finding: Finding) -> Iterator[tuple[str, str]]:
@@ -142,23 +151,19 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     rows = errors_of(fit, bool(mismatch.findings))
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
     for name, seen, kept in rows:
-        table.add_row(f"  {name}", number(seen), number(kept), _bar(name, kept, largest))
-    out.print(table)
-    out.print(_inset(proof(fit, bool(mismatch.findings))))
+        table.add_row(name, number(seen), number(kept), _bar(name, kept, largest))
+    out.print(_inset(table))
+    out.print(_inset(Text(proof(fit, bool(mismatch.findings)))))
     for finding in mismatch.findings[:SHOWN]:
         if finding.rivals:
-            out.print(_inset(rivals_words(finding)))
-
-
-def _inset(text: str, style: str = "") -> Padding:
-    return Padding(Text(text, style), (0, 0, 0, 2))
+            out.print(_inset(Text(rivals_words(finding))))
 
 
 def _bar(name: str, value: float, largest: float) -> RenderableType:
     if not (np.isfinite(value) and largest > 0):
         return Text("")
     colour = {"repaired": "green", "noise alone": "bright_black"}.get(name, "default")
-    return Bar(largest, 0.0, value, width=BAR, color=colour)
+    return Bar(1.0, 0.0, min(value / largest, 1.0), width=BAR, color=colour)
 
 
 def _numbers(out: Console, mismatch: Mismatch) -> None:
@@ -168,28 +173,28 @@ def _numbers(out: Console, mismatch: Mismatch) -> None:
     if shown or doubts:
         _heading(out, "Numbers")
     if shown:
-        out.print(_parameters(shown))
+        out.print(_inset(_parameters(shown)))
     for finding in shown:
         if finding.equation:
-            out.print(_inset(finding.equation, "dim"))
+            out.print(_inset(Text(f"{finding.module}: {finding.equation}", "dim")))
     _facts(out, doubts)
 
 
 def _parameters(findings: Iterable[Finding]) -> Table:
     table = Table(box=None, padding=(0, 1), pad_edge=False)
-    for title in ("  parameter", "value", "u", "95 % interval", "unit"):
+    for title in ("parameter", "value", "u", "95 % interval", "unit"):
         right = title in ("value", "u")
         table.add_column(
             title,
             justify="right" if right else "left",
             header_style="dim",
-            no_wrap=title != "  parameter",
+            no_wrap=title != "parameter",
         )
     for finding in findings:
-        for label, e in labelled(finding.parameters):
+        for label, e in labelled(finding):
             value, u = value_and_u(e)
             unit = "" if e.unit == "1" else escape(e.unit)
-            table.add_row(f"  {escape(label)}", value, u, interval(e), unit)
+            table.add_row(escape(label), value, u, interval(e), unit)
     return table
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,13 +21,13 @@ from runtime.report.text import counted, degree, fixed, listed, moment, number, 
 from runtime.wording import STATUS
 
 VERDICTS = {
-    "none": ("ok", "the model leaves nothing out that this recording shows"),
-    "named": ("M", "the model leaves something out, and what it is has been found"),
-    "ambiguous": ("S", "the model leaves something out; several explanations fit"),
-    "unnamed": ("S", "the model leaves something out that no known effect explains"),
-    "fault": ("F", "the model is right: the plant has a fault"),
-    "sensor": ("F", "the model is right: a sensor reads wrong"),
-    "cannot judge": ("C", "this recording does not allow an answer"),
+    "none": ("ok", "no mismatch"),
+    "named": ("M", "physics left out of the model"),
+    "ambiguous": ("S", "physics left out of the model; several explanations fit"),
+    "unnamed": ("S", "a mismatch that nothing known explains"),
+    "fault": ("F", "a fault of the plant, not of the model"),
+    "sensor": ("F", "an error of a sensor, not of the model"),
+    "cannot judge": ("C", "cannot judge"),
 }
 """Verdict to letter of NE 107 and meaning; two verdicts of one letter differ in words."""
 
@@ -61,18 +60,6 @@ def meaning(mismatch: Mismatch) -> str:
     """The verdict in words."""
     words = VERDICTS.get(mismatch.verdict, ("C", mismatch.verdict))[1]
     return words[:1].upper() + words[1:]
-
-
-def told(finding: Finding) -> str:
-    """The sentence of a finding, its slots filled with the values found."""
-    values = {name: _with_unit(e) for name, e in finding.parameters.items()}
-    values |= {"module": finding.module, "place": finding.place}
-    return re.sub(r"\{(\w+)\}", lambda slot: values.get(slot[1], slot[0]), finding.text)
-
-
-def _with_unit(estimate: Estimate) -> str:
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    return value_and_u(estimate)[0] + unit
 
 
 def value_and_u(estimate: Estimate) -> tuple[str, str]:
@@ -181,11 +168,22 @@ def proof(fit: Fit, repaired: bool) -> str:
     return words + "."
 
 
+def titled(finding: Finding) -> str:
+    """A finding and the module that it is about; two may differ by the module alone."""
+    return f"{finding.title} in {finding.module}"
+
+
 def rivals_words(finding: Finding) -> str:
-    """What the finding won against, the strongest rival first."""
-    ordered = sorted(finding.rivals, key=lambda r: -r.gain if np.isfinite(r.gain) else np.inf)
-    lost = "; ".join(f"{r.title} {number(r.gain, 2)}" for r in ordered)
-    return f"{finding.title} gains {number(finding.gain, 3)} in log likelihood. Lost: {lost}."
+    """What the finding won against: its gain, and that of the strongest rival."""
+    known = [r for r in finding.rivals if np.isfinite(r.gain)]
+    words = f"{titled(finding)}: gain in log likelihood {number(finding.gain)}"
+    if not known:
+        return f"{words}."
+    best = max(known, key=lambda r: r.gain)
+    return (
+        f"{words}; strongest of {counted(len(finding.rivals), 'rival')} {number(best.gain, 2)} "
+        f"({best.title})."
+    )
 
 
 def share(value: float) -> str:
@@ -210,7 +208,8 @@ def confounded_words(pair: Confounded) -> str:
     return f"{pair.first} and {pair.second} (correlation {number(pair.correlation, 2)})"
 
 
-def labelled(parameters: Mapping[str, Estimate]) -> Iterator[tuple[str, Estimate]]:
-    """Parameters with title and the name that they have in the equation."""
-    for name, estimate in parameters.items():
-        yield (f"{name}, {estimate.title}" if estimate.title else name), estimate
+def labelled(finding: Finding) -> Iterator[tuple[str, Estimate]]:
+    """Parameters with module, title and the name that they have in the equation."""
+    for name, estimate in finding.parameters.items():
+        title = f", {estimate.title}" if estimate.title else ""
+        yield f"{finding.module}: {name}{title}", estimate

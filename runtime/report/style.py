@@ -126,6 +126,7 @@ use { stroke: var(--paper); stroke-width: .8; }
   html { font-size: 9.5pt; }
   body { max-width: none; padding: 0; print-color-adjust: exact;
     -webkit-print-color-adjust: exact; }
+  #time .plot, #detail .plot { padding-right: 7.4rem; }
   .panel, .panel .title { font-size: 10.5px; } .panel .name { font-size: 11px; }
   h2, h3, .key { break-after: avoid; } h2 { margin-top: 2rem; }
   figure, .finding, tr { break-inside: avoid; }

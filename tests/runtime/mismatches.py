@@ -43,7 +43,7 @@ def curves(samples: int = 400, shape: float = 1.0) -> Curves:
         repaired=plain - lost,
         heldout=(time // 40) % 4 == 3,
         drivers={"A.T [degC]": warm, "A.dp [bar]": pressure},
-        inside=warm > 45.0,
+        inside=np.ones(samples, dtype=bool),
     )
 
 
@@ -59,7 +59,7 @@ WARM = Finding(
         "T0": Estimate("temperature of the plain law", 45.2, 0.0, 45.2, 45.2, "degC"),
     },
     equation="Q_gap = law(dp=0) - (law(dp=0) - law)*exp(b*(T - T0))",
-    text="Dosing module A: the gap flow grows by {b} with A.T; the law knows only the pressure",
+    text="Module A: the gap flow grows by 0.0231 1/K with A.T; the law knows only the pressure",
     action="add the liquid's temperature to the law",
     source="[assumed]",
     probability=0.93,
@@ -152,7 +152,7 @@ FAULT = replace(
             place="pump",
             parameters={},
             equation="",
-            text="{module}: a share of the flow is lost",
+            text="A: a share of the flow is lost",
             action="inspect the pump",
             alternatives=(),
             periods=tuple(
@@ -178,7 +178,7 @@ SENSOR = replace(
             place="dp",
             parameters={"d": Estimate("shift", 0.12, 0.004, 0.112, 0.128, "bar")},
             equation="",
-            text="{module}.{place} reads high by {d}",
+            text="A.dp reads high by 0.12 bar",
             action="compare the sensor with a second one",
         ),
     ),

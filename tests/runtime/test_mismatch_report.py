@@ -10,7 +10,7 @@ import pytest
 
 from runtime.mismatch.report.drawn import WINDOW, Drawn, curves_of, detail_of, middle_by, rms
 from runtime.mismatch.report.page import report
-from runtime.mismatch.result import Curves, Mismatch
+from runtime.mismatch.result import Curves, Mismatch, Region
 from runtime.report.text import number
 from tests.runtime.mismatches import (
     ALL,
@@ -124,7 +124,7 @@ def test_finding_comes_first() -> None:
         page.index(part)
         for part in (
             NAMED.headline,
-            "Dosing module A",
+            "Module A: the gap",
             "Where the mismatch sits",
             NAMED.next,
             "Proof</h2>",
@@ -163,8 +163,9 @@ def test_caption_over_time_is_computed() -> None:
             f"{sizes[1]} l/h"
         )
 
-    share = f"{round(100 * c.inside.mean())} %"
-    expected = f"Figure 1. In the shaded {share} {off(c.inside)}; outside it {off(~c.inside)}."
+    warm = c.drivers["A.T [degC]"] >= 45.0
+    share = f"{round(100 * warm.mean())} %"
+    expected = f"Figure 1. In the shaded {share} {off(warm)}; outside it {off(~warm)}."
     assert expected == caption(report(NAMED), "time")
 
 
@@ -183,6 +184,18 @@ def test_caption_over_a_driver_is_computed() -> None:
         f"{spans[1]} l/h after it."
     )
     assert expected == caption(report(NAMED), "driver0")
+
+
+def test_the_most_telling_driver_is_drawn_first() -> None:
+    """That over which the error moves most, whatever the order of the readings; four at most."""
+    c = curves()
+    more = {f"B.x{i} [1]": np.sin(i + c.time) for i in range(5)}
+    page = report(
+        dataclasses.replace(NAMED, curves=dataclasses.replace(c, drivers={**more, **c.drivers}))
+    )
+    titles = [h.text for h in tree(page).findall(".//figure/h3")]
+    assert "Error over A.T [degC]" == titles[1]
+    assert 4 == sum((title or "").startswith("Error over") for title in titles)
 
 
 def test_before_and_after_stand_in_two_panels() -> None:
@@ -208,12 +221,26 @@ def test_held_out_and_located_parts_are_shaded() -> None:
     )
 
 
-def test_periods_of_a_location_are_shaded_too() -> None:
-    """A mismatch located in time is drawn as one located by a reading."""
-    located = drawn(FAULT).located
+def test_a_mismatch_is_located_by_readings_or_else_in_time() -> None:
+    """Inside all regions of a location; by its periods where no region can be drawn."""
+    time, warm = curves().time, curves().drivers["A.T [degC]"]
+    np.testing.assert_array_equal(warm >= 45.0, drawn(NAMED).located)
+    periods = (time <= 25.0) | ((time >= 200.0) & (time <= 225.0))
+    np.testing.assert_array_equal(periods, drawn(FAULT).located)
+    strange = Region("B.T", 45.0, None, "degC", 1.0)
+    elsewhere = dataclasses.replace(FAULT.locations[0], region=(strange,))
+    found = drawn(dataclasses.replace(FAULT, locations=(elsewhere,)))
+    np.testing.assert_array_equal(periods, found.located)
+
+
+def test_points_in_faults_do_not_count() -> None:
+    """They are drawn, but neither captions nor clouds know them."""
     c = curves()
-    periods = (c.time <= 25.0) | ((c.time >= 200.0) & (c.time <= 225.0))
-    np.testing.assert_array_equal(c.inside | periods, located)
+    measured = np.where(c.time < 100, 0.0, c.measured)
+    faulty = dataclasses.replace(c, measured=measured, inside=c.time >= 100)
+    found = drawn(dataclasses.replace(NAMED, curves=faulty))
+    assert rms((c.measured - c.repaired)[100:]) == rms(found.repaired_error)
+    assert 0.0 == found.measured[0]
 
 
 def test_long_recordings_are_thinned_and_shown_in_detail() -> None:
@@ -267,7 +294,7 @@ def test_medians_follow_the_values() -> None:
 def test_parameters_and_rivals_are_tables() -> None:
     """Value, uncertainty and interval; the gain of the finding and of those that lost."""
     text = plain(report(NAMED))
-    assert "b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K" in text
+    assert "A: b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K" in text
     assert "as many parameters without physics 3.1 lost" in text
     assert "Confounded A.b and A.C2 (correlation −0.93)" in text
 

@@ -18,7 +18,7 @@ from runtime.mismatch.machine_form import hidden_csv, mismatch_form
 from runtime.mismatch.result import Errors, Fit, Mismatch, Period, Region, Rival
 from runtime.mismatch.sparkline import sparkline
 from runtime.mismatch.story import tell
-from runtime.mismatch.wording import region_words, rivals_words, told, value_and_u
+from runtime.mismatch.wording import region_words, rivals_words, value_and_u
 from tests.runtime.mismatches import (
     ALL,
     FAULT,
@@ -57,13 +57,13 @@ def test_story_fits_a_screen(case: str) -> None:
 @pytest.mark.parametrize(
     ("case", "symbol", "meaning"),
     [
-        ("named", "◆", "The model leaves something out, and what it is has been found"),
-        ("ambiguous", "▲", "The model leaves something out; several explanations fit"),
-        ("fault", "✖", "The model is right: the plant has a fault"),
-        ("sensor", "✖", "The model is right: a sensor reads wrong"),
-        ("unnamed", "▲", "The model leaves something out that no known effect explains"),
-        ("none", "✓", "The model leaves nothing out that this recording shows"),
-        ("cannot judge", "▼", "This recording does not allow an answer"),
+        ("named", "◆", "Physics left out of the model"),
+        ("ambiguous", "▲", "Physics left out of the model; several explanations fit"),
+        ("fault", "✖", "A fault of the plant, not of the model"),
+        ("sensor", "✖", "An error of a sensor, not of the model"),
+        ("unnamed", "▲", "A mismatch that nothing known explains"),
+        ("none", "✓", "No mismatch"),
+        ("cannot judge", "▼", "Cannot judge"),
     ],
 )
 def test_verdict_comes_first(case: str, symbol: str, meaning: str) -> None:
@@ -76,7 +76,7 @@ def test_verdict_comes_first(case: str, symbol: str, meaning: str) -> None:
 def test_order_is_finding_evidence_numbers_next() -> None:
     """Each part stands below the one that it rests on."""
     text = words(NAMED)
-    parts = ("what Dosing", "where gap", "Proof:", "Numbers", "Next", "blocks of 40 s")
+    parts = ("what Module", "where gap", "Proof:", "Numbers", "Next", "blocks of 40 s")
     assert sorted(text.index(p) for p in parts) == [text.index(p) for p in parts]
 
 
@@ -89,8 +89,8 @@ def test_named_effect_is_told_in_words_and_numbers() -> None:
         "or Gap flow that grows with time (5 %)",
         "gap flow of the dosing pump (A.Q_gap): 83 % of the mismatch",
         "A.T above 45 degC (97 % of it)",
-        "b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K",
-        "T0, temperature of the plain law 45.2 – fixed degC",
+        "A: b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K",
+        "A: T0, temperature of the plain law 45.2 – fixed degC",
         "confounded A.b and A.C2 (correlation −0.93)",
         "untested A.T above 55 degC",
     ):
@@ -127,15 +127,29 @@ def test_a_repair_that_makes_worse_is_said_to() -> None:
     assert expected in words(dataclasses.replace(NAMED, fit=fit))
 
 
-def test_rivals_are_named_strongest_first() -> None:
-    """With their gains; one without a gain comes last."""
+def test_strongest_rival_is_told() -> None:
+    """With its gain; one whose gain is not known is no rival."""
     finding = dataclasses.replace(
         WARM, rivals=(Rival("a", NAN), Rival("b", -2.0), Rival("c", 3.0)), gain=40.0
     )
     expected = (
-        "Gap flow that follows the temperature gains 40 in log likelihood. Lost: c 3; b −2; a –."
+        "Gap flow that follows the temperature in A: gain in log likelihood 40; "
+        "strongest of 3 rivals 3 (c)."
     )
     assert expected == rivals_words(finding)
+
+
+def test_each_finding_stands_with_its_place() -> None:
+    """Places of findings below them; a place without a finding at the end."""
+    other = dataclasses.replace(NAMED.locations[0], module="B", place="P_law", title="")
+    finding = dataclasses.replace(WARM, module="C", place="dp", text="C reads high")
+    place = dataclasses.replace(NAMED.locations[0], module="C", place="dp", title="")
+    mismatch = dataclasses.replace(
+        NAMED, findings=(WARM, finding), locations=(other, place, *NAMED.locations)
+    )
+    text = words(mismatch)
+    parts = ("what Module A", "(A.Q_gap)", "what C reads high", "where C.dp", "where B.P_law")
+    assert sorted(text.index(p) for p in parts) == [text.index(p) for p in parts]
 
 
 def test_periods_of_a_fault_are_the_largest_in_order_of_time() -> None:
@@ -148,8 +162,8 @@ def test_periods_of_a_fault_are_the_largest_in_order_of_time() -> None:
 
 
 def test_sensor_is_named_with_its_place() -> None:
-    """The sentence of a sensor error has slots for module and place."""
-    assert "what A.dp reads high by 0.1200 bar" in words(SENSOR)
+    """And the reading that is off, with its shift."""
+    assert "what A.dp reads high by 0.12 bar" in words(SENSOR)
 
 
 def test_hidden_driver_shows_course_and_sensor() -> None:
@@ -219,12 +233,6 @@ def test_hostile_texts_stay_text() -> None:
 def test_regions_in_words(low: float | None, high: float | None, expected: str) -> None:
     """Open and closed ends, a single value, no bound at all."""
     assert expected == region_words(Region("A.T", low, high, "degC", NAN))
-
-
-def test_unknown_slots_are_left() -> None:
-    """A brace that is no slot is not touched, and no attribute is reached through one."""
-    finding = dataclasses.replace(WARM, text="{b} {c} {b.value} {}")
-    assert "0.0231 1/K {c} {b.value} {}" == told(finding)
 
 
 def test_values_have_the_digits_of_their_uncertainty() -> None:
@@ -341,8 +349,9 @@ def test_many_of_everything_is_cut() -> None:
         notes=tuple(f"note {i}" for i in range(9)),
     )
     text = words(many)
-    for expected in ("and 2 other findings", "and 1 other place", "and 6 other notes"):
+    for expected in ("and 2 other findings", "and 6 other notes"):
         assert expected in text
+    assert "and 1 other place" in words(dataclasses.replace(many, findings=()))
 
 
 def test_open_periods_are_told() -> None:

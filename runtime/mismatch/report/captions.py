@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.mismatch.report.drawn import Drawn, middle_by, rms
+from runtime.mismatch.report.drawn import Drawn, middle_by, rms, span
 from runtime.mismatch.result import HiddenDriver, Period
 from runtime.plan import Array
 from runtime.report.text import counted, degree, number, percent, period
@@ -14,11 +14,11 @@ from runtime.report.text import counted, degree, number, percent, period
 
 def say_time(drawn: Drawn) -> str:
     """Errors inside the located region and outside it."""
-    inside = drawn.located
-    if not inside.any() or inside.all():
-        return f"Over {counted(len(drawn.time), 'point')} {_off(drawn)}."
-    share = percent(float(inside.mean()))
-    return f"In the shaded {share} {_off(drawn.at(inside))}; outside it {_off(drawn.at(~inside))}."
+    inside, outside = drawn.located & drawn.judged, drawn.judged & ~drawn.located
+    if not (inside.any() and outside.any()):
+        return f"Over {counted(int(drawn.judged.sum()), 'point')} {_off(drawn)}."
+    share = percent(float(inside.sum() / drawn.judged.sum()))
+    return f"In the shaded {share} {_off(drawn.at(inside))}; outside it {_off(drawn.at(outside))}."
 
 
 def say_detail(drawn: Drawn) -> str:
@@ -41,9 +41,9 @@ def say_driver(drawn: Drawn, title: str, readings: Array) -> str:
     _, after = middle_by(readings, drawn.repaired_error)
     if not np.isfinite(before).any():
         return f"{title} does not vary enough to show anything."
-    words = f"Over {title} the median error spans {_amount(_span(before), drawn.unit)}"
+    words = f"Over {title} the median error spans {_amount(span(before), drawn.unit)}"
     if np.isfinite(after).any():
-        words += f" before the repair and {_amount(_span(after), drawn.unit)} after it"
+        words += f" before the repair and {_amount(span(after), drawn.unit)} after it"
     return words + "."
 
 
@@ -75,13 +75,9 @@ def say_periods(periods: Sequence[Period]) -> str:
 def say_hidden(hidden: HiddenDriver) -> str:
     """The course in words, and its size."""
     unit = "" if hidden.unit == "1" else hidden.unit
-    size = _amount(_span(hidden.course), unit)
+    size = _amount(span(hidden.course), unit)
     text = hidden.text.rstrip(".") or "The course"
     return f"{text[:1].upper()}{text[1:]}; it spans {size}."
-
-
-def _span(values: Array) -> float:
-    return float(np.nanmax(values) - np.nanmin(values))
 
 
 def _amount(value: float, unit: str) -> str:

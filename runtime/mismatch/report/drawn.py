@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.mismatch.result import Mismatch
+from runtime.mismatch.result import Curves, Mismatch, Region
 from runtime.plan import Array
 
 WINDOW = 600
@@ -25,7 +25,7 @@ class Drawn:
     """Samples in order of time, shape (n,) each, in the unit of the signal.
 
     `located` flags the region or the periods in which the mismatch was found, `heldout` what
-    nothing was fitted to.
+    nothing was fitted to, `judged` points whose errors count.
     """
 
     signal: str
@@ -37,6 +37,7 @@ class Drawn:
     repaired: Array
     heldout: np.ndarray
     located: np.ndarray
+    judged: np.ndarray
     drivers: Mapping[str, Array]
 
     @property
@@ -51,13 +52,13 @@ class Drawn:
 
     @property
     def recalibrated_error(self) -> Array:
-        """Measured less recalibrated."""
-        return self.measured - self.recalibrated
+        """Measured less recalibrated, NaN where it does not count."""
+        return np.where(self.judged, self.measured - self.recalibrated, np.nan)
 
     @property
     def repaired_error(self) -> Array:
-        """Measured less repaired."""
-        return self.measured - self.repaired
+        """Measured less repaired, NaN where it does not count."""
+        return np.where(self.judged, self.measured - self.repaired, np.nan)
 
     def at(self, chosen: slice | np.ndarray) -> Drawn:
         """Some of the samples."""
@@ -71,6 +72,7 @@ class Drawn:
             self.repaired[chosen],
             self.heldout[chosen],
             self.located[chosen],
+            self.judged[chosen],
             {title: readings[chosen] for title, readings in self.drivers.items()},
         )
 
@@ -80,10 +82,6 @@ def curves_of(mismatch: Mismatch) -> Drawn | None:
     curves, fit = mismatch.curves, mismatch.fit
     if curves is None or not np.isfinite(curves.measured + curves.time).any():
         return None
-    located = np.asarray(curves.inside, dtype=bool).copy()
-    for location in mismatch.locations:
-        for since, until in location.periods:
-            located |= (curves.time >= since) & (curves.time <= until)
     repaired = curves.repaired if mismatch.findings else np.full(len(curves.time), np.nan)
     drawn = Drawn(
         fit.signal if fit is not None else "predicted signal",
@@ -94,11 +92,33 @@ def curves_of(mismatch: Mismatch) -> Drawn | None:
         curves.recalibrated,
         repaired,
         np.asarray(curves.heldout, dtype=bool),
-        located,
+        _located(mismatch, curves),
+        np.asarray(curves.inside, dtype=bool),
         curves.drivers,
     )
     order = np.argsort(curves.time, kind="stable")
     return drawn.at(order[np.isfinite(curves.time[order])])
+
+
+def _located(mismatch: Mismatch, curves: Curves) -> np.ndarray:
+    """Points in the region of some location or, where it has none, in its periods."""
+    located = np.zeros(len(curves.time), dtype=bool)
+    readings = {title.partition(" [")[0]: values for title, values in curves.drivers.items()}
+    for location in mismatch.locations:
+        known = [r for r in location.region if r.variable in readings]
+        if known:
+            located |= np.all([_within(readings[r.variable], r) for r in known], axis=0)
+            continue
+        for since, until in location.periods:
+            located |= (curves.time >= since) & (curves.time <= until)
+    return located
+
+
+def _within(values: Array, region: Region) -> np.ndarray:
+    low = -np.inf if region.low is None else region.low
+    high = np.inf if region.high is None else region.high
+    result: np.ndarray = (values >= low) & (values <= high)
+    return result
 
 
 def detail_of(drawn: Drawn) -> Drawn:
@@ -126,6 +146,22 @@ def middle_by(driver: Array, values: Array) -> tuple[Array, Array]:
         for i in range(BINS)
     ]
     return (edges[:-1] + edges[1:]) / 2, np.array(medians)
+
+
+def telling_drivers(drawn: Drawn) -> list[str]:
+    """Titles of the drivers, first the one over which the error moves most before the repair."""
+
+    def moved(title: str) -> float:
+        _, medians = middle_by(drawn.drivers[title], drawn.recalibrated_error)
+        return span(medians)
+
+    return sorted(drawn.drivers, key=moved, reverse=True)
+
+
+def span(values: Array) -> float:
+    """Distance from the smallest to the largest known value; 0 without any."""
+    sound = values[np.isfinite(values)]
+    return float(sound.max() - sound.min()) if len(sound) else 0.0
 
 
 def rms(values: Array) -> float:

@@ -14,8 +14,9 @@ from runtime.mismatch.report.captions import (
     say_periods,
     say_time,
 )
-from runtime.mismatch.report.drawn import Drawn, curves_of, detail_of, middle_by
+from runtime.mismatch.report.drawn import Drawn, curves_of, detail_of, middle_by, telling_drivers
 from runtime.mismatch.result import Finding, HiddenDriver, Mismatch, Period
+from runtime.mismatch.wording import titled
 from runtime.plan import Array
 from runtime.report.chart import Axis, Panel, axis, labels_apart
 from runtime.report.figure import Figure, plot
@@ -42,8 +43,8 @@ def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
         if len(drawn.time) > 2 * COLUMNS:
             part = detail_of(drawn)
             yield _over_time(part, "detail", f"{drawn.signal} in detail", say_detail(part))
-        for i, (title, readings) in enumerate(list(drawn.drivers.items())[:DRIVERS]):
-            yield _over_driver(drawn, i, title, readings)
+        for i, title in enumerate(telling_drivers(drawn)[:DRIVERS]):
+            yield _over_driver(drawn, i, title, drawn.drivers[title])
         yield _agreement(drawn)
     for i, finding in enumerate(mismatch.findings):
         periods = [p for p in finding.periods if np.isfinite([p.since, p.until, p.degree]).all()]
@@ -55,9 +56,9 @@ def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
 
 def _over_time(drawn: Drawn, name: str, title: str, caption: str) -> Figure:
     """Measured against the models, and below it what each leaves."""
-    errors = [getattr(drawn, f"{model}_error") for model in ("repaired", "recalibrated")]
+    errors = [drawn.measured - drawn.repaired, drawn.measured - drawn.recalibrated]
     upper = Panel(_time(drawn.time), _holding(drawn.measured, drawn.recalibrated), 240)
-    lower = Panel(_time(drawn.time), _holding(*errors), 130)
+    lower = Panel(_time(drawn.time), _holding(drawn.repaired_error, drawn.recalibrated_error), 130)
     lines: list[str] = []
     ends: list[float | None] = [None] * 6
     for model, style in reversed(MODELS):
@@ -170,8 +171,9 @@ def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], ind
     ]
     name = f"{finding.module}.{finding.name}"
     body = plot(panel.drawn(name, f"{name}, degree [1]", lines, [], True), True)
-    title = f"{finding.title} in {finding.module}"
-    return Figure(f"periods{index}", title, "band: 95 % bounds", body, say_periods(periods))
+    return Figure(
+        f"periods{index}", titled(finding), "band: 95 % bounds", body, say_periods(periods)
+    )
 
 
 def _course(hidden: HiddenDriver) -> Figure:

@@ -13,6 +13,7 @@ from runtime.mismatch.wording import (
     interval,
     labelled,
     proof,
+    titled,
     value_and_u,
 )
 from runtime.report.document import facts
@@ -52,7 +53,7 @@ def rivals(mismatch: Mismatch) -> str:
 
 
 def _rivals_of(finding: Finding) -> Iterator[str]:
-    rows = [(finding.title, finding.gain, "found")]
+    rows = [(titled(finding), finding.gain, "found")]
     rows += [(rival.title, rival.gain, "lost") for rival in finding.rivals]
     for title, gain, outcome in rows:
         shown = f"<b>{safe(title)}</b>" if outcome == "found" else safe(title)
@@ -62,16 +63,15 @@ def _rivals_of(finding: Finding) -> Iterator[str]:
 def parameters(mismatch: Mismatch) -> str:
     """Every parameter that a finding brings in, with its uncertainty."""
     body = "".join(
-        f"<tr><td>{safe(f'{finding.module}.{finding.place}')}</td><td>{safe(label)}</td>"
+        f"<tr><td>{safe(label)}</td>"
         f'<td class="num">{value_and_u(e)[0]}</td><td class="num">{value_and_u(e)[1]}</td>'
         f'<td class="num">{interval(e)}</td><td>{safe("" if e.unit == "1" else e.unit)}</td></tr>'
         for finding in mismatch.findings
-        for label, e in labelled(finding.parameters)
+        for label, e in labelled(finding)
     )
     if not body:
         return ""
     head = _head(
-        ("place", False),
         ("parameter", False),
         ("value", True),
         ("u", True),
@@ -87,7 +87,9 @@ def doubts(mismatch: Mismatch) -> str:
         ("Confounded", [confounded_words(pair) for pair in mismatch.confounded]),
         ("Never tested", list(mismatch.untested)),
     ]
-    return facts(rows) if any(texts for _, texts in rows) else ""
+    if not any(texts for _, texts in rows):
+        return ""
+    return f'<div class="facts">{facts(rows)}</div>'
 
 
 def _head(*columns: tuple[str, bool]) -> str:

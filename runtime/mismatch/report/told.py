@@ -14,7 +14,6 @@ from runtime.mismatch.wording import (
     plausible,
     region_words,
     share,
-    told,
     where,
 )
 from runtime.report.story import badge
@@ -29,7 +28,7 @@ def told_first(mismatch: Mismatch) -> str:
         f'<div class="status">{badge(style)}<p><strong>{safe(headline)}</strong>'
         f'<span class="soft">{safe(meaning(mismatch))}</span></p></div>'
     ]
-    parts += [_card(style, told(f), _about(f)) for f in mismatch.findings]
+    parts += [_card(style, f.text, _about(f)) for f in mismatch.findings]
     if mismatch.locations:
         rows = [row for location in mismatch.locations for row in _place(location)]
         parts.append(_card(style, "Where the mismatch sits", rows))
