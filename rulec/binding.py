@@ -17,6 +17,10 @@ MANY = 6
 """Readings of other modules to try for one driver; the nearest along the pipes come first."""
 
 
+STEEP = 0.5
+"""A place is steep in a reading if it changes by more than this share of the reading's change."""
+
+
 @dataclass(frozen=True)
 class Binding:
     """Signals for the drivers of a law: own ones by name, others by id, or ``time``.
@@ -64,7 +68,11 @@ class Binder:
         replaced = any(driver.name in by for by in join.law.substitutes.values())
         if driver.name in (join.falls_with, join.rises_with):
             sign = -1.0 if driver.name == join.falls_with else 1.0
-            return [s for s in own if site.slopes.get(s, 0.0) * sign > 0.0]
+            following = [s for s in own if site.slopes.get(s, 0.0) * sign > 0.0]
+            # Steepness is that of the fall where a join names both directions.
+            if join.steep is None or (join.falls_with and driver.name != join.falls_with):
+                return following
+            return [s for s in following if (abs(site.shares[s]) > STEEP) == join.steep]
         if replaced:
             return [s for s in own if s in site.reads]
         if driver.where == "downstream":

@@ -6,6 +6,7 @@ moves, and how it follows the readings at the reference point of the plant.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -25,8 +26,8 @@ class Site:
 
     `kind` is ``definition``, ``observer`` or ``signal``. `reads` are the own signals it depends
     on, `uses` the definitions it stands on, both through all definitions between; `slopes` its
-    derivatives by own signals, `moves` those of own observers by it (for a signal: by the reading),
-    at the reference point. `observers` lists the ids of all observers that it reaches, also in
+    derivatives by own signals, `shares` the same as share of it per share of the signal, `moves`
+    the derivatives of own observers by it (for a signal: by the reading), at the reference point. `observers` lists the ids of all observers that it reaches, also in
     other modules. `measured`: it reads a signal of the very kind it gives.
     """
 
@@ -37,6 +38,7 @@ class Site:
     reads: frozenset[str]
     uses: frozenset[str]
     slopes: Mapping[str, float]
+    shares: Mapping[str, float]
     moves: Mapping[str, float]
     observers: tuple[str, ...]
     measured: bool
@@ -85,7 +87,7 @@ class _Surveyor:
     def __init__(self, around: Survey, module: Module) -> None:
         self._around, self._module, self._kind = around, module, module.type
         self._dimensions = dimensions(around.network, module.type)
-        self._slopes = _slopes_at(around, module)
+        self._values, self._slopes = _reference_of(around, module)
 
     def sites(self) -> Iterator[Site]:
         kind = self._kind
@@ -101,7 +103,7 @@ class _Surveyor:
             moves = {o: self._slopes[f"q:{self._module.name}.{o}"][signal.name] for o in readers}
             yield Site(
                 "signal", signal.name, signal.quantity, signal.unit.dimension, frozenset(),
-                frozenset(), {}, moves, tuple(dict.fromkeys(reached)), True,
+                frozenset(), {}, {}, moves, tuple(dict.fromkeys(reached)), True,
             )  # fmt: skip
 
     def _site(self, kind: str, name: str, title: str, expression: Expression) -> Site:
@@ -119,10 +121,18 @@ class _Surveyor:
             reads,
             self._definitions(expression),
             {s: self._slopes[output][s] for s in self._kind.signals if s in reads},
+            {s: self._share(output, s) for s in self._kind.signals if s in reads},
             {o: self._slopes[f"q:{self._module.name}.{o}"][shift] for o in readers},
             self._ids(readers),
             any(self._kind.signals[s].unit.dimension == own for s in reads),
         )
+
+    def _share(self, output: str, signal: str) -> float:
+        """Change of a place by a change of a signal, both as shares; 0 where it has no value."""
+        value = self._values[output]
+        reading = self._around.inputs.get(f"{self._module.name}.{signal}", 0.0)
+        share = self._slopes[output][signal] * reading / value if value else 0.0
+        return share if math.isfinite(share) else 0.0
 
     def _elsewhere(self, signal: str) -> tuple[str, ...]:
         return self._around.readers.get(f"{self._module.name}.{signal}", ())
@@ -195,8 +205,8 @@ class _Slopes(dict[str, float]):
         return 0.0
 
 
-def _slopes_at(around: Survey, module: Module) -> dict[str, _Slopes]:
-    """Derivatives of definitions and observers by own signals and by errors of all places."""
+def _reference_of(around: Survey, module: Module) -> tuple[dict[str, float], dict[str, _Slopes]]:
+    """Definitions and observers, and their derivatives by own signals and errors of all places."""
     kind = module.type
     places = [("definition", n) for n in kind.definitions] + [
         ("observer", n) for n in kind.observers
@@ -205,8 +215,8 @@ def _slopes_at(around: Survey, module: Module) -> dict[str, _Slopes]:
     plan = lower_module(Lowering(around.network, {}, shifts), module.name, definitions=True)
     inputs = {name: around.inputs.get(name, 0.0) for name in plan.inputs}
     signals = {f"{module.name}.{s}": s for s in kind.signals}
-    _, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
-    return {
+    values, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
+    return {name: float(v) for name, v in values.items()}, {
         output: _Slopes({signals.get(seed, seed): float(v) for seed, v in by.items()})
         for output, by in slopes.items()
     }
