@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
 from rulec.cli import main
+from rulec.commands import mismatch as command
 from rulec.commands.mismatch import periods_of
 from runtime.mismatch.result import Mismatch, MismatchRefused
 from runtime.recording import Recording
@@ -50,12 +49,9 @@ class Calls:
 def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     """Analysis and workshop replaced."""
     replaced = Calls()
-    analysis, workshop = ModuleType("analyse"), ModuleType("workshop")
-    monkeypatch.setattr(analysis, "analyse", replaced.analyse, raising=False)
     opened = (compiled("abc"), "workshop")
-    monkeypatch.setattr(workshop, "open_workshop", lambda path: opened, raising=False)
-    monkeypatch.setitem(sys.modules, "runtime.mismatch.analyse", analysis)
-    monkeypatch.setitem(sys.modules, "rulec.workshop", workshop)
+    monkeypatch.setattr(command, "analyse", replaced.analyse)
+    monkeypatch.setattr(command, "open_workshop", lambda path: opened)
     return replaced
 
 
@@ -162,7 +158,7 @@ def test_refusals_of_the_analysis_are_messages(
     def refuse(*_: object, **__: object) -> Mismatch:
         raise MismatchRefused("x.csv: no settled stretch was found")
 
-    monkeypatch.setattr(sys.modules["runtime.mismatch.analyse"], "analyse", refuse)
+    monkeypatch.setattr(command, "analyse", refuse)
     assert 1 == call()
     assert "rulec: x.csv: no settled stretch was found\n" == capsys.readouterr().err
 

@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from rulec.commands.output import console, without_folder, write_json, write_text
+from rulec.workshop import open_workshop
+from runtime.mismatch.analyse import analyse
 from runtime.mismatch.machine_form import hidden_csv, mismatch_form
 from runtime.mismatch.report.page import report
 from runtime.mismatch.result import Mismatch, MismatchRefused
@@ -83,17 +85,13 @@ def _check(options: argparse.Namespace) -> None:
 
 def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mismatch:
     """Compile, read, analyse, telling on a terminal what is being done."""
-    from rulec.workshop import open_workshop
-
     with _progress(out) as progress:
         progress("reading the plant")
         ruleset, workshop = open_workshop(Path(options.plant))
         progress("reading the recording")
         recording = read_recording(Path(options.recording), ruleset)
         check_heldout(recording, heldout)
-        from runtime.mismatch.analyse import analyse
-
-        found: Mismatch = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
+        found = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
     name = Path(options.recording).resolve().name
     notes = tuple(dict.fromkeys((*recording.notes, *found.notes)))
     return replace(found, recording=name, notes=notes)
