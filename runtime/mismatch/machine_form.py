@@ -32,6 +32,7 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "locations": [_location(location) for location in mismatch.locations],
         "effects": [_finding(finding) for finding in mismatch.findings],
         "fit": _fit(mismatch.fit) if mismatch.fit is not None else None,
+        "fits": [_fit(fit) for fit in mismatch.fits],
         "confounded": [
             {"first": c.first, "second": c.second, "correlation": c.correlation}
             for c in mismatch.confounded

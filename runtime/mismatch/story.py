@@ -19,10 +19,12 @@ from runtime.mismatch.wording import (
     confounded_words,
     degree_words,
     errors_of,
+    fit_words,
     interval,
     labelled,
     letter,
     meaning,
+    other_fits,
     periods_words,
     plausible,
     proof,
@@ -148,12 +150,14 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     for title in ("", "fitted", "held out", ""):
         justify = "left" if not title else "right"
         table.add_column(title, justify=justify, header_style="dim", no_wrap=True)  # type: ignore[arg-type]
-    rows = errors_of(fit, bool(mismatch.findings))
+    repaired = bool(mismatch.findings)
+    rows = errors_of(fit, repaired)
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
     for name, seen, kept in rows:
         table.add_row(name, number(seen), number(kept), _bar(name, kept, largest))
     out.print(_inset(table))
-    out.print(_inset(Text(proof(fit, bool(mismatch.findings)))))
+    out.print(_inset(Text(proof(fit, repaired))))
+    _facts(out, (("also", fit_words(f, repaired)) for f in other_fits(mismatch)[:SHOWN]))
     for finding in mismatch.findings[:SHOWN]:
         if finding.rivals:
             out.print(_inset(Text(rivals_words(finding))))

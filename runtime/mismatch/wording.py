@@ -147,6 +147,18 @@ def errors_of(fit: Fit, repaired: bool) -> tuple[tuple[str, float, float], ...]:
     return tuple(row for row in rows if repaired or row[0] != "repaired")
 
 
+def other_fits(mismatch: Mismatch) -> tuple[Fit, ...]:
+    """Predicted signals besides the one that the proof is about."""
+    return tuple(fit for fit in mismatch.fits if fit != mismatch.fit)
+
+
+def fit_words(fit: Fit, repaired: bool) -> str:
+    """Held-out errors of one predicted signal in a row."""
+    rows = errors_of(fit, repaired)
+    unit = "" if fit.unit == "1" else f" {fit.unit}"
+    return f"{fit.signal} " + ", ".join(f"{number(kept)} {name}" for name, _, kept in rows) + unit
+
+
 def proof(fit: Fit, repaired: bool) -> str:
     """What held-out blocks say of the repair, or of recalibration where there is none."""
     kept = fit.heldout

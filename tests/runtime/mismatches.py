@@ -95,6 +95,15 @@ FIT = Fit(
     0.97,
 )
 
+OTHER = Fit(
+    "A.dp",
+    "bar",
+    Errors(0.09, 0.07, 0.021, 0.02, 300),
+    Errors(0.08, 0.06, 0.022, 0.02, 100),
+    (0.5, 0.7),
+    0.99,
+)
+
 NAMED = Mismatch(
     plant="abc",
     title="Two dosing modules feed one mixer",
@@ -104,6 +113,7 @@ NAMED = Mismatch(
     locations=(PLACE,),
     findings=(WARM,),
     fit=FIT,
+    fits=(FIT, OTHER),
     confounded=(Confounded("A.b", "A.C2", -0.93),),
     hidden=None,
     untested=("A.T above 55 degC: no held-out point",),
@@ -203,20 +213,23 @@ UNNAMED = replace(
     next="Fit a thermometer at the inlet of A and record an hour.",
 )
 
+PLAIN = Fit(
+    "A.Q",
+    "l/h",
+    Errors(1.4, 0.92, NAN, 0.9, 300),
+    Errors(1.5, 0.91, NAN, 0.9, 100),
+    (NAN, NAN),
+    NAN,
+)
+
 NONE = replace(
     NAMED,
     verdict="none",
     headline="Recalibrated, the model meets the recording to within the noise.",
     locations=(),
     findings=(),
-    fit=Fit(
-        "A.Q",
-        "l/h",
-        Errors(1.4, 0.92, NAN, 0.9, 300),
-        Errors(1.5, 0.91, NAN, 0.9, 100),
-        (NAN, NAN),
-        NAN,
-    ),
+    fit=PLAIN,
+    fits=(PLAIN,),
     confounded=(),
     untested=(),
     next="",
@@ -228,6 +241,7 @@ CANNOT_JUDGE = replace(
     verdict="cannot judge",
     headline="The recording has no settled stretch of 3 samples or more.",
     fit=None,
+    fits=(),
     curves=None,
     parameters=(),
     covariance=np.zeros((0, 0)),
@@ -275,12 +289,14 @@ def broken(mismatch: Mismatch) -> Mismatch:
         for place in mismatch.locations
     )
     nothing = Errors(NAN, NAN, NAN, NAN, 0)
+    unknown = Fit("", "", nothing, nothing, (NAN, NAN), NAN)
     hidden = mismatch.hidden
     return replace(
         mismatch,
         findings=findings,
         locations=locations,
-        fit=Fit("", "", nothing, nothing, (NAN, NAN), NAN) if mismatch.fit else None,
+        fit=unknown if mismatch.fit else None,
+        fits=tuple(replace(f, estimation=nothing, heldout=nothing) for f in mismatch.fits),
         confounded=tuple(replace(c, correlation=NAN) for c in mismatch.confounded),
         hidden=replace(hidden, course=np.full(len(hidden.time), NAN)) if hidden else None,
         covariance=np.full_like(mismatch.covariance, NAN),

@@ -295,6 +295,7 @@ def test_parameters_and_rivals_are_tables() -> None:
     """Value, uncertainty and interval; the gain of the finding and of those that lost."""
     text = plain(report(NAMED))
     assert "A: b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K" in text
+    assert "A.dp 0.08 0.06 0.022 0.02 bar" in text
     assert "as many parameters without physics 3.1 lost" in text
     assert "Confounded A.b and A.C2 (correlation −0.93)" in text
 

@@ -107,6 +107,14 @@ def test_proof_compares_on_held_out_points() -> None:
     assert expected in words(NAMED)
 
 
+def test_other_readings_are_told_in_a_row() -> None:
+    """Their held-out errors; the reading of the proof is not repeated."""
+    expected = "also A.dp 0.08 as shipped, 0.06 recalibrated, 0.022 repaired, 0.02 noise alone bar"
+    assert expected in words(NAMED)
+    assert "also" not in words(NONE)
+    assert ["A.Q", "A.dp"] == [f["signal"] for f in mismatch_form(NAMED, "x")["fits"]]
+
+
 def test_bars_are_as_long_as_errors() -> None:
     """The longest error fills the bar; a quarter of it a quarter."""
     errors = Errors(8.0, 4.0, 2.0, 1.0, 10)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from runtime.mismatch.report.pictures import pictures_of
-from runtime.mismatch.report.tables import doubts, parameters, proof_table, rivals
+from runtime.mismatch.report.tables import doubts, other_readings, parameters, proof_table, rivals
 from runtime.mismatch.report.told import told_first
 from runtime.mismatch.result import Mismatch
 from runtime.report.document import document, facts, numbered, section
@@ -14,7 +14,8 @@ def report(mismatch: Mismatch) -> str:
     """Write a report; the same comparison gives the same text."""
     sections = [told_first(mismatch)]
     if mismatch.fit is not None:
-        sections.append(section("Proof", proof_table(mismatch, mismatch.fit) + rivals(mismatch)))
+        proof = proof_table(mismatch, mismatch.fit) + other_readings(mismatch) + rivals(mismatch)
+        sections.append(section("Proof", proof))
     pictures = "".join(numbered(pictures_of(mismatch)))
     sections += [
         section(title, body)

@@ -12,6 +12,7 @@ from runtime.mismatch.wording import (
     errors_of,
     interval,
     labelled,
+    other_fits,
     proof,
     titled,
     value_and_u,
@@ -33,6 +34,22 @@ def proof_table(mismatch: Mismatch, fit: Fit) -> str:
     key = f"rms error of {fit.signal} in {fit.unit}; bars: on held-out blocks"
     words = proof(fit, bool(mismatch.findings))
     return f'<p class="key">{safe(key)}</p>{_table(head, body)}<p class="after">{safe(words)}</p>'
+
+
+def other_readings(mismatch: Mismatch) -> str:
+    """Held-out errors of the other signals that the models predict."""
+    fits, repaired = other_fits(mismatch), bool(mismatch.findings)
+    if not fits:
+        return ""
+    body = "".join(
+        f"<tr><td>{safe(fit.signal)}</td>"
+        + "".join(f'<td class="num">{number(kept)}</td>' for _, _, kept in errors_of(fit, repaired))
+        + f"<td>{safe(fit.unit)}</td></tr>"
+        for fit in fits
+    )
+    names = [name for name, _, _ in errors_of(fits[0], repaired)]
+    head = _head(("signal", False), *((name, True) for name in names), ("unit", False))
+    return f'<h3 class="after">Other readings, held out</h3>{_table(head, body)}'
 
 
 def _meter(value: float, largest: float) -> str:
