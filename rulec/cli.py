@@ -20,8 +20,9 @@ _COMMANDS = {
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
-    "adopt": "write the plant that a mismatch asks for, with amended module types",
     "simulate": "predict a recording from its inputs, with faults if asked for",
+    "mismatch": "tell where simulation and recording differ, and what physics is left out",
+    "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "demo": "see the whole thing on a shipped example",
 }
@@ -32,6 +33,7 @@ _REFUSALS = (
     "CalibrationRefused",
     "SimulationRefused",
     "AdoptRefused",
+    "MismatchRefused",
 )
 """Exceptions whose message is for the user."""
 
@@ -126,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
     )
     _simulate(made["simulate"])
+    _mismatch(made["mismatch"])
     _study(made["study"])
     return parser
 
@@ -151,6 +154,23 @@ def _simulate(simulate: argparse.ArgumentParser) -> None:
     simulate.add_argument(
         "--noise", metavar="SEED", type=int, help="add errors of the sensors, drawn by a number"
     )
+
+
+def _mismatch(mismatch: argparse.ArgumentParser) -> None:
+    mismatch.add_argument("plant", metavar="PLANT")
+    mismatch.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    mismatch.add_argument(
+        "--heldout",
+        action="append",
+        default=[],
+        metavar="FROM:TO",
+        help="seconds that prove the result and play no part in finding it; may be repeated; "
+        "without it, blocks are set aside",
+    )
+    mismatch.add_argument(
+        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
+    )
+    _json(mismatch)
 
 
 def _study(study: argparse.ArgumentParser) -> None:

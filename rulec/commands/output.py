@@ -20,6 +20,15 @@ def console(options: argparse.Namespace) -> Console:
     return Console(stderr=getattr(options, "json", None) == "-", highlight=False)
 
 
+def without_folder(options: argparse.Namespace, *names: str) -> str | None:
+    """What to say of an output file that cannot be written, before long work is done for it."""
+    for name in names:
+        target = getattr(options, name)
+        if target not in (None, "-") and not Path(target).parent.is_dir():
+            return f"--{name} {target}: there is no such folder"
+    return None
+
+
 def write_json(options: argparse.Namespace, data: Any) -> None:
     """Write the machine form where `--json` says; nothing if it was not asked for."""
     target = getattr(options, "json", None)

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from rulec.commands.output import console, write_json
+from rulec.commands.output import console, without_folder, write_json
 from rulec.differentiate import Models
 from rulec.perturb import true_plan
 from rulec.pipeline import PASSES, run_passes, up_to
@@ -46,8 +46,9 @@ def run(options: argparse.Namespace) -> int:
     if options.plant.endswith(".json"):
         what = "give the plant's folder; a ruleset alone cannot say how the true plant may differ"
         return _misused(aside, f"{options.plant}: {what}")
-    if options.json not in (None, "-") and not Path(options.json).parent.is_dir():
-        return _misused(aside, f"--json {options.json}: there is no such folder")
+    unwritable = without_folder(options, "json")
+    if unwritable is not None:
+        return _misused(aside, unwritable)
     symbolic = up_to("differentiate")
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
