@@ -14,7 +14,7 @@ def independent_without(matrix: Array, first: int) -> Array:
     """Independent rows without entries in the first columns.
 
     >>> independent_without(np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [2.0, 1.0, 1.0]]), 1)
-    array([[ 0., -1.,  1.]])
+    array([[ 0. , -0.5,  0.5]])
     """
     rest, done = matrix.copy(), 0
     kept = 0

@@ -268,7 +268,7 @@ def test_dangling_references_are_refused(abc: Ruleset, what: str) -> None:
         parse_ruleset(data)
 
 
-STEPS = {
+DAMAGES_OF_STEPS = {
     "an unknown observer": lambda steps: steps[0]["zeros"][0].update({"A.x": 1.0}),
     "an unknown flow": lambda steps: steps[0]["flows"].update({"X": {"A.pump": 1.0}}),
     "an equation too few": lambda steps: steps[0]["zeros"].pop(),
@@ -277,11 +277,11 @@ STEPS = {
 }
 
 
-@pytest.mark.parametrize("what", STEPS)
+@pytest.mark.parametrize("what", DAMAGES_OF_STEPS)
 def test_damaged_steps_are_refused(abc: Ruleset, what: str) -> None:
     """Steps of a simulation that cannot be taken are found when the ruleset is read."""
     data = json.loads(abc.to_json())
-    STEPS[what](data["simulation"]["steps"])
+    DAMAGES_OF_STEPS[what](data["simulation"]["steps"])
     with pytest.raises(RulesetRefused, match="compile again"):
         parse_ruleset(data)
 
