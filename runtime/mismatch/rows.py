@@ -116,7 +116,7 @@ class Rows:
         slopes = np.stack([cell.combined(flows.by_reading[x], n) for x in names], axis=2)
         noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
         scaled = slopes * noise[:, None, :]
-        size = np.abs(scaled).max(axis=(1, 2), initial=0.0)[:, None, None]
+        size = np.nan_to_num(np.abs(scaled).max(axis=(1, 2), initial=0.0))[:, None, None]
         diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
         weight = _solved(scaled @ np.swapaxes(scaled, 1, 2) + diagonal, combined[:, :, None])
         shift = (np.swapaxes(scaled, 1, 2) @ weight)[:, :, 0] * noise

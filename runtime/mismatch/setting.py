@@ -14,6 +14,10 @@ ERROR = "error:"
 """Mark before a signal's id: its systematic error, in standard uncertainties of its class."""
 
 
+HIDDEN = "hidden"
+"""Sort of what stands for a driver that is not recorded: an error at a place, free in time."""
+
+
 @dataclass(frozen=True)
 class Course:
     """A degree that is there in some periods only.
@@ -54,7 +58,13 @@ class Setting:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        return tuple(c.id for c in self.joined)
+        """Ids of what is built into module types."""
+        return tuple(c.id for c in self.joined if c.sort != HIDDEN)
+
+    @property
+    def spots(self) -> tuple[str, ...]:
+        """Ids of places with an error whose course is free in time."""
+        return tuple(c.id for c in self.joined if c.sort == HIDDEN)
 
     @property
     def in_periods(self) -> frozenset[str]:
