@@ -15,10 +15,10 @@ import numpy as np
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.prepare import ESTIMATION, SELECTION
 from runtime.mismatch.screen import Trial, looks_at
-from runtime.mismatch.setting import Setting
+from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
-ROUGH = 6
+ROUGH = 10
 """Steps of a refit that starts near its end."""
 
 
@@ -88,7 +88,7 @@ def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
     """Refit everything with a trial in it."""
     candidate = trial.candidate
     setting = fitted.setting.joining(candidate, trial.values, trial.fixed, trial.course)
-    if candidate.sort in ("physics", "ageing"):
+    if candidate.sort in ("physics", "ageing", HIDDEN):
         # A calibration under a law that left something out says little of the repaired one.
         setting = replace(setting, released=setting.released | {candidate.module})
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper), trial

@@ -22,7 +22,7 @@ from runtime.plan import Array
 FREEDOM = 4.0
 """Degrees of freedom of the Student distribution [usual choice]."""
 
-STEPS = 12
+STEPS = 20
 
 BATCHES = 40
 """Batches of time over which neighbours are found to be alike."""

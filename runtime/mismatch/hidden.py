@@ -12,7 +12,7 @@ from runtime.mismatch.fit import Fitted
 from runtime.mismatch.locate import Suspect, spot_column, suspects
 from runtime.mismatch.periods import degree_course
 from runtime.mismatch.screen import Trial
-from runtime.mismatch.setting import HIDDEN, Course
+from runtime.mismatch.setting import HIDDEN, Course, Span
 from runtime.plan import Array
 
 WINDOWS = 40
@@ -42,7 +42,7 @@ def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
         inside = known[low:high]
         last = known[high] if high < len(known) else len(data)
         window[inside[0] : last] = i
-        periods.append((float(data.time[inside[0]]), float(data.time[inside[-1]])))
+        periods.append(Span(float(data.time[inside[0]]), float(data.time[inside[-1]]), i))
         middle = float(np.median(suspect.course[inside]))
         values[f"{spot.unknown}#{i}"] = middle
     course = Course(spot.unknown, window, tuple(periods))

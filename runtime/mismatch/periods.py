@@ -9,6 +9,7 @@ levels by Otsu 1979.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.fit import Fitted, student_weights
 from runtime.mismatch.screen import Trial, columns_of, looks_at
-from runtime.mismatch.setting import Course
+from runtime.mismatch.setting import Course, Span
 from runtime.plan import Array
 
 LONGEST_COURSE = 1500
@@ -25,6 +26,9 @@ LONGEST_COURSE = 1500
 
 PENALTY = 4.0
 """Price of a step, in log(means): its time and its level."""
+
+STEPS = 3.0
+"""Price of a period in half log(points): its ends, and that it is there at all."""
 
 APART = 0.75
 """Share of the scatter of all levels that two states explain, if there are two: an even spread of
@@ -40,6 +44,15 @@ ALIKE = 0.25
 ODD = (0.0, 0.02, 0.05, 0.1)
 """Shares of the time that extreme levels on either side may take without being a state, tried in
 turn: something else may be wrong at times, which is no degree of this fault."""
+
+FAINT = 0.01
+"""A point says nothing of a degree if it says less than this share of what others say."""
+
+MOST_LEVELS = 3
+"""Degrees that a fault comes at."""
+
+TELLING = 0.15
+"""Share of the scatter of degrees that a few levels may leave."""
 
 SHORTEST = 3
 """Means that a period has at least."""
@@ -105,28 +118,58 @@ def _trial(
 ) -> Trial | None:
     """The fault with a degree for each period; None where none is left that lasts."""
     null = unknown.null or 0.0
-    segment = np.full(len(fitted.rows.system.data), -1)
     rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
-    periods: list[tuple[float, float]] = []
-    levels: list[float] = []
+    runs, levels = [], []
     for first, last in _runs(segments, on):
-        inside = means.known[means.edges[first] : means.edges[last]]
         level = float(np.average(means.value[first:last], weights=means.weight[first:last])) - rest
         level = float(np.clip(null + level, unknown.lowest, unknown.highest))
-        if level == null or last - first < SHORTEST:
-            continue
-        segment[inside[0] : inside[-1] + 1] = len(periods)
-        time = fitted.rows.system.data.time
-        periods.append((float(time[inside[0]]), float(time[inside[-1]])))
-        levels.append(level)
-    if not periods:
+        if level != null and last - first >= SHORTEST:
+            runs.append((first, last))
+            levels.append(level)
+    if not runs:
         return None
+    number, centres = few_levels(np.array(levels), np.array([b - a for a, b in runs]))
+    segment = np.full(len(fitted.rows.system.data), -1)
+    time = fitted.rows.system.data.time
+    periods = []
+    for (first, last), i in zip(runs, number, strict=True):
+        inside = means.known[means.edges[first] : means.edges[last]]
+        segment[inside[0] : inside[-1] + 1] = i
+        periods.append(Span(float(time[inside[0]]), float(time[inside[-1]]), int(i)))
     course = Course(unknown.id, segment, tuple(periods))
-    values = dict(zip(course.names(), levels, strict=True))
+    values = dict(zip(course.names(), centres.tolist(), strict=True))
     term = column * (course.degrees(values) - null)[fitted.rows.point]
     wide = np.array([np.inf])
     gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks_at(fitted))
     return Trial(candidate, values, {}, gain, course)
+
+
+def few_levels(levels: Array, lengths: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
+    """Number of the level of each period, and the levels: as few as tell most, at most three.
+
+    A fault that comes and goes has a few degrees; one that has another each time is no fault.
+
+    >>> number, centres = few_levels(np.array([0.2, 0.21, 0.4]), np.array([5, 5, 5]))
+    >>> number.tolist(), centres.round(3).tolist()
+    ([0, 0, 1], [0.205, 0.4])
+    """
+    order = np.argsort(levels)
+    whole = _scatter(levels, lengths)
+    best = np.zeros(len(levels), dtype=int)
+    for count in range(1, min(MOST_LEVELS, len(levels)) + 1):
+        splits = itertools.combinations(range(1, len(levels)), count - 1)
+        parts = [np.split(order, split) for split in itertools.islice(splits, 5000)]
+        scatters = [sum(_scatter(levels[p], lengths[p]) for p in part) for part in parts]
+        chosen = parts[int(np.argmin(scatters))]
+        for i, part in enumerate(chosen):
+            best[part] = i
+        if min(scatters) <= TELLING * whole or whole <= 0:
+            break
+    centres = [
+        float(np.average(levels[best == i], weights=lengths[best == i]))
+        for i in range(int(best.max()) + 1)
+    ]
+    return best, np.array(centres)
 
 
 def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
@@ -141,7 +184,8 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
     weight = np.bincount(rows.point, column * sound, minlength=n).astype(float)
     moment = np.bincount(rows.point, sound * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        degree: Array = np.where(weight > 0, -moment / weight, np.nan)
+        least = FAINT * float(np.median(weight[weight > 0])) if np.any(weight > 0) else 0.0
+        degree: Array = np.where(weight > least, -moment / weight, np.nan)
     return degree, weight
 
 

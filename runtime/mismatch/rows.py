@@ -26,6 +26,9 @@ RARE = 0.01
 TINY = 1e-6
 """Share of an output's size below which noise counts as this much: nothing is exact."""
 
+HUGE = 1e100
+"""A slope beyond this is none."""
+
 FARTHEST = 0.5
 """Share of an output by which its predicted value may differ where slopes are taken."""
 
@@ -116,7 +119,8 @@ class Rows:
         slopes = np.stack([cell.combined(flows.by_reading[x], n) for x in names], axis=2)
         noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
         scaled = slopes * noise[:, None, :]
-        size = np.nan_to_num(np.abs(scaled).max(axis=(1, 2), initial=0.0))[:, None, None]
+        size = np.abs(scaled).max(axis=(1, 2), initial=0.0)[:, None, None]
+        size = np.where(size < HUGE, size, 0.0)
         diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
         weight = _solved(scaled @ np.swapaxes(scaled, 1, 2) + diagonal, combined[:, :, None])
         shift = (np.swapaxes(scaled, 1, 2) @ weight)[:, :, 0] * noise

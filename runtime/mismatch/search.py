@@ -16,10 +16,10 @@ from runtime.mismatch.compete import (
     refit,
     shuffled_gains,
 )
-from runtime.mismatch.fit import Fitted, fit, temper_of
+from runtime.mismatch.fit import Fitted, fit, student_weights, temper_of
 from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.locate import spot_column
-from runtime.mismatch.periods import PENALTY, in_periods
+from runtime.mismatch.periods import STEPS, in_periods
 from runtime.mismatch.result import Rival
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import Trial, screen
@@ -57,8 +57,8 @@ RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 1.5, "free": 3.
 """How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
 sensors leave their class."""
 
-MOSTLY = 0.8
-"""Share of the gain of a course free in time that a mere course with a name must have."""
+ALIKE = 0.5
+"""Cosine of the changes that two explanations make, from which on they explain the same."""
 
 SHUFFLES = 20
 SEED = 20_240_117
@@ -129,26 +129,41 @@ class _Step:
 
 
 def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explained: float) -> _Step:
-    """The best explanation to add that beats all rivals, if there is one."""
+    """The best explanation to add that beats all rivals, if there is one.
+
+    What has a driver that is recorded, or is there all the time, comes first; faults that come and
+    go, and drivers that nobody recorded, are free enough to imitate it.
+    """
     joined = {c.id for c in now.fitted.setting.joined}
     free = [c for c in candidates if c.id not in joined]
     trials = screen(now.fitted, free)
-    coming = _coming_and_going(now.fitted, free)
-    refitted = [refit(now.fitted, t) for t in (*trials[:FINALISTS], *coming)]
-    ranked = _contested(refitted, now)
+    tried += len(trials)
+    lasting = _contested([refit(now.fitted, t) for t in trials[:FINALISTS]], now)
     hidden = _hidden(now)
+    step = _first(now, lasting, hidden, tried)
+    if step is None:
+        coming = _coming_and_going(now.fitted, free)
+        step = _first(now, _contested([refit(now.fitted, t) for t in coming], now), hidden, tried)
+    worth = _needed(now, tried) + PART * explained
+    if step is None and hidden is not None and _net(hidden, now) > worth:
+        step = _Step(hidden, _recorded(hidden, now, [], ()), 0)
+    return replace(step or _Step(None, None, 0), tried=len(trials))
+
+
+def _first(
+    now: Contestant, ranked: Sequence[Contestant], hidden: Contestant | None, tried: int
+) -> _Step | None:
+    """The first that beats all rivals; or the calibration let go, where that does as well."""
     easing = _released(now, ranked)
     for contestant in ranked:
         if easing is not None and not _beats(contestant, easing, now):
-            return _Step(easing, None, len(trials))
+            return _Step(easing, None, 0)
         if hidden is not None and not _as_good(contestant, hidden, now):
             continue
-        rivals = _defeated(contestant, now, easing, tried + len(trials))
+        rivals = _defeated(contestant, now, easing, tried)
         if rivals is not None:
-            return _Step(contestant, _recorded(contestant, now, ranked, rivals), len(trials))
-    if hidden is not None and _net(hidden, now) > _needed(now, tried) + PART * explained:
-        return _Step(hidden, _recorded(hidden, now, [], ()), len(trials))
-    return _Step(None, None, len(trials))
+            return _Step(contestant, _recorded(contestant, now, ranked, rivals), 0)
+    return None
 
 
 def _contested(refitted: Sequence[tuple[Fitted, Trial]], now: Contestant) -> list[Contestant]:
@@ -172,15 +187,15 @@ def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> boo
     """
     trial = contestant.trial
     assert trial is not None
-    mere_course = trial.course is not None or set(trial.candidate.drivers.values()) <= {TIME}
-    return not mere_course or _net(contestant, now) > MOSTLY * _net(hidden, now)
+    mere_course = trial.course is not None or set(trial.candidate.drivers.values()) == {TIME}
+    return not mere_course or _net(contestant, now) > _net(hidden, now)
 
 
 def _recorded(
     winner: Contestant, now: Contestant, ranked: Sequence[Contestant], rivals: tuple[Rival, ...]
 ) -> Accepted:
     assert winner.trial is not None
-    others = [c for c in _instead(winner, ranked) if _net(c, now) > 0]
+    others = [c for c in _instead(winner, ranked, now) if _net(c, now) > 0]
     return Accepted(
         winner.trial,
         _net(winner, now),
@@ -190,17 +205,22 @@ def _recorded(
     )
 
 
-def _instead(winner: Contestant, ranked: Sequence[Contestant]) -> list[Contestant]:
-    """Explanations of the same thing: what they explained is gone once the winner has its place."""
-    before = {c.trial.candidate.id: c for c in ranked if c is not winner and c.trial is not None}
-    rest = screen(winner.fitted, [c.trial.candidate for c in before.values() if c.trial])
-    left = {t.candidate.id: t.gain for t in rest}
+def _instead(winner: Contestant, ranked: Sequence[Contestant], now: Contestant) -> list[Contestant]:
+    """Explanations of the same thing: they change the residuals alike."""
+    rows = now.fitted.rows
+    weight = student_weights(rows, now.fitted.residual, now.fitted.scale)
+    weight = weight * now.fitted.used[rows.point]
+
+    def change(contestant: Contestant) -> Array:
+        return now.fitted.residual - contestant.fitted.residual
+
+    own = change(winner)
     found = []
-    for name, contestant in before.items():
-        assert contestant.trial is not None
-        alone = contestant.trial.gain
-        if contestant.trial.course is not None or left.get(name, 0.0) < 0.5 * alone:
-            found.append(contestant)
+    for other in ranked:
+        course = change(other)
+        size = float(np.sqrt(np.sum(weight * own**2) * np.sum(weight * course**2)))
+        if other is not winner and float(np.sum(weight * own * course)) > ALIKE * size:
+            found.append(other)
     return found
 
 
@@ -250,16 +270,15 @@ def price_of(contestant: Contestant) -> float:
     setting = contestant.fitted.setting
     each = 0.5 * float(np.log(max(contestant.fitted.rows.groups, 2)))
     hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
-    periods = sum(
-        (1.0 if c.unknown in hidden else PENALTY) * len(c.periods) for c in setting.courses
-    )
+    steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
+    levels = sum(c.levels for c in setting.courses)
     signals = contestant.fitted.rows.system.ruleset.signal_by_id
     rare = sum(RARITY[c.sort] for c in setting.joined)
     coming = {course.unknown for course in setting.courses}
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
-    return each * periods + rare
+    return each * (steps + levels) + rare
 
 
 def _net(contestant: Contestant, now: Contestant) -> float:

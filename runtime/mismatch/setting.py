@@ -19,23 +19,36 @@ HIDDEN = "hidden"
 
 
 @dataclass(frozen=True)
-class Course:
-    """A degree that is there in some periods only.
+class Span:
+    """A period, s, and the number of the level it has."""
 
-    `segment` has shape (n,): the number of the period of each point, -1 outside. `periods` are
-    their ends in s.
+    since: float
+    until: float
+    level: int
+
+
+@dataclass(frozen=True)
+class Course:
+    """An unknown that has one of a few levels in some periods, and none outside.
+
+    `segment` has shape (n,): the number of the level at each point, -1 outside.
     """
 
     unknown: str
     segment: np.ndarray
-    periods: tuple[tuple[float, float], ...]
+    periods: tuple[Span, ...]
+
+    @property
+    def levels(self) -> int:
+        """How many levels there are."""
+        return 1 + max((p.level for p in self.periods), default=-1)
 
     def names(self) -> tuple[str, ...]:
-        """Names of the degrees, one per period."""
-        return tuple(f"{self.unknown}#{i}" for i in range(len(self.periods)))
+        """Names of the values, one per level."""
+        return tuple(f"{self.unknown}#{i}" for i in range(self.levels))
 
     def degrees(self, values: Mapping[str, float]) -> Array:
-        """Degree at each point, shape (n,)."""
+        """The unknown at each point, shape (n,)."""
         levels = np.array([*(values[name] for name in self.names()), 0.0])
         course: Array = levels[self.segment]
         return course

@@ -90,9 +90,10 @@ def _periods(fitted: Fitted, candidate: Candidate) -> tuple[Period, ...]:
     for course in fitted.setting.courses:
         if course.unknown not in unknowns:
             continue
-        for name, (since, until) in zip(course.names(), course.periods, strict=True):
+        for span in course.periods:
+            name = course.names()[span.level]
             degree = fitted.setting.values[name]
-            found.append(Period(since, until, degree, fitted.u(name)))
+            found.append(Period(span.since, span.until, degree, fitted.u(name)))
     return tuple(found)
 
 
