@@ -107,10 +107,10 @@ class PlantWorkshop:
     def amended(self, module: str, joined: Iterable[str]) -> Amended:
         """The type of a module with its own candidates built in, in order."""
         result = Amended(self.network.plant.modules[module].type)
-        for name in joined:
-            matched = self._of(name)
-            if matched.candidate.module == module:
-                result = amend(result, matched.change)
+        own = [m for m in map(self._of, joined) if m.candidate.module == module]
+        # What reshapes the plain law comes first: a term that was added is no part of that.
+        for matched in sorted(own, key=lambda m: not m.change.substitutes):
+            result = amend(result, matched.change)
         return result
 
     def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:

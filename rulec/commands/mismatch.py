@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
         write_text(Path(options.report), report(found))
         out.print(f"[dim]report: {escape(options.report)}[/]")
     series = _write_series(out, options, found)
-    write_json(options, mismatch_form(found, Path(options.plant).as_posix(), series))
+    write_json(options, mismatch_form(found, Path(options.plant).resolve().as_posix(), series))
     return 0
 
 

@@ -15,10 +15,11 @@ from runtime.mismatch.locate import noise_scale, region_of, variables_of
 from runtime.mismatch.predict import Predictor, predictor_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
 from runtime.mismatch.prove import Proof, prove
-from runtime.mismatch.result import Changed, Curves, Finding, HiddenDriver, Location, Mismatch
+from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
-from runtime.mismatch.setting import ERROR, Setting
+from runtime.mismatch.setting import Setting
+from runtime.mismatch.settle import Repair, repair_of, with_sensors_as_they_are
 from runtime.mismatch.system import System
 from runtime.mismatch.tell import findings_of, location_of, term_of
 from runtime.mismatch.verdict import headline_of, next_step, verdict_of
@@ -67,8 +68,10 @@ def analyse(
     findings = findings_of(found.best, found.accepted)
     tell("opening the held-out blocks")
     predictors = _predictors(system, findings, hidden)
-    proofs = [prove(p, found.best.fitted) for p in predictors]
-    return _answer(recording, found, findings, predictors, proofs, hidden, begin)
+    settled = with_sensors_as_they_are(found.best.fitted)
+    proofs = [prove(p, settled) for p in predictors]
+    repair = repair_of(settled)
+    return _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
 
 
 def _hidden(found: Search) -> Reconstruction | None:
@@ -104,6 +107,7 @@ def _answer(
     findings: tuple[Finding, ...],
     predictors: Sequence[Predictor],
     proofs: Sequence[Proof],
+    repair: Repair,
     hidden: Reconstruction | None,
     begin: float,
 ) -> Mismatch:
@@ -115,9 +119,6 @@ def _answer(
     if hidden is not None:
         locations = (*locations, _location(fitted, hidden, 1.0 - sum(f.closed for f in findings)))
     verdict = verdict_of(findings, hidden is not None)
-    parameters = system.workshop.parameters.ids
-    names = [n for n in fitted.prior.names if n in parameters or not n.startswith(ERROR)]
-    chosen = [fitted.prior.names.index(n) for n in names]
     return Mismatch(
         ruleset.plant,
         ruleset.title,
@@ -138,10 +139,13 @@ def _answer(
         found.tried,
         _notes(recording, proofs),
         fitted.setting.ids,
-        tuple(Changed(n, float(fitted.setting.values[n]), fitted.u(n)) for n in names),
-        fitted.covariance[np.ix_(chosen, chosen)],
+        repair.parameters,
+        repair.covariance,
         _curves(system, predictors[0], proofs[0], findings) if proofs else None,
         time.perf_counter() - begin,
+        repair.fixed,
+        repair.misfit,
+        repair.ranges,
     )
 
 

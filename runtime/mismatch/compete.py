@@ -18,6 +18,9 @@ from runtime.mismatch.screen import Trial, looks_at
 from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
+LOOSE = 2.0
+"""Standard uncertainties by which a value may move in a refit to half of the blocks."""
+
 ROUGH = 10
 """Steps of a refit that starts near its end."""
 
@@ -67,11 +70,15 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
     rows = fitted.rows
     data = rows.system.data
     degrees = {n: fitted.setting.values[n] for c in fitted.setting.courses for n in c.names()}
+    # Half of the blocks may not hold what determines a value: there it stays about where it was.
+    loosely = {
+        n: (fitted.setting.values[n], LOOSE * fitted.u(n)) for n in fitted.setting.free_unknowns()
+    }
     likelihood = np.zeros(rows.groups)
     part = data.part[rows.group_point]
     for fitted_to, judged in ((ESTIMATION, SELECTION), (SELECTION, ESTIMATION)):
         chosen = data.part == fitted_to
-        half = fit(rows, fitted.setting, chosen, ROUGH, degrees, fitted.temper)
+        half = fit(rows, fitted.setting, chosen, ROUGH, degrees, fitted.temper, loosely)
         likelihood[part == judged] = half.likelihood[part == judged]
     blocks: Array = np.bincount(
         data.block[rows.group_point], likelihood, minlength=int(data.block.max()) + 1

@@ -49,8 +49,13 @@ class Prior:
     size: Array
 
 
-def prior_of(system: System, setting: Setting) -> Prior:
-    """What is known of the free values before the recording."""
+def prior_of(
+    system: System, setting: Setting, anchors: Mapping[str, tuple[float, float]] | None = None
+) -> Prior:
+    """What is known of the free values before the recording.
+
+    `anchors` are means and standard deviations of unknowns that are held loosely.
+    """
     parameters = system.workshop.parameters
     u = np.sqrt(np.diag(parameters.covariance)) if len(parameters.ids) else np.zeros(0)
     modules = set(system.modules)
@@ -82,6 +87,9 @@ def prior_of(system: System, setting: Setting) -> Prior:
         lowest[i], highest[i] = limits[name]
         width = highest[i] - lowest[i]
         scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
+        if anchors and name in anchors:
+            mean[i], spread_ = anchors[name]
+            precision[i, i] = spread_**-2 if spread_ > 0 else 0.0
     return Prior((*names, *errors, *unknowns), mean, precision, lowest, highest, scale)
 
 
@@ -122,7 +130,7 @@ class Fitted:
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""
         i = self.prior.names.index(name)
-        return float(np.sqrt(self.covariance[i, i]))
+        return float(np.sqrt(max(self.covariance[i, i], 0.0)))
 
 
 def fit(
@@ -132,6 +140,7 @@ def fit(
     steps: int = STEPS,
     held: Mapping[str, float] | None = None,
     temper: float = 1.0,
+    anchors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Fitted:
     """Find the most probable values given some points.
 
@@ -141,9 +150,10 @@ def fit(
     used : shape (n,), points to fit to.
     held : values that must stay where they are put.
     temper : divides the log likelihood against the priors.
+    anchors : means and standard deviations of unknowns that are held loosely.
     """
     system = rows.system
-    prior = prior_of(system, setting)
+    prior = prior_of(system, setting, anchors)
     held = held or {}
     free = np.array([name not in held for name in prior.names], dtype=bool)
     at = np.array([setting.values.get(n, m) for n, m in zip(prior.names, prior.mean, strict=True)])

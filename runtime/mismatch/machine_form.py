@@ -177,6 +177,7 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
         "values": [p.value for p in mismatch.parameters],
         "covariance": [[float(value) for value in row] for row in mismatch.covariance],
         "misfit": dict(mismatch.misfit),
+        "range": {name: list(ends) for name, ends in mismatch.ranges.items()},
     }
 
 

@@ -30,7 +30,7 @@ BLOCKS = 25
 SMALLEST = 4
 """Points that a block needs at least."""
 
-BUDGET = 9_000
+BUDGET = 15_000
 """Points times observers at most; more samples are averaged into one point."""
 
 UNRELATED = 0.35

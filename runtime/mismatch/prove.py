@@ -14,6 +14,7 @@ from runtime.mismatch.prepare import HELDOUT
 from runtime.mismatch.result import Errors, Fit
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.setting import HIDDEN, Setting
+from runtime.mismatch.settle import with_sensors_as_they_are, without_physics
 from runtime.plan import Array
 
 DRAWS = 1000
@@ -40,19 +41,19 @@ def prove(predictor: Predictor, repaired: Fitted) -> Proof:
     """Open the held-out blocks, once."""
     rows = repaired.rows
     data = rows.system.data
-    faults = [c for c in repaired.setting.joined if c.sort in ("fault", "sensor", HIDDEN)]
-    only_faults = repaired.setting
-    for candidate in repaired.setting.joined:
-        if candidate not in faults:
-            only_faults = only_faults.leaving(candidate.id)
-    recalibrated = fit(rows, only_faults, repaired.used, temper=repaired.temper)
+    plain = without_physics(repaired.setting)
+    for spot in repaired.setting.spots:
+        plain = plain.leaving(spot)
+    recalibrated = with_sensors_as_they_are(repaired, plain)
     faulty = _faulty(rows, repaired)
-    bare = [_without_courses(s) for s in (Setting(), recalibrated.setting, repaired.setting)]
-    predictions = [predictor.predicted(setting) for setting in bare]
+    settings = (Setting(), recalibrated.setting, repaired.setting)
+    predictions = [predictor.predicted(_without_periods(setting)) for setting in settings]
     measured = data.values[predictor.signal.id]
     judged = np.isfinite(measured) & predictor.points & ~faulty
     judged &= np.all([np.isfinite(p) for p in predictions], axis=0)
-    noise = predictor.noise(bare[2]) * noise_scale(rows, repaired.residual)
+    noise = predictor.noise(_without_periods(repaired.setting)) * noise_scale(
+        rows, repaired.residual
+    )
     factor = predictor.signal.factor
     errors = [(p - measured) / factor for p in predictions]
     parts = [judged & data.open, judged & (data.part == HELDOUT)]
@@ -70,11 +71,12 @@ def prove(predictor: Predictor, repaired: Fitted) -> Proof:
     return Proof(found, predictions[0], predictions[1], predictions[2], judged, int(faulty.sum()))
 
 
-def _without_courses(setting: Setting) -> Setting:
+def _without_periods(setting: Setting) -> Setting:
     """Faults in periods are no part of what a model predicts."""
     for course in setting.courses:
         candidate = next(c for c in setting.joined if course.unknown in {u.id for u in c.unknowns})
-        setting = setting.leaving(candidate.id)
+        if candidate.sort != HIDDEN:
+            setting = setting.leaving(candidate.id)
     return setting
 
 

@@ -201,7 +201,8 @@ class Mismatch:
     words which blocks served for what, `digest` is its hash. `noise` says where the size of the
     noise comes from. `parameters` and `covariance` (SI) are those of the repaired model, `joined`
     the ids of the candidates in it, in order. `fixed` holds their parameters that are no unknowns,
-    `misfit` the scatter of each observer about its repaired law, both SI by id.
+    `misfit` the scatter of each observer about its repaired law, `ranges` the readings it was
+    fitted to, all SI by id.
     """
 
     plant: str
@@ -229,3 +230,4 @@ class Mismatch:
     seconds: float
     fixed: Mapping[str, float] = field(default_factory=dict)
     misfit: Mapping[str, float] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -42,7 +42,7 @@ FLICKERING = 2.0
 """How much less expected a sensor is that errs in some periods only, in log odds [assumed]."""
 
 PART = 0.15
-"""A hidden driver is told if it gains more than this share of what else was explained."""
+"""A hidden driver is told if it gains more than this share of what was explained with a name."""
 
 NEEDED = 6.0
 """Gain in log likelihood that an explanation needs beyond the logarithm of those tried."""
@@ -101,7 +101,8 @@ def search(rows: Rows, progress: Progress) -> Search:
     candidates = rows.system.workshop.candidates
     while len(accepted) < MOST_TERMS:
         progress(f"looking for explanation {len(accepted) + 1} among {len(candidates)}")
-        step = _round(now, candidates, tried, sum(r.gain for r in accepted))
+        named = sum(r.gain for r in accepted if r.trial.candidate.sort != HIDDEN)
+        step = _round(now, candidates, tried, named)
         tried += step.tried
         if step.winner is None:
             break
@@ -135,7 +136,7 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     go, and drivers that nobody recorded, are free enough to imitate it.
     """
     joined = {c.id for c in now.fitted.setting.joined}
-    free = [c for c in candidates if c.id not in joined]
+    free = [c for c in candidates if c.id not in joined and not _covered(c, now)]
     trials = screen(now.fitted, free)
     tried += len(trials)
     lasting = _contested([refit(now.fitted, t) for t in trials[:FINALISTS]], now)
@@ -148,6 +149,13 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     if step is None and hidden is not None and _net(hidden, now) > worth:
         step = _Step(hidden, _recorded(hidden, now, [], ()), 0)
     return replace(step or _Step(None, None, 0), tried=len(trials))
+
+
+def _covered(candidate: Candidate, now: Contestant) -> bool:
+    """Does it only follow the clock where a hidden driver was found? Then it is part of that."""
+    hidden = {o for c in now.fitted.setting.joined if c.sort == HIDDEN for o in c.observers}
+    by_clock = set(candidate.drivers.values()) == {TIME}
+    return by_clock and bool(hidden & set(candidate.observers))
 
 
 def _first(
