@@ -12,9 +12,10 @@ from rulec.cli import main
 from runtime.point_table import is_point_table
 from runtime.recording import read_recording
 from tests.conftest import ROOT, compiled, recordings_folder
-from tests.rig.esp import FOLDER, IMPELLERS, Choice, of_glycerin, of_pure_glycerin, of_water, write_points
+from tests.rig.esp import (
     FOLDER,
     IMPELLERS,
+    Choice,
     of_glycerin,
     of_pure_glycerin,
     of_water,
