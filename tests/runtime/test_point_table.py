@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from runtime.point_table import each_row, is_point_table
 from runtime.recording import Recording, read_recording
@@ -26,19 +27,20 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return read_recording(file, compiled("abc"))
 
 
-def _rows(recording: Recording, rows: np.ndarray) -> Recording:
+def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
     """Some rows, in a new order, one second apart."""
     values = {name: readings[rows] for name, readings in recording.values.items()}
     segment = np.zeros(len(rows), dtype=int)
     return Recording(np.arange(len(rows), dtype=float), values, segment, (), ())
 
 
-def _points(recording: Recording) -> np.ndarray:
+def _points(recording: Recording) -> NDArray[np.intp]:
     """One row of each point: the middle between two changes of a set value."""
     speed = recording.values["A.n"]
     changes = np.flatnonzero(np.abs(np.diff(speed)) > 0.02 * np.ptp(speed)) + 1
     edges = np.concatenate([[0], changes, [len(speed)]])
-    return ((edges[1:] + edges[:-1]) // 2)[np.diff(edges) > HELD]
+    middles: NDArray[np.intp] = (edges[1:] + edges[:-1]) // 2
+    return middles[np.diff(edges) > HELD]
 
 
 def test_a_run_is_no_table(run: Recording, abc: Ruleset) -> None:
