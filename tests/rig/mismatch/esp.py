@@ -29,12 +29,14 @@ SMALLEST = {"pump.Q [m3/h]": 2.0, HEAD: 0.3}
 """Below these the module type does not judge."""
 
 BY_HAND = {
-    "P37": "2.05 | 1.18 | 0.42 | 0.21 | 0.19 bar; 8.3 | 4.5 | 2.2 | 0.9 Nm; noise 0.04 bar, 0.2 Nm",
-    "P100": "1.60 | 0.47 | 0.35 | 0.11 | 0.10 bar; 12.7 | 3.1 | 3.9 | 1.7 Nm; noise 0.05, 0.4",
-    "HC12500": "1.45 | 0.58 | 0.43 | 0.38 | 0.26 bar; 21.9 | 6.5 | 6.1 | 2.9 Nm; noise 0.03, 0.4",
+    "P37": "2.05; 1.18; 0.42, 0.30; 0.21, 0.22; noise 0.04 bar | 8.3; 4.5; 2.2, 1.8; 0.75, 0.60; 0.2",
+    "P100": "1.60; 0.47; 0.35, 0.15; 0.12, 0.11; 0.05 bar | 12.7; 3.1; 3.9, 1.8; 0.94, 0.76; 0.4",
+    "HC12500": "1.45; 0.58; 0.43, 0.12; 0.37, 0.11; 0.03 bar | 21.9; 6.5; 6.1, 3.0; 1.4, 1.3; 0.4",
 }
-"""Unseen series. Head: shipped | plain law refitted | loss k*mu*Q | loss k*rho*n*Q*Re^-m | head and
-flow scaled by Re. Torque: shipped | refitted | friction k*mu*n | k*rho*n^2*Re^-m, m about 0.45."""
+"""Unseen series, head | torque (Nm): shipped; plain law refitted; one parameter (head less k*mu*Q,
+power plus k*mu*n**2), alone and with the law refitted; two parameters (mu**s for mu; s 0.6 to 0.8
+and 0.4 to 0.5), likewise; noise. With one liquid exp(-b*T) for mu**s does as well (b 0.05 and 0.03
+per kelvin). Twice the same power with no viscosity in it (k*n**2) closes half: a rival to beat."""
 
 
 def prepare(folder: Path, work: Path) -> list[Case]:
