@@ -1,10 +1,12 @@
-"""Pass 2a, check knowledge: documents to checked module types, faults, sensors, fluids, in SI."""
+"""Pass 2a, check knowledge: documents to checked module types, faults, effects, sensors and
+fluids, in SI."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from rulec.check_dimensions import check_comparisons, check_dimensions, provided_names
+from rulec.check_effect import check_effect
 from rulec.check_fault import check_fault
 from rulec.check_fluid import check_fluid
 from rulec.check_module import check_module
@@ -22,10 +24,11 @@ def check_knowledge(sources: Sources) -> Knowledge:
     units = unit_table(sources.units.data)
     table = {
         kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
-        for kind in ("module", "fault", "sensor", "fluid")
+        for kind in ("module", "fault", "effect", "sensor", "fluid")
     }
     sensors = {d.data["sensor"]: _sensor(d, units, found) for d in table["sensor"]}
     faults = {d.data["fault"]: check_fault(d, found) for d in table["fault"]}
+    effects = {d.data["effect"]: check_effect(d, units, found) for d in table["effect"]}
     fluids = {d.data["fluid"]: check_fluid(d, units, found) for d in table["fluid"]}
     modules = {
         d.data["module"]: check_module(d, units, sensors, faults, found) for d in table["module"]
@@ -37,7 +40,7 @@ def check_knowledge(sources: Sources) -> Knowledge:
         check_comparisons(document, modules[document.data["module"]], found)
     if found:
         raise Refused(found)
-    return Knowledge(units, sensors, faults, modules, fluids)
+    return Knowledge(units, sensors, faults, modules, fluids, effects)
 
 
 def _refuse_twins(

@@ -204,25 +204,13 @@ def _guards(
 ) -> Iterator[Condition]:
     """Arguments of roots and logarithms, through all definitions used, as the author wrote them."""
     table = _table(kind, symbols, {})
-    for part in _with_definitions(kind, expression):
+    for part in kind.with_definitions(expression):
         for node in ast.walk(part.tree):
             match node:
                 case ast.Call(func=ast.Name(id="sqrt" | "log"), args=[inner]):
                     text = ast.unparse(inner)
                     value = _translated(kind, Expression(text, inner), table, symbols)
                     yield Condition(text, value)
-
-
-def _with_definitions(kind: ModuleType, expression: Expression) -> Iterator[Expression]:
-    seen: set[str] = set()
-    stack = [expression]
-    while stack:
-        part = stack.pop()
-        yield part
-        for name, _ in part.names():
-            if name in kind.definitions and name not in seen:
-                seen.add(name)
-                stack.append(kind.definitions[name].expression)
 
 
 def _target(

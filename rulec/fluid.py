@@ -21,7 +21,7 @@ def fill(module: Module, fluid: Fluid) -> Module:
     modules with this fluid, so that it cancels where they are compared.
     """
     factors = {
-        _factor_name(fluid, name): _factor(fluid, fluid.properties[name])
+        factor_name(fluid, name): _factor(fluid, fluid.properties[name])
         for name in module.type.asks
     }
     ranges = dict.fromkeys(_thermometers(module), (fluid.lowest, fluid.highest))
@@ -35,11 +35,11 @@ def fill(module: Module, fluid: Fluid) -> Module:
 
 def _factor(fluid: Fluid, part: Property) -> Parameter:
     title = f"error of the {part.name} of {fluid.title}"
-    name = _factor_name(fluid, part.name)
+    name = factor_name(fluid, part.name)
     return Parameter(name, 1.0, part.u, Unit("1", 1.0, NONE), False, title, part.origin, True)
 
 
-def _factor_name(fluid: Fluid, name: str) -> str:
+def factor_name(fluid: Fluid, name: str) -> str:
     return f"{name}({fluid.name})"
 
 
@@ -56,9 +56,9 @@ def closed_forms(
     if fluid is None:
         return {}
     return {
-        name: partial(_at, fluid, name, symbols[_factor_name(fluid, name)])
+        name: partial(_at, fluid, name, symbols[factor_name(fluid, name)])
         for name in fluid.properties
-        if _factor_name(fluid, name) in symbols
+        if factor_name(fluid, name) in symbols
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from rulec.language.diagnostics import Place
@@ -169,6 +169,18 @@ class ModuleType:
         definitions = [d.expression for d in self.definitions.values()]
         return definitions + [o.expression for o in self.observers.values()]
 
+    def with_definitions(self, expression: Expression) -> Iterator[Expression]:
+        """An equation and those of all definitions that it stands on."""
+        seen: set[str] = set()
+        stack = [expression]
+        while stack:
+            part = stack.pop()
+            yield part
+            for name, _ in part.names():
+                if name in self.definitions and name not in seen:
+                    seen.add(name)
+                    stack.append(self.definitions[name].expression)
+
     def components(self) -> dict[str, list[str]]:
         """Observers of each component, the primary one first."""
         result: dict[str, list[str]] = {}
@@ -247,8 +259,12 @@ class Join:
     Either `reads` (a signal of this quantity, ``any`` for all) or `gives` (a definition or
     observer of this quantity) is set. `falls_with`, `rises_with` name a driver and the sign of the
     slope by it at the reference point; `measured` asks for places that read a signal of the very
-    quantity they give (a processed reading), else those are left out. `law` stands over ``law``,
-    ``law(driver=...)``, drivers and parameters.
+    quantity they give (a processed reading), else those are left out. `steep`: a rise of that
+    driver by a share changes what is given by more (True) or less (False) than half that share;
+    None: either. A place that gives a flow counts only where an estimate of the module's flow
+    rises with it: a slip, which is subtracted, is no estimate. `law` stands over ``law``,
+    ``law(driver=...)``, drivers and parameters; only those that occur there, in `falls_with` and
+    `rises_with`, or as the `driver` of such a parameter, are needed to join.
     """
 
     reads: str
@@ -257,6 +273,7 @@ class Join:
     rises_with: str
     measured: bool
     law: EffectLaw
+    steep: bool | None = None
 
 
 @dataclass(frozen=True)

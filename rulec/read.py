@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,11 @@ from pathlib import Path
 from rulec.language.diagnostics import Diagnostic, Place, Refused, nearest
 from rulec.language.document import MAX_BYTES, Document, Path_, read_document
 from rulec.language.schema import KINDS, check_schema, kind_of
+
+_KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
+_EFFECT = re.compile(rb"^effect:", re.MULTILINE)
+"""A file that need not be read where no effects are wanted: parsing all takes longer than a small
+plant takes to compile."""
 
 _ROOT = Path(__file__).resolve().parent.parent
 
@@ -34,9 +40,9 @@ class Sources:
     adjacency: tuple[str, str] | None = None
 
     def digest(self) -> str:
-        """Hash of the content of all documents, independent of layout and order."""
+        """Hash of what a ruleset is made from, independent of layout and order."""
         parts = [self.units, self.plant, self.columns, *self.calibrations]
-        used = [kind for kind in self.by_kind if kind not in ("provider", "other")]
+        used = [kind for kind in self.by_kind if kind not in ("provider", "other", "effect")]
         parts += [d for kind in used for d in self.by_kind[kind]]
         texts = sorted(json.dumps(d.data, sort_keys=True) for d in parts if d is not None)
         texts.append(self.adjacency[1] if self.adjacency else "")
@@ -67,8 +73,10 @@ def shipped(name: str) -> Path:
     return inside if inside.is_dir() else _ROOT / name
 
 
-def read_plant(path: Path) -> Sources:
+def read_plant(path: Path, effects: bool = False) -> Sources:
     """Read a plant (folder or its plant.yaml) with all it refers to.
+
+    Only a comparison with recordings needs `effects`; no ruleset depends on them.
 
     Raises `Refused` with every mistake of form found in any file.
     """
@@ -89,7 +97,7 @@ def read_plant(path: Path) -> Sources:
         "module": {str(m["type"]) for m in modules},
         "fluid": {str(part["fluid"]) for part in (plant.data, *modules) if "fluid" in part},
     }
-    by_kind = _read_kb(kb, found, wanted)
+    by_kind = _read_kb(kb, found, wanted, effects=effects)
     columns = None
     if "columns" in plant.data:
         columns = _read_attached(plant, file, "columns", ("columns",), found)
@@ -127,7 +135,7 @@ def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], l
     if not units:
         found += [] if found else [_no_units(kb)]
         return None, given["plant"], found
-    merged = {k: (*around.get(k, ()), *given[k]) for k in ("module", "fault", "sensor", "fluid")}
+    merged = {k: (*around.get(k, ()), *given[k]) for k in _KNOWLEDGE}
     return Sources(kb, units[0], merged), given["plant"], found
 
 
@@ -159,11 +167,14 @@ def _read_kb(
     found: list[Diagnostic],
     wanted: Mapping[str, set[str]] | None,
     given: frozenset[Path] = frozenset(),
+    effects: bool = True,
 ) -> dict[str, tuple[Document, ...]]:
     """Read the knowledge base without the given files; only what is wanted (None: all)."""
     by_kind: dict[str, list[Document]] = {}
     skip = {os.path.realpath(file) for file in given}
     for file in _yaml_in(kb):
+        if not effects and _holds_effect(file):
+            continue
         document = None if os.path.realpath(file) in skip else _open(file, None, found)
         if document is None:
             continue
@@ -176,6 +187,15 @@ def _read_kb(
         elif _conforms(document, mistakes):
             by_kind.setdefault(kind, []).append(document)
     return {kind: tuple(documents) for kind, documents in by_kind.items()}
+
+
+def _holds_effect(file: Path) -> bool:
+    """Whether a file describes an effect, without parsing it; an unreadable one is not skipped."""
+    try:
+        with file.open("rb") as stream:
+            return _EFFECT.search(stream.read(MAX_BYTES)) is not None
+    except OSError:
+        return False
 
 
 def _read(

@@ -15,7 +15,9 @@ import jsonschema
 from rulec.language.diagnostics import Diagnostic, did_you_mean, nearest
 from rulec.language.document import Document, Path_
 
-KINDS = ("module", "fault", "sensor", "fluid", "plant", "columns", "calibration", "units")
+KINDS = (
+    "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "units",
+)  # fmt: skip
 
 MAX_UNKNOWN = 30
 

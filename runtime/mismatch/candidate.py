@@ -24,7 +24,8 @@ class Unknown:
     `id` is its input in the plan. At `null` the plain relation comes back, whatever the other
     parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
     tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
-    with `fixed` is no unknown at all: it stays at the median reading of `driver`.
+    with `fixed` is no unknown at all: it stays at the median reading of `driver`, or where it has
+    two `quantiles`, at half the distance between the readings there (their spread).
     SI = shown * factor + offset.
     """
 
@@ -47,11 +48,11 @@ class Unknown:
 class Candidate:
     """One explanation at one place.
 
-    `sort` is ``physics``, ``ageing``, ``fault`` or ``sensor``. `id` is unique in the plant, as
-    ``A.slip-temperature@Q_law``. `place` is the definition, observer or signal that it changes;
-    `observers` lists the ids of all observers that it reaches. `drivers` maps the names in its
-    law to ids of signals of the plant (or ``time``); `equation` shows the repaired relation.
-    `text` has slots for parameters, drivers, {module} and {place}.
+    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``. `id` is unique in the
+    plant, as ``A.slip-temperature@Q_law``; that of a fault is its id in the ruleset. `place` is the
+    definition, observer or signal that it changes; `observers` lists the ids of all observers that
+    it reaches. `drivers` maps the names in its law to ids of signals of the plant (or ``time``);
+    `equation` shows the repaired relation. `text` has slots for parameters, all others are filled.
     """
 
     id: str
@@ -142,12 +143,16 @@ class Workshop(Protocol):
         """The observers of a module with candidates (by id, in order of acceptance) built in.
 
         Inputs are signal ids, ids of parameters and unknowns, ``time``; outputs ``q:<observer>``
-        and ``guard:<observer>:<i>`` (positive where the observer exists). Candidates and spots of
-        other modules do not matter.
+        and ``guard:<observer>:<i>`` (positive where the observer exists). Candidates and spots
+        that reach no observer of this module do not matter.
         """
 
-    def free_form(self, spot: str, features: tuple[tuple[str, str], ...]) -> Candidate:
-        """An additive term at a spot without physics behind it; see runtime/mismatch/free_form."""
+    def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
+        """An additive term at a spot without physics behind it.
+
+        `features` are products of readings such as ``A.T`` or ``A.T*A.dp``, each reading less its
+        median and over its spread. The same call gives the same candidate.
+        """
 
     def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
         """The equation of a place with candidates built in, as text."""

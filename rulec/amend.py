@@ -1,0 +1,305 @@
+"""Build a law into a module type: the place that it joins stands on its plain self from then on.
+
+A definition ``Q_law`` is renamed ``Q_law_plain``, and a new ``Q_law`` is the law over it; the
+equation of an observer becomes a definition; for a signal there is a new definition of what its
+reading should be, which stands wherever the reading stood. The result is a module type like any
+other: it is lowered for the analysis, written as YAML, and compiled.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from rulec.knowledge import Definition, ModuleType, Parameter
+from rulec.language.expression import GATHER, Expression, exponent_of, function_of, parse
+
+SHORT = 60
+"""A plain law with drivers replaced stands inside the new law up to this length."""
+
+LONGEST_NAME = 36
+"""Names are cut to this, so that a number behind them fits."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A law to be built in at some places, ``(kind, name)`` each.
+
+    `kind` is ``definition``, ``observer`` or ``signal``. The law stands over ``law`` (the plain
+    value), `substitutes` (see `EffectLaw`), `drivers` (own signals, or plan inputs such as ``B.T``)
+    and `parameters`, whose plan inputs are in `ids`.
+    """
+
+    places: tuple[tuple[str, str], ...]
+    law: Expression
+    drivers: Mapping[str, str]
+    parameters: Mapping[str, Parameter]
+    ids: Mapping[str, str]
+    substitutes: Mapping[str, Mapping[str, Expression]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Amended:
+    """A module type with changes built in.
+
+    `inputs` maps local parameters that were brought in to plan inputs, `outside` local names to
+    plan inputs that are no signals of the module; `corrected` maps signals to the definition of
+    what they should read. `made` are the definitions that no author wrote, `raw` those of them that
+    stand over readings as they are.
+    """
+
+    type: ModuleType
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    outside: Mapping[str, str] = field(default_factory=dict)
+    corrected: Mapping[str, str] = field(default_factory=dict)
+    made: frozenset[str] = frozenset()
+    raw: frozenset[str] = frozenset()
+
+
+def amend(amended: Amended, change: Change) -> Amended:
+    """Build one more change in; raises `Rejected` where no equation can be written for it."""
+    names: dict[str, ast.expr] = {}
+    parameters, inputs = dict(amended.type.parameters), dict(amended.inputs)
+    taken = _taken(amended)
+    for name, parameter in change.parameters.items():
+        local = fresh(name, taken)
+        parameters[local] = replace(parameter, name=local)
+        inputs[local] = change.ids[name]
+        names[name] = _name(local)
+        taken.add(local)
+    outside = dict(amended.outside)
+    for driver, source in change.drivers.items():
+        if source not in amended.type.signals:
+            names[driver] = _name(_outside(outside, source, taken))
+    kind = replace(amended.type, parameters=parameters)
+    result = replace(amended, type=kind, inputs=inputs, outside=outside)
+    for place_kind, place in change.places:
+        result = _JOIN[place_kind](result, change, place, names)
+    return result
+
+
+def _outside(outside: dict[str, str], source: str, taken: set[str]) -> str:
+    """Local name of a plan input that is not the module's own."""
+    known = next((name for name, input_ in outside.items() if input_ == source), None)
+    if known is not None:
+        return known
+    local = fresh(source.replace(".", "_"), taken)
+    outside[local] = source
+    taken.add(local)
+    return local
+
+
+def _taken(amended: Amended) -> set[str]:
+    kind = amended.type
+    names = {*kind.signals, *kind.parameters, *kind.definitions, *kind.observers, *kind.provides}
+    return {*names, *amended.outside}
+
+
+def fresh(name: str, taken: Iterable[str]) -> str:
+    """The name, with a number behind it if it is taken."""
+    used, name = set(taken), name[:LONGEST_NAME]
+    tried, count = name, 1
+    while tried in used:
+        count += 1
+        tried = f"{name}_{count}"
+    return tried
+
+
+def _own(amended: Amended, change: Change) -> dict[str, ast.expr]:
+    """Names of the own signals that drive, as what they should read where that is known."""
+    signals = amended.type.signals
+    return {
+        driver: _name(amended.corrected.get(source, source))
+        for driver, source in change.drivers.items()
+        if source in signals
+    }
+
+
+def _join_definition(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Amended:
+    old = amended.type.definitions[place]
+    writer = _Writer(amended, {**_own(amended, change), **names}, place, old.expression)
+    return writer.put_in(change)
+
+
+def _join_observer(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Amended:
+    old = amended.type.observers[place]
+    writer = _Writer(amended, {**_own(amended, change), **names}, place, old.expression)
+    law = writer.law(change)
+    plain = Definition(writer.plain, old.expression, f"{place}, plain law")
+    brought = {plain.name: plain, **writer.copies}
+    changed = replace(
+        amended.type,
+        definitions={**amended.type.definitions, **brought},
+        observers={**amended.type.observers, place: replace(old, expression=law)},
+    )
+    return replace(amended, type=changed, made=amended.made | brought.keys())
+
+
+def _join_signal(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Amended:
+    """The law of a sensor stands over raw readings: two corrections need not wait on each other."""
+    kind = amended.type
+    raw = {d: _name(s) for d, s in change.drivers.items() if s in kind.signals}
+    if place in amended.corrected:
+        true = amended.corrected[place]
+        old = kind.definitions[true]
+        writer = _Writer(amended, {**raw, **names}, true, old.expression)
+        result = writer.put_in(change)
+        return replace(result, raw=result.raw | {writer.plain, *writer.copies})
+    true = fresh(f"{place}_true", _taken(amended))
+    law = _written(replaced(change.law.tree, {**raw, **names, "law": _name(place)}))
+    there = {place: _name(true)}
+    definitions = {
+        name: d if name in amended.raw else replace(d, expression=_over(d.expression, there))
+        for name, d in kind.definitions.items()
+    }
+    observers = {
+        name: replace(o, expression=_over(o.expression, there))
+        for name, o in kind.observers.items()
+    }
+    first = {true: Definition(true, law, f"what {place} should read")}
+    return replace(
+        amended,
+        type=replace(kind, definitions={**first, **definitions}, observers=observers),
+        corrected={**amended.corrected, place: true},
+        made=amended.made | {true},
+        raw=amended.raw | {true},
+    )
+
+
+_JOIN = {"definition": _join_definition, "observer": _join_observer, "signal": _join_signal}
+
+
+class _Writer:
+    """Writes the law of a change over the plain law of one place."""
+
+    def __init__(
+        self, amended: Amended, names: Mapping[str, ast.expr], place: str, old: Expression
+    ) -> None:
+        self._amended, self._names, self._place, self._old = amended, names, place, old
+        self._taken = _taken(amended)
+        self.plain = fresh(f"{place}_plain", self._taken)
+        self._taken.add(self.plain)
+        self.copies: dict[str, Definition] = {}
+
+    def law(self, change: Change) -> Expression:
+        table = {**self._names, "law": _name(self.plain)}
+        for key, drivers in change.substitutes.items():
+            table[key] = self._substituted(change, drivers)
+        return _written(replaced(change.law.tree, table))
+
+    def put_in(self, change: Change) -> Amended:
+        """The law put in where a definition stood; that one keeps its place under a new name."""
+        kind, law = self._amended.type, self.law(change)
+        old = kind.definitions[self._place]
+        definitions: dict[str, Definition] = {}
+        for name, definition in kind.definitions.items():
+            if name == self._place:
+                plain = Definition(self.plain, old.expression, f"{old.title}, plain law")
+                definitions |= {self.plain: plain, **self.copies}
+                definition = replace(old, expression=law)
+            definitions[name] = definition
+        made = self._amended.made | {self.plain, *self.copies}
+        return replace(self._amended, type=replace(kind, definitions=definitions), made=made)
+
+    def _substituted(self, change: Change, drivers: Mapping[str, Expression]) -> ast.expr:
+        """The plain law with drivers replaced; what it stands on is written out or copied."""
+        table: dict[str, ast.expr | None] = {}
+        for driver, by in drivers.items():
+            own = self._names[driver]
+            assert isinstance(own, ast.Name), "checked when the effect was matched"
+            table[own.id] = replaced(by.tree, self._names)
+        shown = ", ".join(f"{driver}={by}" for driver, by in drivers.items())
+
+        def copy(name: str, expression: Expression) -> ast.expr | None:
+            """None where no replaced driver stands in it."""
+            for used, _ in expression.names():
+                definition = self._amended.type.definitions.get(used)
+                if used not in table and definition is not None:
+                    table[used] = copy(used, definition.expression)
+            inner = {n: t for n, _ in expression.names() if (t := table.get(n)) is not None}
+            if not inner:
+                return None
+            return self._short(replaced(expression.tree, inner), name, shown)
+
+        return copy(self._place, self._old) or _name(self.plain)
+
+    def _short(self, tree: ast.expr, name: str, shown: str) -> ast.expr:
+        """The tree itself, or the name of a new definition that holds it."""
+        if len(text_of(tree)) <= SHORT:
+            return tree
+        local = fresh(f"{name}_at", self._taken)
+        self._taken.add(local)
+        self.copies[local] = Definition(local, _written(tree), f"{name} where {shown}")
+        return _name(local)
+
+
+def _over(expression: Expression, table: Mapping[str, ast.expr]) -> Expression:
+    """The expression with names replaced; itself if none of them stands in it."""
+    if not any(name in table for name, _ in expression.names()):
+        return expression
+    return _written(replaced(expression.tree, table))
+
+
+def _written(tree: ast.expr) -> Expression:
+    """A tree as an expression of the language, with its text; raises `Rejected`."""
+    return parse(text_of(tree))
+
+
+def text_of(tree: ast.expr) -> str:
+    """A tree as text, written as in kb/: products without blanks.
+
+    >>> text_of(ast.parse("a-b*c**2", mode="eval").body)
+    'a - b*c**2'
+    """
+    return re.sub(r" (\*\*?|/) ", r"\1", ast.unparse(tree))
+
+
+def _name(name: str) -> ast.Name:
+    return ast.Name(id=name, ctx=ast.Load())
+
+
+def replaced(node: ast.expr, table: Mapping[str, ast.expr]) -> ast.expr:
+    """A tree with names replaced by trees; what a zero makes vanish is left out.
+
+    >>> ast.unparse(replaced(parse("a - b*p**2").tree, {"p": ast.Constant(0)}))
+    'a'
+    """
+    match node:
+        case ast.Name(id=name):
+            return table.get(name, node)
+        case ast.Call(func=function, args=arguments) if function_of(node) != GATHER:
+            return ast.Call(function, [replaced(a, table) for a in arguments], [])
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = replaced(operand, table)
+            return inner if _is_zero(inner) else ast.UnaryOp(op, inner)
+        case ast.BinOp(left=left, op=ast.Pow() as op, right=power):
+            base = replaced(left, table)
+            positive = (exponent_of(power) or 0) > 0
+            return base if _is_zero(base) and positive else ast.BinOp(base, op, power)
+        case ast.BinOp(left=left, op=op, right=right):
+            return _without_zero(replaced(left, table), op, replaced(right, table))
+    return node
+
+
+def _without_zero(left: ast.expr, op: ast.operator, right: ast.expr) -> ast.expr:
+    if isinstance(op, ast.Mult) and (_is_zero(left) or _is_zero(right)):
+        return ast.Constant(0)
+    if isinstance(op, ast.Div) and _is_zero(left) and not _is_zero(right):
+        return left
+    if isinstance(op, ast.Add) and _is_zero(left):
+        return right
+    if isinstance(op, ast.Add | ast.Sub) and _is_zero(right):
+        return left
+    return ast.BinOp(left, op, right)
+
+
+def _is_zero(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and node.value == 0

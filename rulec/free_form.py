@@ -1,0 +1,79 @@
+"""A term that no physics stands behind: a sum of products of readings, added at a place."""
+
+from __future__ import annotations
+
+import math
+
+from rulec.amend import Change
+from rulec.knowledge import Origin, Parameter
+from rulec.language.expression import parse
+from rulec.language.units import UNKNOWN, Unit
+from rulec.match_effects import Matched
+from runtime.mismatch.candidate import Candidate, Spot, Unknown
+
+MEDIAN = (0.5,)
+SPREAD = (0.16, 0.84)
+"""Quantiles of a normal distribution one standard deviation below and above its middle."""
+
+
+def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
+    """The candidate of an additive term; coefficients in the unit of the place."""
+    signals = list(dict.fromkeys(s for f in features for s in f.split("*")))
+    drivers = {f"x{i}": s for i, s in enumerate(signals, 1)}
+    names = {s: n for n, s in drivers.items()}
+    terms = [_term(i, [names[s] for s in f.split("*")]) for i, f in enumerate(features, 1)]
+    law = parse(f"law + {' + '.join(terms)}")
+    unknowns = [_coefficient(id_, i, f, spot) for i, f in enumerate(features, 1)]
+    for name, signal in drivers.items():
+        unknowns.append(_statistic(id_, f"{name}_m", f"median of {signal}", signal, MEDIAN))
+        unknowns.append(_statistic(id_, f"{name}_s", f"spread of {signal}", signal, SPREAD))
+    candidate = Candidate(
+        id_,
+        "free",
+        "free-form",
+        "dependence that no entry names",
+        spot.module,
+        spot.place,
+        spot.observers,
+        tuple(unknowns),
+        drivers,
+        f"{spot.place} = {law}",
+        f"{spot.title} of {spot.module} follows {', '.join(signals)} in a way that no entry names",
+        "",
+        "",
+    )
+    change = Change(
+        ((spot.kind, spot.place),),
+        law,
+        {n: s.removeprefix(f"{spot.module}.") for n, s in drivers.items()},
+        {u.name: _parameter(u) for u in unknowns},
+        {u.name: u.id for u in unknowns},
+    )
+    return Matched(candidate, change)
+
+
+def _term(number: int, readings: list[str]) -> str:
+    return "*".join([f"c{number}", *(f"(({x} - {x}_m)/{x}_s)" for x in readings)])
+
+
+def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
+    name, title = f"c{number}", f"share that follows {feature}"
+    return Unknown(
+        f"{id_}.{name}", name, title, spot.unit, spot.factor, 0.0, 0.0,
+        -math.inf, math.inf, (), (), None, False,
+    )  # fmt: skip
+
+
+def _statistic(
+    id_: str, name: str, title: str, signal: str, quantiles: tuple[float, ...]
+) -> Unknown:
+    """A number that comes from the readings of a signal alone, SI."""
+    return Unknown(
+        f"{id_}.{name}", name, title, "SI", 1.0, 0.0, None,
+        -math.inf, math.inf, (), quantiles, signal, True,
+    )  # fmt: skip
+
+
+def _parameter(unknown: Unknown) -> Parameter:
+    unit = Unit(unknown.unit, unknown.factor, UNKNOWN)
+    return Parameter(unknown.name, 0.0, 0.0, unit, True, unknown.title, Origin("", 0))

@@ -1,0 +1,315 @@
+"""What a plant may leave out, and where: effects, faults and sensor errors matched to places.
+
+Effects find places by what equations are, never by name: a join asks for a dimension and for the
+sign of a slope. The result is data for the analysis, with the change of the module type that
+each candidate stands for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import sympy
+
+from rulec.amend import Amended, Change, amend
+from rulec.binding import Binder, Binding, drivers_of, names_of
+from rulec.differentiate import Models, TypeFault, law_of
+from rulec.equation_text import equation_of
+from rulec.knowledge import Effect, EffectParameter, Join, Knowledge, Origin, Parameter, Variant
+from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.invert import invert
+from rulec.language.units import NONE, VOLUME_FLOW, Unit
+from rulec.places import Site, Survey, sites_of, survey
+from rulec.plant import Module, Plant
+from runtime.mismatch.candidate import Candidate, Missing, Unknown
+
+PERCENT = Unit("%", 0.01, NONE)
+
+TRIED = 0.1
+"""Degree of a fault from which a search starts, or half of the highest if that is less."""
+
+
+Equations = dict[tuple[object, ...], str | None]
+"""Repaired equations by type and change: they are the same for all instances of a type."""
+
+
+@dataclass(frozen=True)
+class Matched:
+    """A candidate, and the change of its module's type that it stands for."""
+
+    candidate: Candidate
+    change: Change
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Everything that fits some place of a plant, and what would with one more sensor."""
+
+    models: Models
+    sites: Mapping[str, tuple[Site, ...]]
+    candidates: tuple[Matched, ...]
+    missing: tuple[Missing, ...]
+
+
+def match_effects(models: Models, readings: Mapping[str, float]) -> Matches:
+    """Match effects and faults to all modules; `readings` are those of the reference point, SI."""
+    network = models.residuals.network
+    around = survey(network, readings)
+    binder = Binder(network)
+    sites = {m.name: sites_of(around, m) for m in network.plant.modules.values()}
+    found: list[Matched] = []
+    missing: list[Missing] = []
+    equations: Equations = {}
+    for module in network.plant.modules.values():
+        matcher = _Matcher(models, around, binder, module, sites[module.name], equations)
+        found += matcher.faults()
+        for effect in network.plant.knowledge.effects.values():
+            found += matcher.joined(effect, missing)
+    return Matches(models, sites, tuple(found), tuple(dict.fromkeys(missing)))
+
+
+def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
+    """Places that a join asks for, of those that stand on one another only the innermost."""
+    if join.reads:
+        kind = module.type.signals
+        signals = (s for s in sites if s.kind == "signal" and s.observers)
+        return [s for s in signals if join.reads in ("any", kind[s.name].quantity)]
+    wanted = knowledge.units.quantities[join.gives]
+    fitting = [
+        s
+        for s in sites
+        if s.kind != "signal"
+        and s.observers
+        and s.reads
+        and s.dimension == wanted
+        and s.measured == join.measured
+        and not _is_reference(s, module)
+        and _is_estimate(s)
+    ]
+    inner = {s.name for s in fitting if s.kind == "definition"}
+    return [
+        s for s in fitting if not s.uses & (inner - {s.name} if s.kind != "observer" else inner)
+    ]
+
+
+def _is_reference(site: Site, module: Module) -> bool:
+    return site.kind == "observer" and module.type.observers[site.name].is_reference
+
+
+def _is_estimate(site: Site) -> bool:
+    """A flow that is taken off an estimate, such as a slip, is no relation of its own."""
+    return site.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in site.moves.values())
+
+
+class _Matcher:
+    """Matches knowledge to one module."""
+
+    def __init__(
+        self,
+        models: Models,
+        around: Survey,
+        binder: Binder,
+        module: Module,
+        sites: tuple[Site, ...],
+        equations: Equations,
+    ) -> None:
+        self._models, self._binder, self._equations = models, binder, equations
+        self._plant = around.network.plant
+        self._module, self._sites = module, {site.key: site for site in sites}
+
+    def joined(self, effect: Effect, missing: list[Missing]) -> Iterator[Matched]:
+        """Candidates of an effect; what lacks a reading is added to `missing`."""
+        taken: set[tuple[str, str]] = set()
+        knowledge = self._plant.knowledge
+        for join in effect.joins:
+            for site in matching(join, self._sites.values(), knowledge, self._module):
+                if site.key in taken:
+                    continue
+                bindings = list(self._binder.bindings(self._module.name, site, effect, join))
+                for binding in bindings:
+                    missing += self._missing(effect, site, binding)
+                    if not binding.missing:
+                        several = len(bindings) > 1
+                        made = self._candidate(effect, join, site, binding, several)
+                        taken |= {site.key} if made else set()
+                        yield from made
+
+    def _missing(self, effect: Effect, site: Site, binding: Binding) -> Iterator[Missing]:
+        for name in binding.missing:
+            driver = effect.drivers[name]
+            sensor = cheapest_sensor(self._plant, driver.quantity)
+            yield Missing(
+                effect.name, effect.title, self._module.name, site.name, driver.quantity, sensor
+            )
+
+    def _candidate(
+        self, effect: Effect, join: Join, site: Site, binding: Binding, several: bool
+    ) -> list[Matched]:
+        """The candidate, or none where the law has no value there."""
+        id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
+        if several:
+            id_ += f"({', '.join(binding.signals.values())})"
+        used = names_of(join)
+        parameters = {name: p for name, p in effect.parameters.items() if name in used}
+        change = Change(
+            (site.key,),
+            join.law.expression,
+            {n: s for n, s in binding.signals.items() if n in used},
+            {n: _parameter(p, effect.origin) for n, p in parameters.items()},
+            {n: f"{id_}.{n}" for n in parameters},
+            join.law.substitutes,
+        )
+        drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
+        unknowns = tuple(_unknown(f"{id_}.{n}", p, drivers) for n, p in parameters.items())
+        equation = self._equation(change, site.key)
+        if equation is None:
+            return []
+        candidate = Candidate(
+            id_,
+            effect.sort,
+            effect.name,
+            effect.title,
+            self._module.name,
+            site.name,
+            site.observers,
+            unknowns,
+            drivers,
+            equation,
+            self._text(effect.text, {**drivers, "place": site.name}),
+            effect.action,
+            effect.origin.source,
+        )
+        return [Matched(candidate, change)]
+
+    def _place(self, site: Site) -> str:
+        """Name of a place; with its kind where a definition has the name of an observer."""
+        twin = site.kind == "observer" and ("definition", site.name) in self._sites
+        return f"{site.name}.{site.kind}" if twin else site.name
+
+    def _id(self, signal: str) -> str:
+        own = signal in self._module.type.signals
+        return f"{self._module.name}.{signal}" if own else signal
+
+    def _equation(self, change: Change, place: tuple[str, str]) -> str | None:
+        """The repaired equation; None where the language has none, as for a division by zero."""
+        kind = self._module.type
+        key = (
+            kind.key,
+            change.places,
+            change.law.text,
+            str(change.substitutes),
+            *change.drivers.items(),
+        )
+        if key not in self._equations:
+            try:
+                amended = amend(Amended(kind), change)
+            except Rejected:
+                self._equations[key] = None
+            else:
+                self._equations[key] = equation_of(amended, place)
+        return self._equations[key]
+
+    def _text(self, text: str, slots: Mapping[str, str]) -> str:
+        titles = [m.title for m in self._plant.modules.values()]
+        unique = titles.count(self._module.title) == 1
+        name = self._module.title if unique else self._module.name
+        for slot, value in {"module": name, **slots}.items():
+            text = text.replace(f"{{{slot}}}", value)
+        return text
+
+    def faults(self) -> Iterator[Matched]:
+        """Faults of the module, undone by a degree."""
+        for fault in self._models.types[self._module.type.key].faults:
+            yield self._fault(fault)
+
+    def _fault(self, fault: TypeFault) -> Matched:
+        id_ = f"{self._module.name}.{fault.id}"
+        kind, variant = fault.fault, fault.variant
+        places: tuple[tuple[str, str], ...] = ((kind.acts_on, fault.target),)
+        if kind.acts_on == "flow":
+            places = tuple(("observer", name) for name in fault.affects)
+        x = Parameter("x", 0.0, 0.0, Unit("1", 1.0, NONE), True, variant.meaning, kind.origin)
+        change = Change(places, undoing(variant, kind.acts_on), {}, {"x": x}, {"x": f"{id_}.x"})
+        observers = [o for place in places for o in self._sites[place].observers]
+        target = f"{self._module.name}.{fault.target}"
+        slots = {"where": target, "variant": variant.title, "degree": "{x}"}
+        start = min(TRIED, variant.highest / 2)
+        unknown = Unknown(
+            f"{id_}.x", "x", variant.meaning, PERCENT.text, PERCENT.factor, 0.0, 0.0,
+            float(variant.lowest), float(variant.highest), (start,), (), None, False,
+        )  # fmt: skip
+        candidate = Candidate(
+            id_,
+            "fault",
+            kind.name,
+            f"{target} {variant.title}" if variant.name else kind.title,
+            self._module.name,
+            places[0][1],
+            tuple(dict.fromkeys(observers)),
+            (unknown,),
+            {},
+            self._equation(change, places[0]) or "",
+            self._text(kind.text, slots),
+            kind.action,
+            kind.origin.source,
+        )
+        return Matched(candidate, change)
+
+
+def undoing(variant: Variant, acts_on: str) -> Expression:
+    """What should be there, over ``law`` (what is there) and the degree ``x``.
+
+    A flow fault takes away behind the observer, whose flow is what should be there.
+    """
+    g, x, law = (sympy.Symbol(name, real=True) for name in ("g", "x", "law"))
+    if acts_on == "flow":
+        return parse(sympy.sstr(law_of(variant, law, x)))
+    solved = invert(law_of(variant, g, x), g, law)
+    assert solved is not None, "checked when the fault was read"
+    return parse(sympy.sstr(solved))
+
+
+def cheapest_sensor(plant: Plant, quantity: str) -> str:
+    """Title of the class of sensors that a reading of a quantity would cost least with.
+
+    A class is known for a quantity by its own word, by a signal that has it, or by its unit.
+    """
+    knowledge = plant.knowledge
+    wanted = knowledge.units.quantities[quantity]
+    used = {s.sensor for m in knowledge.modules.values() for s in m.signals.values()
+            if s.quantity == quantity}  # fmt: skip
+    ranked = [
+        [s for s in knowledge.sensors.values() if s.measures == quantity],
+        [s for s in knowledge.sensors.values() if s.name in used],
+        [s for s in knowledge.sensors.values() if wanted != NONE and s.unit.dimension == wanted],
+    ]
+    known = next((sensors for sensors in ranked if sensors), [])
+    return min(((s.cost, s.title) for s in known), default=(0.0, ""))[1]
+
+
+def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
+    """A parameter as a module type has it; its value comes from the analysis."""
+    null, unit = parameter.null or 0.0, parameter.unit
+    fit = not parameter.fixed
+    return Parameter(parameter.name, null, 0.0, unit, fit, parameter.title, origin)
+
+
+def _unknown(id_: str, parameter: EffectParameter, drivers: Mapping[str, str]) -> Unknown:
+    driver = drivers[parameter.driver] if parameter.driver else None
+    unit = parameter.unit
+    return Unknown(
+        id_,
+        parameter.name,
+        parameter.title,
+        unit.text,
+        unit.factor,
+        unit.offset,
+        parameter.null,
+        parameter.lowest,
+        parameter.highest,
+        parameter.starts,
+        parameter.quantiles,
+        driver,
+        parameter.fixed,
+    )

@@ -1,0 +1,183 @@
+"""Modules with candidates built in, as plans for the analysis of a mismatch.
+
+This is what the compiler hands to the runtime for one plant: everything that may be missing where,
+and any combination of it as a plan. Plans are made when they are asked for, and kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from rulec.amend import Amended, amend
+from rulec.differentiate import Models
+from rulec.equation_text import equation_of
+from rulec.free_form import free_form
+from rulec.knowledge import Parameter
+from rulec.lower import Lowering, lower_module, parameter_id
+from rulec.match_effects import Matched, Matches, match_effects
+from rulec.pipeline import PASSES, run_passes, up_to
+from rulec.places import survey
+from rulec.read import read_plant
+from rulec.spots import shift_of, spots_of
+from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
+from runtime.plan import Plan
+from runtime.ruleset import Ruleset
+
+
+def open_workshop(path: Path) -> tuple[Ruleset, PlantWorkshop]:
+    """Compile a plant, and open its workshop; raises `Refused` with all mistakes in it."""
+    symbolic = up_to("differentiate")
+    sources = read_plant(path, effects=True)
+    models: Models = run_passes(sources, symbolic[1:])
+    ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
+    return ruleset, PlantWorkshop(models, reference_readings(models, ruleset))
+
+
+def reference_readings(models: Models, ruleset: Ruleset) -> dict[str, float]:
+    """Readings of all signals at the reference point, SI; what no estimate reads, by guess."""
+    read = {signal for observer in ruleset.observers for signal in observer.signals}
+    solved = {s.id: s.reference for s in ruleset.signals if s.id in read}
+    result = {}
+    for module in models.residuals.network.plant.modules.values():
+        for signal in module.type.signals.values():
+            known = module.reference.get(signal.name)
+            if known is None:
+                known = ((signal.lowest or 0.0) + (signal.highest or 2.0)) / 2
+            name = f"{module.name}.{signal.name}"
+            result[name] = solved.get(name, known)
+    return result
+
+
+class PlantWorkshop:
+    """The workshop of one plant; see `Workshop` of the runtime."""
+
+    def __init__(self, models: Models, readings: Mapping[str, float]) -> None:
+        self._models, self._readings = models, readings
+        self._network = models.residuals.network
+        self._free: dict[str, Matched] = {}
+        self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
+
+    @cached_property
+    def matches(self) -> Matches:
+        """What could be left out where."""
+        return match_effects(self._models, self._readings)
+
+    @cached_property
+    def parameters(self) -> BaseParameters:
+        """Uncertain parameters of all modules, with their joint covariance, and constants."""
+        return _base_parameters(self._models)
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every explanation that fits some place, by module."""
+        return tuple(m.candidate for m in self.matches.candidates)
+
+    @property
+    def missing(self) -> tuple[Missing, ...]:
+        """Effects that lack a driver."""
+        return self.matches.missing
+
+    @cached_property
+    def spots(self) -> tuple[Spot, ...]:
+        """Places to look at before naming."""
+        around = survey(self._network, self._readings)
+        modules = self._network.plant.modules.values()
+        return tuple(s for m in modules for s in spots_of(around, m, self.matches.sites[m.name]))
+
+    def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
+        """The observers of a module with candidates and spots built in.
+
+        Those that reach no observer of the module do not matter.
+        """
+        joined = tuple(c for c in joined if self._reaches(self._of(c).candidate, module))
+        spots = tuple(s for s in spots if self._reaches(self._spot_by_id[s], module))
+        key = module, joined, spots
+        if key not in self._plans:
+            shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
+            owners = dict.fromkeys(self._of(c).candidate.module for c in joined)
+            amended = {owner: self.amended(owner, joined) for owner in owners}
+            what = Lowering(self._network, amended, shifts)
+            self._plans[key] = lower_module(what, module)
+        return self._plans[key]
+
+    def amended(self, module: str, joined: Iterable[str]) -> Amended:
+        """The type of a module with its own candidates built in, in order."""
+        result = Amended(self._network.plant.modules[module].type)
+        for name in joined:
+            matched = self._of(name)
+            if matched.candidate.module == module:
+                result = amend(result, matched.change)
+        return result
+
+    def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
+        """The equation of a place with candidates built in, in local names."""
+        amended = self.amended(module, joined)
+        kind = next(
+            (k for c in joined for k, n in self._of(c).change.places if n == place), None
+        ) or _kind_of(amended, place)
+        return equation_of(amended, (kind, place))
+
+    def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
+        """An additive term at a spot without physics behind it.
+
+        `features` are products of readings such as ``A.T`` or ``A.T*A.dp``, each reading less its
+        median and over its spread. The same call gives the same candidate.
+        """
+        id_ = f"{spot}[{', '.join(features)}]"
+        if id_ not in self._free:
+            self._free[id_] = free_form(self._spot_by_id[spot], id_, features)
+        return self._free[id_].candidate
+
+    def _of(self, candidate: str) -> Matched:
+        return self._free.get(candidate) or self._matched_by_id[candidate]
+
+    @cached_property
+    def _matched_by_id(self) -> dict[str, Matched]:
+        return {m.candidate.id: m for m in self.matches.candidates}
+
+    @cached_property
+    def _spot_by_id(self) -> dict[str, Spot]:
+        return {s.id: s for s in self.spots}
+
+    @staticmethod
+    def _reaches(what: Candidate | Spot, module: str) -> bool:
+        return any(o.split(".")[0] == module for o in what.observers)
+
+
+def _kind_of(amended: Amended, place: str) -> str:
+    if place in amended.type.definitions:
+        return "definition"
+    return "observer" if place in amended.type.observers else "signal"
+
+
+def _base_parameters(models: Models) -> BaseParameters:
+    """Uncertain parameters may be moved, correlated as their calibration says."""
+    plant = models.residuals.network.plant
+    constants: dict[str, float] = {}
+    moved: dict[str, Parameter] = {}
+    for module in plant.modules.values():
+        joint = {name for block in module.blocks for name in block.parameters}
+        for name, parameter in module.parameters.items():
+            if parameter.u or name in joint:
+                moved[parameter_id(module, name)] = parameter
+            else:
+                constants[parameter_id(module, name)] = parameter.value
+    place = {name: i for i, name in enumerate(moved)}
+    covariance = np.diag([p.u**2 for p in moved.values()])
+    for module in plant.modules.values():
+        for block in module.blocks:
+            rows = [place[parameter_id(module, name)] for name in block.parameters]
+            factor = np.array(block.factor)
+            covariance[np.ix_(rows, rows)] = factor @ factor.T
+    return BaseParameters(
+        tuple(moved),
+        tuple(p.unit.text for p in moved.values()),
+        np.array([p.unit.factor for p in moved.values()]),
+        np.array([p.value for p in moved.values()]),
+        covariance,
+        constants,
+    )

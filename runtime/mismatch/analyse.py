@@ -1,0 +1,270 @@
+"""From a recording to an answer: the steps of the comparison in order."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from runtime.mismatch.candidate import Workshop
+from runtime.mismatch.fit import Fitted
+from runtime.mismatch.hidden import Reconstruction, described
+from runtime.mismatch.interval import confounded
+from runtime.mismatch.locate import noise_scale, region_of, variables_of
+from runtime.mismatch.predict import Predictor, predictor_for
+from runtime.mismatch.prepare import HELDOUT, Data, prepare
+from runtime.mismatch.prove import Proof, prove
+from runtime.mismatch.rest import rest_of
+from runtime.mismatch.result import Changed, Curves, Finding, HiddenDriver, Location, Mismatch
+from runtime.mismatch.rows import rows_of
+from runtime.mismatch.search import Search, search
+from runtime.mismatch.setting import ERROR, Setting
+from runtime.mismatch.system import System
+from runtime.mismatch.tell import findings_of, location_of
+from runtime.mismatch.verdict import headline_of, next_step, verdict_of
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+
+FEWEST = 12
+"""Settled points below which nothing can be compared."""
+
+Progress = Callable[[str], None]
+
+
+def analyse(
+    recording: Recording,
+    ruleset: Ruleset,
+    workshop: Workshop,
+    *,
+    heldout: Sequence[tuple[float, float]] = (),
+    progress: Progress | None = None,
+) -> Mismatch:
+    """Compare a recording with the model of its plant: is there a mismatch, where, what, proof.
+
+    Parameters
+    ----------
+    heldout : spans of time, s, that are opened once, at the end; without them, blocks are set
+        aside.
+    progress : is told what is being done.
+    """
+    begin = time.perf_counter()
+    tell: Progress = progress or (lambda text: None)
+    tell("finding settled points")
+    data = prepare(recording, ruleset, heldout)
+    count = 0 if data is None else int(data.open.sum())
+    if data is None or count < FEWEST:
+        why = f"{count} settled points; at least {FEWEST} are needed"
+        return _cannot(recording, ruleset, data, why, begin)
+    system = System(ruleset, workshop, data)
+    rows = rows_of(system, Setting())
+    if rows.groups < FEWEST:
+        why = "no two estimates of one flow can be compared with the readings of this recording"
+        return _cannot(recording, ruleset, data, why, begin)
+    found = search(rows, tell)
+    tell("looking at what is left")
+    found, hidden = rest_of(found)
+    tell("working out uncertainties")
+    findings = findings_of(found.best, found.accepted)
+    tell("opening the held-out blocks")
+    predictor = _predictor(system, findings, hidden)
+    proof = prove(predictor, found.best.fitted) if predictor else None
+    return _answer(recording, found, findings, predictor, proof, hidden, begin)
+
+
+def _predictor(
+    system: System, findings: Sequence[Finding], hidden: Reconstruction | None
+) -> Predictor | None:
+    """The reading in whose unit errors are told: one that the first finding moves."""
+    candidates = {c.id: c for c in system.workshop.candidates}
+    places: list[tuple[tuple[str, ...], frozenset[str]]] = []
+    for finding in findings:
+        if finding.id in candidates:
+            candidate = candidates[finding.id]
+            places.append((candidate.observers, frozenset(candidate.drivers.values())))
+    if hidden is not None:
+        places.append((hidden.suspect.spot.observers, frozenset()))
+    places.append((tuple(o.id for o in system.observers), frozenset()))
+    found = (predictor_for(system, *place) for place in places)
+    return next((p for p in found if p is not None), None)
+
+
+def _answer(
+    recording: Recording,
+    found: Search,
+    findings: tuple[Finding, ...],
+    predictor: Predictor | None,
+    proof: Proof | None,
+    hidden: Reconstruction | None,
+    begin: float,
+) -> Mismatch:
+    fitted = found.best.fitted
+    system = fitted.rows.system
+    ruleset = system.ruleset
+    locations = tuple(location_of(found.best, f) for f in findings)
+    driver = _driver(system, hidden) if hidden is not None else None
+    if hidden is not None:
+        locations = (*locations, _location(system, hidden))
+    verdict = verdict_of(findings, hidden is not None)
+    parameters = system.workshop.parameters.ids
+    names = [n for n in fitted.prior.names if n in parameters or not n.startswith(ERROR)]
+    chosen = [fitted.prior.names.index(n) for n in names]
+    return Mismatch(
+        ruleset.plant,
+        ruleset.title,
+        "",
+        verdict,
+        headline_of(verdict, findings, locations),
+        locations,
+        findings,
+        proof.fit if proof else None,
+        confounded(fitted),
+        driver,
+        _untested(system, findings),
+        next_step(verdict, findings, driver, system.workshop.missing),
+        system.data.split,
+        system.data.digest,
+        _noise_told(fitted),
+        found.tried,
+        _notes(recording, proof),
+        fitted.setting.ids,
+        tuple(Changed(n, float(fitted.setting.values[n]), fitted.u(n)) for n in names),
+        fitted.covariance[np.ix_(chosen, chosen)],
+        _curves(system, predictor, proof, findings) if predictor and proof else None,
+        time.perf_counter() - begin,
+    )
+
+
+def _driver(system: System, hidden: Reconstruction) -> HiddenDriver:
+    spot = hidden.suspect.spot
+    lacking = [
+        m for m in system.workshop.missing if (m.module, m.place) == (spot.module, spot.place)
+    ]
+    lacking = lacking or [m for m in system.workshop.missing if m.module == spot.module]
+    text = (
+        f"what drives the error of {spot.module}.{spot.place} is not recorded; "
+        f"its course: {described(hidden.time, hidden.course)}"
+    )
+    return HiddenDriver(
+        spot.module,
+        spot.place,
+        text,
+        hidden.time,
+        hidden.course / spot.factor,
+        spot.unit,
+        tuple(dict.fromkeys(m.title for m in lacking)),
+        lacking[0].sensor if lacking else "",
+    )
+
+
+def _location(system: System, hidden: Reconstruction) -> Location:
+    suspect = hidden.suspect
+    contribution = suspect.course**2 * suspect.weight
+    return Location(
+        suspect.spot.module,
+        suspect.spot.place,
+        suspect.spot.title,
+        suspect.share,
+        region_of(system, contribution, variables_of(system, suspect.spot.module)),
+        (),
+    )
+
+
+def _untested(system: System, findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Ranges beyond which a repaired law was never tried."""
+    candidates = {c.id: c for c in system.workshop.candidates}
+    told: dict[str, None] = {}
+    for finding in findings:
+        if finding.id not in candidates or finding.sort not in ("physics", "ageing"):
+            continue
+        for name in candidates[finding.id].drivers.values():
+            signal = system.ruleset.signal_by_id.get(name)
+            if signal is not None:
+                values = system.data.values[name]
+                low, high = np.nanquantile(values, [0.0, 1.0])
+                low, high = ((v - signal.offset) / signal.factor for v in (low, high))
+                told[f"{name} below {low:.4g} or above {high:.4g} {signal.unit}"] = None
+    return tuple(told)
+
+
+def _noise_told(fitted: Fitted) -> str:
+    """Where the size of the noise comes from, and how large what is left is against it."""
+    source = (
+        "rows are settled points of their own; noise by the classes of the sensors"
+        if fitted.rows.system.data.of_rows
+        else "noise by the scatter of neighbouring samples"
+    )
+    local = noise_scale(fitted.rows, fitted.residual)
+    return (
+        f"{source}; neighbouring residuals scatter {local:.2g} times that, "
+        f"all residuals of the repaired model {fitted.scale:.2g} times"
+    )
+
+
+def _notes(recording: Recording, proof: Proof | None) -> tuple[str, ...]:
+    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+    if proof is not None and proof.faulty:
+        notes.append(
+            f"{proof.faulty} settled points lie in periods of faults; errors are those of the "
+            "others (in held-out blocks periods are found by the finished model)"
+        )
+    return tuple(notes)
+
+
+def _curves(
+    system: System, predictor: Predictor, proof: Proof, findings: Sequence[Finding]
+) -> Curves:
+    data, signal = system.data, predictor.signal
+
+    def shown(values: Array) -> Array:
+        result: Array = (values - signal.offset) / signal.factor
+        return result
+
+    module = findings[0].module if findings else signal.id.partition(".")[0]
+    drivers = {}
+    for name, values in variables_of(system, module).items():
+        spec = system.ruleset.signal_by_id.get(name)
+        if spec is not None and name != signal.id:
+            drivers[f"{name} [{spec.unit}]"] = (values - spec.offset) / spec.factor
+    return Curves(
+        data.time,
+        shown(data.values[signal.id]),
+        shown(proof.shipped),
+        shown(proof.recalibrated),
+        shown(proof.repaired),
+        data.part == HELDOUT,
+        drivers,
+        proof.judged,
+    )
+
+
+def _cannot(
+    recording: Recording, ruleset: Ruleset, data: Data | None, why: str, begin: float
+) -> Mismatch:
+    """The answer where nothing can be compared."""
+    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+    return Mismatch(
+        ruleset.plant,
+        ruleset.title,
+        "",
+        "cannot judge",
+        f"Cannot judge: {why}.",
+        (),
+        (),
+        None,
+        (),
+        None,
+        (),
+        next_step("cannot judge", (), None, ()),
+        data.split if data else "",
+        data.digest if data else "",
+        "",
+        0,
+        tuple(notes),
+        (),
+        (),
+        np.zeros((0, 0)),
+        None,
+        time.perf_counter() - begin,
+    )

@@ -1,0 +1,149 @@
+"""Which trial explains most on blocks that it was not fitted to, and whether rivals lose.
+
+Each model is fitted to the estimation blocks and judged on the selection blocks, and the other way
+round. Differences are taken block by block: neighbouring points are alike, blocks less so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.prepare import ESTIMATION, SELECTION
+from runtime.mismatch.screen import Trial, looks_at
+from runtime.mismatch.setting import Setting
+from runtime.plan import Array
+
+ROUGH = 5
+"""Steps of a refit that starts near its end."""
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A model with what it says of blocks it was not fitted to; `trial` is what it adds.
+
+    `blocks` shape (blocks,): log likelihood per block of time, each by the fit without it.
+    """
+
+    trial: Trial | None
+    fitted: Fitted
+    blocks: Array
+
+    def gain_over(self, other: Contestant) -> float:
+        """Gain in log likelihood on blocks not fitted to."""
+        return float(np.sum(self.blocks - other.blocks))
+
+    def certainty_over(self, other: Contestant) -> float:
+        """The same in standard deviations of its own scatter over blocks.
+
+        Source: Vuong 1989, with blocks of time for independent samples.
+        """
+        difference = (self.blocks - other.blocks)[self._judged]
+        spread = float(np.sqrt(len(difference) * np.var(difference, ddof=1) + 1.0))
+        return float(np.sum(difference)) / spread if len(difference) > 1 else 0.0
+
+    @cached_property
+    def _judged(self) -> np.ndarray:
+        data = self.fitted.rows.system.data
+        return np.unique(data.block[data.open])
+
+    def sureness_over(self, other: Contestant) -> float:
+        """The gain in standard deviations of what blocks scatter that have little part in it."""
+        difference = (self.blocks - other.blocks)[self._judged]
+        centre = float(np.median(difference))
+        spread = 1.4826 * float(np.median(np.abs(difference - centre)))
+        return float(np.sum(difference)) / float(np.sqrt(len(difference) * spread**2 + 1.0))
+
+
+def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
+    """Judge a fit to all open points by refits to either half of the blocks.
+
+    Degrees of faults in periods are taken from all of them: a period may lie in one block.
+    """
+    rows = fitted.rows
+    data = rows.system.data
+    degrees = {n: fitted.setting.values[n] for c in fitted.setting.courses for n in c.names()}
+    likelihood = np.zeros(rows.groups)
+    part = data.part[rows.group_point]
+    for fitted_to, judged in ((ESTIMATION, SELECTION), (SELECTION, ESTIMATION)):
+        half = fit(rows, fitted.setting, data.part == fitted_to, ROUGH, degrees)
+        likelihood[part == judged] = half.likelihood[part == judged]
+    blocks: Array = np.bincount(
+        data.block[rows.group_point], likelihood, minlength=int(data.block.max()) + 1
+    ).astype(float)
+    return Contestant(trial, fitted, blocks)
+
+
+def entered(fitted: Fitted, trial: Trial, steps: int = 8) -> Contestant:
+    """Refit everything with a trial in it, and judge it."""
+    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
+    return contest(fit(fitted.rows, setting, fitted.used, steps), trial)
+
+
+def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tuple[float, Array]:
+    """Gain of the term that was found, and of the same term with its course shuffled by blocks.
+
+    Gains are those of one amplitude in front of the term, linearised, under the better look.
+    """
+    rows = before.rows
+    term = after.rows.system.flows(after.setting, readings=False).values
+    term = term - before.rows.system.flows(_aligned(before, after), readings=False).values
+    order = np.random.default_rng(seed)
+    data = rows.system.data
+    changed = {i: v for i, v in enumerate(term) if np.any(np.nan_to_num(v))}
+    looks = looks_at(before)
+    wide = np.array([np.inf])
+
+    def gain(of: dict[int, Array]) -> float:
+        column = np.nan_to_num(rows.column(of))[:, None]
+        return max(look.best(column, -wide, wide)[1] for look in looks) if np.any(column) else 0.0
+
+    gains = []
+    for _ in range(count):
+        chosen = _shuffled(data.block, order)
+        gains.append(gain({i: np.nan_to_num(v)[chosen] for i, v in changed.items()}))
+    return gain({i: np.nan_to_num(v) for i, v in changed.items()}), np.array(gains)
+
+
+def _aligned(before: Fitted, after: Fitted) -> Setting:
+    """The setting before, at the base values of the fit after: their difference is the term."""
+    own = before.setting
+    kept = {n: after.setting.values.get(n, v) for n, v in own.values.items()}
+    return Setting(own.joined, kept, own.fixed, own.courses)
+
+
+def _shuffled(block: np.ndarray, order: np.random.Generator) -> np.ndarray:
+    """Points in an order in which the blocks are shuffled."""
+    numbers = order.permutation(np.unique(block))
+    return np.concatenate([np.flatnonzero(block == b) for b in numbers])
+
+
+def placebo_gains(fitted: Fitted, trial: Trial, columns: Sequence[Array], seed: int) -> Array:
+    """Gains of as many smooth functions of time as the trial has parameters, at the same place.
+
+    `columns` are slopes of the residuals by an error at the place, each shape (rows,).
+    """
+    rows = fitted.rows
+    data = rows.system.data
+    order = np.random.default_rng(seed)
+    count = sum(not u.fixed for u in trial.candidate.unknowns)
+    phase = (data.time - data.time[0]) / max(float(np.ptp(data.time)), 1e-300)
+    looks = looks_at(fitted)
+    gains = []
+    for column in columns:
+        for _ in range(10):
+            waves = [
+                column
+                * np.cos(2 * np.pi * (order.uniform(0.5, 6.0) * phase + order.uniform()))[
+                    rows.point
+                ]
+                for _ in range(count)
+            ]
+            wide = np.full(count, np.inf)
+            table = np.stack(waves, axis=1)
+            gains.append(max(look.best(table, -wide, wide)[1] for look in looks))
+    return np.array(gains)

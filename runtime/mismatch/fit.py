@@ -1,0 +1,249 @@
+"""Refit all values of a model: base parameters within their priors, sensor errors, unknowns.
+
+Residuals follow a Student distribution with a common scale: points that the model cannot explain
+yet must not bend it, and the scale is that of what is left, not that of the noise alone.
+
+Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Gauss-Newton with damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from runtime.mismatch.rows import Rows
+from runtime.mismatch.setting import ERROR, Setting
+from runtime.mismatch.system import System
+from runtime.plan import Array
+
+FREEDOM = 4.0
+"""Degrees of freedom of the Student distribution [usual choice]."""
+
+STEPS = 12
+
+CONVERGED = 1e-4
+"""Gain in log likelihood per step below which a fit has ended, as share of the points."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Normal prior of the free values: means and precision, shape (values,), (values, values).
+
+    `lowest`, `highest` bound them; `size` is the scale on which a value moves.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    precision: Array
+    lowest: Array
+    highest: Array
+    size: Array
+
+
+def prior_of(system: System, setting: Setting) -> Prior:
+    """What is known of the free values before the recording."""
+    parameters = system.workshop.parameters
+    u = np.sqrt(np.diag(parameters.covariance)) if len(parameters.ids) else np.zeros(0)
+    modules = set(system.modules)
+    base = [i for i in np.flatnonzero(u > 0) if parameters.ids[i].partition(".")[0] in modules]
+    names = [parameters.ids[i] for i in base]
+    errors = [ERROR + name for name in system.shared]
+    unknowns = setting.free_unknowns()
+    size = len(names) + len(errors) + len(unknowns)
+    mean, scale = np.zeros(size), np.ones(size)
+    precision = np.zeros((size, size))
+    k = len(names)
+    mean[:k], scale[:k] = parameters.values[base], u[base]
+    if k:
+        correlation = parameters.covariance[np.ix_(base, base)] / np.outer(u[base], u[base])
+        inverse = np.linalg.inv(correlation + 1e-9 * np.eye(k))
+        precision[:k, :k] = inverse / np.outer(u[base], u[base])
+    spread = np.arange(k, k + len(errors))
+    precision[spread, spread] = 1.0
+    lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
+    limits = setting.limits()
+    for i, name in enumerate(unknowns, start=k + len(errors)):
+        lowest[i], highest[i] = limits[name]
+        scale[i] = max(abs(setting.values[name]), 1e-3 * (highest[i] - lowest[i]))
+    return Prior((*names, *errors, *unknowns), mean, precision, lowest, highest, scale)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A setting refitted to some points.
+
+    `scale` is that of the residuals in units of their noise. `likelihood` shape (groups,): log
+    likelihood of every group of rows, also of those that were not used. `normal` is the normal
+    matrix of the values with their prior; `jacobian` the table of slopes at the end.
+    """
+
+    setting: Setting
+    rows: Rows
+    prior: Prior
+    used: np.ndarray
+    scale: float
+    residual: Array
+    likelihood: Array
+    jacobian: Array
+    normal: Array
+    objective: float
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the values; widened where blocks of time scatter more than noise does.
+
+        Source: sandwich by blocks (Liang and Zeger 1986).
+        """
+        size = np.sqrt(np.diag(self.normal))
+        inverse = np.linalg.pinv(self.normal / np.outer(size, size), hermitian=True)
+        inverse = inverse / np.outer(size, size)
+        weights = student_weights(self.rows, self.residual, self.scale) * self.used[self.rows.point]
+        score = self.jacobian * (weights * self.residual / self.scale**2)[:, None]
+        block = self.rows.system.data.block[self.rows.point]
+        count = int(block.max(initial=0)) + 1
+        sums = np.zeros((count, score.shape[1]))
+        np.add.at(sums, block, score)
+        filled = max(len(np.unique(block[self.used[self.rows.point]])), 2)
+        middle = inverse @ (sums.T @ sums) @ inverse * filled / (filled - 1)
+        factor = np.sqrt(np.maximum(np.diag(middle) / np.diag(inverse), 1.0))
+        widened: Array = inverse * np.outer(factor, factor)
+        return widened
+
+    def u(self, name: str) -> float:
+        """Standard uncertainty of a value."""
+        i = self.prior.names.index(name)
+        return float(np.sqrt(self.covariance[i, i]))
+
+
+def fit(
+    rows: Rows,
+    setting: Setting,
+    used: np.ndarray,
+    steps: int = STEPS,
+    held: Mapping[str, float] | None = None,
+) -> Fitted:
+    """Find the most probable values given some points.
+
+    Parameters
+    ----------
+    setting : where to start.
+    used : shape (n,), points to fit to.
+    held : values that must stay where they are put.
+    """
+    system = rows.system
+    prior = prior_of(system, setting)
+    held = held or {}
+    free = np.array([name not in held for name in prior.names], dtype=bool)
+    at = np.array([setting.values.get(n, m) for n, m in zip(prior.names, prior.mean, strict=True)])
+    for i, name in enumerate(prior.names):
+        at[i] = held.get(name, at[i])
+    use = used[rows.point]
+    current = _evaluated(rows, setting, prior, at, used, None)
+    damping = 1e-3
+    for _ in range(steps):
+        step = _step(rows, current, prior, at, use, free, damping)
+        trial_at = np.clip(at + step, prior.lowest, prior.highest)
+        trial = _evaluated(rows, setting, prior, trial_at, used, current.scale)
+        gain = current.objective - trial.objective
+        if not np.isfinite(trial.objective) or gain < 0:
+            damping *= 8.0
+            if damping > 1e6:
+                break
+            continue
+        at, current, damping = trial_at, trial, max(damping / 6.0, 1e-9)
+        if gain < CONVERGED * max(int(use.sum()), 1) * 0.01:
+            break
+    return current
+
+
+def _step(
+    rows: Rows,
+    now: Fitted,
+    prior: Prior,
+    at: Array,
+    use: np.ndarray,
+    free: np.ndarray,
+    damping: float,
+) -> Array:
+    weights = student_weights(rows, now.residual, now.scale) * use / now.scale**2
+    gradient = now.jacobian.T @ (weights * now.residual) + prior.precision @ (at - prior.mean)
+    # A value at its bound does not move further out.
+    stopped = ((at <= prior.lowest) & (gradient > 0)) | ((at >= prior.highest) & (gradient < 0))
+    moving = np.flatnonzero(free & ~stopped)
+    step = np.zeros(len(at))
+    if len(moving):
+        normal = now.normal[np.ix_(moving, moving)]
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        scaled = normal / np.outer(size, size) + damping * np.eye(len(moving))
+        step[moving] = -np.linalg.solve(scaled, gradient[moving] / size) / size
+    return step
+
+
+def _evaluated(
+    rows: Rows, setting: Setting, prior: Prior, at: Array, used: np.ndarray, scale: float | None
+) -> Fitted:
+    """Residuals, slopes, scale and objective at some values."""
+    placed = replace(
+        setting, values={**setting.values, **dict(zip(prior.names, at.tolist(), strict=True))}
+    )
+    flows = rows.system.flows(placed, prior.names)
+    residual = _sound(rows.residual(flows.values))
+    jacobian = np.empty((len(rows), len(at)))
+    for j, name in enumerate(prior.names):
+        jacobian[:, j] = np.nan_to_num(rows.column(flows.by_value[name]))
+    use = used[rows.point]
+    scale = _scale(rows, residual, use, scale)
+    likelihood = _likelihood(rows, residual, scale)
+    weights = student_weights(rows, residual, scale) * use / scale**2
+    normal = (jacobian * weights[:, None]).T @ jacobian + prior.precision
+    normal[np.diag_indices(len(at))] += 1e-12 / prior.size**2
+    off = at - prior.mean
+    objective = float(0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum())
+    return Fitted(
+        placed, rows, prior, used, scale, residual, likelihood, jacobian, normal, objective
+    )
+
+
+def _sound(residual: Array) -> Array:
+    """Where a law has no value (a root of something negative) it is as wrong as can be."""
+    bad = ~np.isfinite(residual)
+    if not bad.any():
+        return residual
+    worst = 10.0 * float(np.max(np.abs(residual[~bad]), initial=1.0))
+    return np.where(bad, worst, residual)
+
+
+def _distance(rows: Rows, residual: Array) -> Array:
+    return rows.per_group(residual**2)
+
+
+def student_weights(rows: Rows, residual: Array, scale: float) -> Array:
+    """Weight of every row by the Student distribution."""
+    rank = rows.group_rank
+    weight = (FREEDOM + rank) / (FREEDOM + _distance(rows, residual) / scale**2)
+    spread: Array = weight[rows.group]
+    return spread
+
+
+def _likelihood(rows: Rows, residual: Array, scale: float) -> Array:
+    rank = rows.group_rank
+    distance = _distance(rows, residual) / (FREEDOM * scale**2)
+    value: Array = -rank * np.log(scale) - 0.5 * (FREEDOM + rank) * np.log1p(distance)
+    return value
+
+
+def _scale(rows: Rows, residual: Array, use: np.ndarray, start: float | None) -> float:
+    """Most likely scale of the used residuals, by a few fixed-point steps."""
+    distance, rank = _distance(rows, residual), rows.group_rank
+    chosen = rows.per_group(use.astype(float)) > 0
+    distance, rank = distance[chosen], rank[chosen]
+    if not len(distance):
+        return 1.0
+    square = start**2 if start else max(float(np.median(distance / rank)), 1e-12)
+    for _ in range(8 if start else 30):
+        weight = (FREEDOM + rank) / (FREEDOM + distance / square)
+        square = max(float(np.sum(weight * distance) / np.sum(rank)), 1e-12)
+    return float(np.sqrt(square))

@@ -1,0 +1,182 @@
+"""Step 0: settled points of a recording, and which of them serve for what.
+
+Points are split by blocks of time, never singly: neighbours are alike, and a point between two
+others is no test of anything.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.observe import Points, points_of_stretches
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from runtime.stationary import Stretches, find_stretches, noise_at_work, noise_of, systematic_u
+
+ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
+
+PATTERN = (ESTIMATION, SELECTION, HELDOUT, SELECTION, ESTIMATION)
+"""What the blocks of a recording serve for, in turn."""
+
+BLOCKS = 25
+"""Blocks of a recording."""
+
+SMALLEST = 4
+"""Points that a block needs at least."""
+
+BUDGET = 20_000
+"""Points times observers at most; more samples are averaged into one point."""
+
+UNRELATED = 0.35
+"""Second differences as large as this share of what independent rows would show: rows of a table
+of settled points, not a course in time."""
+
+STATISTICAL = 0.3
+"""Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Settled points.
+
+    `time` shape (n,), s; `part` and `block` shape (n,). `noise` is the statistical standard
+    uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
+    `of_rows` tells that each row of the recording is a settled point of its own.
+    """
+
+    points: Points
+    time: Array
+    noise: Mapping[str, Array]
+    block: NDArray[np.intp]
+    part: NDArray[np.intp]
+    of_rows: bool
+    split: str
+    digest: str
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def values(self) -> Mapping[str, Array]:
+        return self.points.values
+
+    @property
+    def open(self) -> np.ndarray:
+        """Points that may be looked at before the end."""
+        flags: np.ndarray = self.part != HELDOUT
+        return flags
+
+
+def prepare(
+    recording: Recording, ruleset: Ruleset, heldout: Sequence[tuple[float, float]] = ()
+) -> Data | None:
+    """Find the settled points; None where there are none."""
+    noise = noise_at_work(recording, ruleset)
+    of_rows = rows_are_unrelated(recording, ruleset)
+    if of_rows:
+        first = np.arange(len(recording))
+        stretches = Stretches(first, first + 1)
+        noise = dict.fromkeys(noise, 0.0)
+    else:
+        stretches = _pieces(find_stretches(recording, ruleset, noise), len(ruleset.observers))
+    if not len(stretches):
+        return None
+    points = points_of_stretches(recording, ruleset, stretches, noise)
+    assert points.time is not None
+    statistical = {}
+    for signal in ruleset.signals:
+        if signal.id in points.values:
+            floor = STATISTICAL * systematic_u(signal, points.values[signal.id])
+            own = points.statistical(signal.id)
+            # A reading that is constant by quantisation or filtering is not therefore exact.
+            smallest = floor if of_rows else 0.1 * floor / np.sqrt(stretches.lengths)
+            statistical[signal.id] = np.maximum(own, smallest)
+    block, part = _split(points.time, heldout)
+    text = _told(points.time, part, block, heldout)
+    digest = hashlib.sha256(
+        np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
+    ).hexdigest()[:16]
+    return Data(points, points.time, statistical, block, part, of_rows, text, digest)
+
+
+def rows_are_unrelated(recording: Recording, ruleset: Ruleset) -> bool:
+    """Is the recording a table of operating points rather than a course in time?
+
+    Second differences of independent rows are as large as the spread of the column. Only columns
+    that vary say anything; the median of them decides.
+    """
+    used = {s for o in ruleset.observers for s in o.signals}
+    shares = []
+    for name in used & set(recording.values):
+        values = recording.values[name]
+        values = values[np.isfinite(values)]
+        spread = float(np.std(values)) if len(values) else 0.0
+        if len(values) > SMALLEST and spread > 0:
+            shares.append(noise_of(values) / spread)
+    return bool(shares) and float(np.median(shares)) > UNRELATED
+
+
+def _pieces(stretches: Stretches, observers: int) -> Stretches:
+    """Stretches cut, so that there are as many points as the budget allows, and no more."""
+    budget = BUDGET // max(observers, 1)
+    length = max(1, -(-int(stretches.lengths.sum()) // budget))
+    first, last = [], []
+    for low, high in zip(stretches.first, stretches.last, strict=True):
+        count = max(1, round((high - low) / length))
+        edges = np.linspace(low, high, count + 1).astype(int)
+        first.append(edges[:-1])
+        last.append(edges[1:])
+    if not first:
+        return stretches
+    pieces = Stretches(np.concatenate(first), np.concatenate(last))
+    if len(pieces) <= 1.5 * budget:
+        return pieces
+    # Many short stretches: every so-manyth is kept, whole.
+    keep = np.arange(len(pieces)) % (-(-len(pieces) // budget)) == 0
+    return Stretches(pieces.first[keep], pieces.last[keep])
+
+
+def _split(
+    time: Array, heldout: Sequence[tuple[float, float]]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Number of the block of each point, and what it serves for."""
+    n = len(time)
+    blocks = int(np.clip(n // SMALLEST, 1, BLOCKS))
+    block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)
+    part = np.array(PATTERN)[block % len(PATTERN)]
+    if heldout:
+        inside = np.zeros(n, dtype=bool)
+        for low, high in heldout:
+            inside |= (time >= low) & (time <= high)
+        rest = np.cumsum(~inside) - 1
+        count = max(int((~inside).sum()), 1)
+        blocks = int(np.clip(count // SMALLEST, 1, BLOCKS))
+        open_ = np.clip(rest * blocks // count, 0, blocks - 1)
+        part = np.where(inside, HELDOUT, open_ % 2)
+        block = np.where(inside, blocks + np.arange(n) * BLOCKS // max(n, 1), open_)
+        block = np.unique(block, return_inverse=True)[1]
+    return block, part
+
+
+def _told(
+    time: Array, part: NDArray[np.intp], block: NDArray[np.intp], heldout: Sequence[object]
+) -> str:
+    counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
+    chosen = "as asked" if heldout else "every fifth block"
+    return (
+        f"{len(time)} settled points in {len(np.unique(block))} blocks of time: "
+        f"{counts[0]} for estimation, {counts[1]} for selection, {counts[2]} held out ({chosen})"
+    )
+
+
+def without(data: Data, signals: Sequence[str]) -> Data:
+    """The same points as if some readings had not been recorded."""
+    points = data.points
+    kept = {name: v for name, v in points.values.items() if name not in signals}
+    return replace(data, points=replace(points, values=kept))

@@ -1,0 +1,128 @@
+"""Step 6: errors of the model as shipped, recalibrated and repaired, on points it never saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.locate import noise_scale
+from runtime.mismatch.periods import in_periods
+from runtime.mismatch.predict import Predictor
+from runtime.mismatch.prepare import HELDOUT
+from runtime.mismatch.result import Errors, Fit
+from runtime.mismatch.rows import Rows
+from runtime.mismatch.setting import Setting
+from runtime.plan import Array
+
+DRAWS = 1000
+CHUNKS = 20
+"""Pieces of the held-out points that the bootstrap draws from."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The three models' predictions, shape (n,), SI, and the fit as shown.
+
+    `judged` flags points outside of periods of faults, shape (n,).
+    """
+
+    fit: Fit
+    shipped: Array
+    recalibrated: Array
+    repaired: Array
+    judged: np.ndarray
+    faulty: int
+
+
+def prove(predictor: Predictor, repaired: Fitted) -> Proof:
+    """Open the held-out blocks, once."""
+    rows = repaired.rows
+    data = rows.system.data
+    faults = [c for c in repaired.setting.joined if c.sort in ("fault", "sensor")]
+    only_faults = repaired.setting
+    for candidate in repaired.setting.joined:
+        if candidate not in faults:
+            only_faults = only_faults.leaving(candidate.id)
+    recalibrated = fit(rows, only_faults, repaired.used)
+    faulty = _faulty(rows, repaired)
+    bare = [_without_courses(s) for s in (Setting(), recalibrated.setting, repaired.setting)]
+    predictions = [predictor.predicted(setting) for setting in bare]
+    measured = data.values[predictor.signal.id]
+    judged = np.isfinite(measured) & predictor.points & ~faulty
+    judged &= np.all([np.isfinite(p) for p in predictions], axis=0)
+    noise = predictor.noise(bare[2]) * noise_scale(rows, repaired.residual)
+    factor = predictor.signal.factor
+    errors = [(p - measured) / factor for p in predictions]
+    parts = [judged & data.open, judged & (data.part == HELDOUT)]
+    if not parts[1].any():
+        parts[1] = parts[0]
+    estimation, heldout = (_errors(errors, noise / factor, part) for part in parts)
+    found = Fit(
+        predictor.signal.id,
+        predictor.signal.unit,
+        estimation,
+        heldout,
+        _interval(errors[1][parts[1]], errors[2][parts[1]]),
+        _closed(heldout),
+    )
+    return Proof(found, predictions[0], predictions[1], predictions[2], judged, int(faulty.sum()))
+
+
+def _without_courses(setting: Setting) -> Setting:
+    """Faults in periods are no part of what a model predicts."""
+    for course in setting.courses:
+        candidate = next(c for c in setting.joined if course.unknown in {u.id for u in c.unknowns})
+        setting = setting.leaving(candidate.id)
+    return setting
+
+
+def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
+    """Points in periods of faults; in held-out blocks found by the finished model."""
+    data = rows.system.data
+    faulty = np.zeros(len(data), dtype=bool)
+    for course in repaired.setting.courses:
+        faulty |= (course.segment >= 0) & data.open
+        candidate = next(
+            c for c in repaired.setting.joined if course.unknown in {u.id for u in c.unknowns}
+        )
+        bare = replace(repaired.setting.leaving(candidate.id))
+        seen = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)
+        trial = in_periods(seen, candidate)
+        if trial is not None and trial.course is not None:
+            faulty |= (trial.course.segment >= 0) & ~data.open
+    return faulty
+
+
+def _errors(errors: list[Array], noise: Array, part: np.ndarray) -> Errors:
+    shipped, recalibrated, repaired = (_rms(e[part]) for e in errors)
+    return Errors(shipped, recalibrated, repaired, _rms(noise[part]), int(part.sum()))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _interval(before: Array, after: Array) -> tuple[float, float]:
+    """95 % interval of the fall of the error, as share of the error before.
+
+    Source: bootstrap over blocks of consecutive points (Kunsch 1989).
+    """
+    if len(before) < 2:
+        return (float("nan"), float("nan"))
+    count = min(CHUNKS, len(before))
+    edges = np.linspace(0, len(before), count + 1).astype(int)[:-1]
+    sums = np.stack([np.add.reduceat(e**2, edges) for e in (before, after)])
+    drawn = np.random.default_rng(0).integers(0, count, (DRAWS, count))
+    totals = sums[:, drawn].sum(axis=2)
+    gain = 1.0 - np.sqrt(totals[1] / np.maximum(totals[0], 1e-300))
+    low, high = np.quantile(gain, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _closed(errors: Errors) -> float:
+    """Share of what could be explained, in squares, that the repair explains."""
+    explainable = errors.recalibrated**2 - errors.noise**2
+    gained = errors.recalibrated**2 - errors.repaired**2
+    return float(np.clip(gained / explainable, 0.0, 1.0)) if explainable > 0 else 0.0

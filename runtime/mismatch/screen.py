@@ -1,0 +1,183 @@
+"""What each candidate could explain at best, by one linear step from the model as it is.
+
+A full refit of every candidate would be slow, and needless: most explain nothing. A candidate's
+term is linear in its amplitudes near their null, so that its gain follows from projections. Shapes
+(thresholds, exponents) are tried on a grid.
+
+Source: score test (Rao 1948); the gain is that of a likelihood with free scale.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.mismatch.candidate import TIME, Candidate, Unknown
+from runtime.mismatch.fit import Fitted, student_weights
+from runtime.mismatch.setting import Course
+from runtime.mismatch.system import System
+from runtime.plan import Array
+
+MOST_STARTS = 12
+"""Combinations of shapes that are tried of one candidate."""
+
+FAR = 2.5
+"""Residuals beyond this many scales count less, in the second of two looks."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised."""
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    fixed: Mapping[str, float]
+    gain: float
+    course: Course | None = None
+
+
+@dataclass(frozen=True)
+class Look:
+    """The weighted linear problem around a fit; what base values can mend is projected out."""
+
+    weights: Array
+    residual: Array
+    jacobian: Array
+    inverse: Array
+    total: float
+    count: int
+
+    def cleaned(self, columns: Array) -> Array:
+        """Columns less what the values that are free anyway can imitate, shape (rows, k)."""
+        part = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
+        left: Array = columns - self.jacobian @ part
+        return left
+
+    def best(self, columns: Array, lowest: Array, highest: Array) -> tuple[Array, float]:
+        """Amplitudes within bounds, and the gain in log likelihood with free scale."""
+        clean = self.cleaned(columns)
+        normal = columns.T @ (self.weights[:, None] * clean)
+        moment = clean.T @ (self.weights * self.residual)
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        # What base values imitate all but wholly has no gain of its own.
+        alone = np.einsum("nk,n,nk->k", columns, self.weights, columns)
+        if np.any(size**2 < 1e-9 * alone) or not np.all(np.isfinite(size)):
+            return np.zeros(len(size)), 0.0
+        scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(size))
+        amplitudes = np.clip(-np.linalg.solve(scaled, moment / size) / size, lowest, highest)
+        fall = -2.0 * amplitudes @ moment - amplitudes @ normal @ amplitudes
+        share = float(np.clip(fall / self.total, 0.0, 1.0 - 1e-9))
+        return amplitudes, -0.5 * self.count * float(np.log1p(-share))
+
+
+def looks_at(fitted: Fitted) -> tuple[Look, Look]:
+    """Two looks: by the weights of the robust fit, and with far points counting more.
+
+    The first sees what is small and everywhere, the second what is large and rare.
+    """
+    rows, scale = fitted.rows, fitted.scale
+    use = fitted.used[rows.point]
+    size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
+    huber = np.minimum(1.0, FAR * scale / np.maximum(size, 1e-300))
+    robust = student_weights(rows, fitted.residual, scale)
+    return _look(fitted, robust * use), _look(fitted, huber * use)
+
+
+def _look(fitted: Fitted, weights: Array) -> Look:
+    jacobian, scale = fitted.jacobian, fitted.scale
+    normal = jacobian.T @ (weights[:, None] * jacobian) / scale**2 + fitted.prior.precision
+    size = np.sqrt(np.diag(normal)) + 1e-300
+    inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
+    inverse = inverse / np.outer(size, size) / scale**2
+    # The weighted optimum need not be that of the fit: what is left must be free of base values.
+    part = inverse @ (jacobian.T @ (weights * fitted.residual))
+    residual = fitted.residual - jacobian @ part
+    total = float(np.sum(weights * residual**2))
+    return Look(weights, residual, jacobian, inverse, max(total, 1e-300), int(np.sum(weights > 0)))
+
+
+def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
+    """The best start of each candidate that could help, best first."""
+    looks = looks_at(fitted)
+    trials = [t for c in candidates for t in _best_of(fitted, looks, c)]
+    return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
+
+
+def _best_of(fitted: Fitted, looks: Sequence[Look], candidate: Candidate) -> list[Trial]:
+    system = fitted.rows.system
+    if not _has_drivers(system, candidate):
+        return []
+    fixed = references(system, candidate)
+    amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
+    best: Trial | None = None
+    for shape in starts(system, candidate):
+        null = {u.id: u.null for u in amplitudes if u.null is not None}
+        columns = columns_of(fitted, candidate, {**null, **shape}, fixed)
+        if columns is None:
+            continue
+        low = np.array([u.lowest - null[u.id] for u in amplitudes])
+        high = np.array([u.highest - null[u.id] for u in amplitudes])
+        for look in looks:
+            found, gain = look.best(columns, low, high)
+            if best is None or gain > best.gain:
+                values = {
+                    u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
+                }
+                best = Trial(candidate, {**values, **shape}, fixed, gain)
+    return [best] if best is not None and best.gain > 0 else []
+
+
+def columns_of(
+    fitted: Fitted, candidate: Candidate, values: Mapping[str, float], fixed: Mapping[str, float]
+) -> Array | None:
+    """Slopes of the residuals by the amplitudes of a candidate, shape (rows, amplitudes)."""
+    rows = fitted.rows
+    names = [u.id for u in candidate.unknowns if u.null is not None and not u.fixed]
+    setting = fitted.setting.joining(candidate, values, fixed)
+    flows = rows.system.flows(
+        setting, names, modules=rows.system.reached(candidate.observers), readings=False
+    )
+    columns = np.stack([np.nan_to_num(rows.column(flows.by_value[n])) for n in names], axis=1)
+    columns[~np.isfinite(columns)] = 0.0
+    return columns if np.any(columns) else None
+
+
+def _has_drivers(system: System, candidate: Candidate) -> bool:
+    values = system.data.values
+    known = all(
+        d == TIME or (d in values and np.isfinite(values[d]).any())
+        for d in candidate.drivers.values()
+    )
+    return known and any(o in system.number for o in candidate.observers)
+
+
+def references(system: System, candidate: Candidate) -> dict[str, float]:
+    """Fixed parameters: the median reading of their driver, where the recording is open."""
+    return {u.id: _readings(system, u)[0] for u in candidate.unknowns if u.fixed}
+
+
+def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:
+    """Combinations of values for the parameters that only shape a term."""
+    shapes = [u for u in candidate.unknowns if u.null is None and not u.fixed]
+    grids = [_grid(system, u) for u in shapes]
+    for combination in itertools.islice(itertools.product(*grids), MOST_STARTS):
+        yield {u.id: v for u, v in zip(shapes, combination, strict=True)}
+
+
+def _grid(system: System, unknown: Unknown) -> list[float]:
+    values = list(unknown.starts)
+    if unknown.driver is not None and unknown.quantiles:
+        values += _readings(system, unknown, unknown.quantiles)
+    return [float(np.clip(v, unknown.lowest, unknown.highest)) for v in dict.fromkeys(values)]
+
+
+def _readings(system: System, unknown: Unknown, quantiles: Sequence[float] = (0.5,)) -> list[float]:
+    """Quantiles of the readings of a parameter's driver."""
+    data = system.data
+    assert unknown.driver is not None
+    values = data.time - data.time[0] if unknown.driver == TIME else data.values[unknown.driver]
+    values = values[data.open & np.isfinite(values)]
+    return [float(v) for v in np.quantile(values, quantiles)] if len(values) else []

@@ -1,0 +1,102 @@
+"""A model in numbers: what is joined, and the values of everything in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from runtime.mismatch.candidate import Candidate
+from runtime.plan import Array
+
+ERROR = "error:"
+"""Mark before a signal's id: its systematic error, in standard uncertainties of its class."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A degree that is there in some periods only.
+
+    `segment` has shape (n,): the number of the period of each point, -1 outside. `periods` are
+    their ends in s.
+    """
+
+    unknown: str
+    segment: np.ndarray
+    periods: tuple[tuple[float, float], ...]
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the degrees, one per period."""
+        return tuple(f"{self.unknown}#{i}" for i in range(len(self.periods)))
+
+    def degrees(self, values: Mapping[str, float]) -> Array:
+        """Degree at each point, shape (n,)."""
+        levels = np.array([*(values[name] for name in self.names()), 0.0])
+        course: Array = levels[self.segment]
+        return course
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is joined and the values of what is free; numbers in SI.
+
+    `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
+    `fixed` references of joined candidates.
+    """
+
+    joined: tuple[Candidate, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    courses: tuple[Course, ...] = ()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        return tuple(c.id for c in self.joined)
+
+    @property
+    def in_periods(self) -> frozenset[str]:
+        """Ids of unknowns that are there in some periods only."""
+        return frozenset(c.unknown for c in self.courses)
+
+    def free_unknowns(self) -> tuple[str, ...]:
+        """Unknowns of what is joined, those in periods as one each."""
+        plain = [
+            u.id
+            for c in self.joined
+            for u in c.unknowns
+            if not u.fixed and u.id not in self.in_periods
+        ]
+        return (*plain, *(name for course in self.courses for name in course.names()))
+
+    def limits(self) -> Mapping[str, tuple[float, float]]:
+        """Legal range of each unknown."""
+        ranges = {u.id: (u.lowest, u.highest) for c in self.joined for u in c.unknowns}
+        return {name: ranges[name.partition("#")[0]] for name in self.free_unknowns()}
+
+    def joining(
+        self,
+        candidate: Candidate,
+        values: Mapping[str, float],
+        fixed: Mapping[str, float],
+        course: Course | None = None,
+    ) -> Setting:
+        """With one more candidate."""
+        return replace(
+            self,
+            joined=(*self.joined, candidate),
+            values={**self.values, **values},
+            fixed={**self.fixed, **fixed},
+            courses=self.courses if course is None else (*self.courses, course),
+        )
+
+    def leaving(self, candidate: str) -> Setting:
+        """Without one of the candidates."""
+        gone = {u.id for c in self.joined if c.id == candidate for u in c.unknowns}
+        return replace(
+            self,
+            joined=tuple(c for c in self.joined if c.id != candidate),
+            values={n: v for n, v in self.values.items() if n.partition("#")[0] not in gone},
+            fixed={n: v for n, v in self.fixed.items() if n not in gone},
+            courses=tuple(c for c in self.courses if c.unknown not in gone),
+        )

@@ -1,0 +1,151 @@
+"""The relations of a plant over the points of a recording: flows by every observer, with slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from runtime.mismatch.candidate import TIME, Workshop
+from runtime.mismatch.prepare import Data
+from runtime.mismatch.setting import ERROR, Setting
+from runtime.observe import observe
+from runtime.plan import Array
+from runtime.ruleset import ObserverSpec, Ruleset
+from runtime.tangent import run_with_slopes
+
+Slopes = dict[str, dict[int, Array]]
+"""Per name of a free value the derivative of each observer (its number) that it reaches."""
+
+
+@dataclass(frozen=True)
+class Flows:
+    """Estimates of all observers, shape (observers, n), m3/s, and their slopes.
+
+    `by_reading` are slopes by readings, `by_value` by free values.
+    """
+
+    values: Array
+    by_reading: Slopes
+    by_value: Slopes
+
+
+@dataclass(frozen=True)
+class System:
+    """A plant and the points of a recording.
+
+    `observers` are those whose readings are recorded; all arrays over observers are in this order.
+    """
+
+    ruleset: Ruleset
+    workshop: Workshop
+    data: Data
+
+    @cached_property
+    def observers(self) -> tuple[ObserverSpec, ...]:
+        present = {name for name, v in self.data.values.items() if np.isfinite(v).any()}
+        return tuple(o for o in self.ruleset.observers if set(o.signals) <= present)
+
+    @cached_property
+    def modules(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(o.module for o in self.observers))
+
+    @cached_property
+    def number(self) -> Mapping[str, int]:
+        """Place of each observer."""
+        return {o.id: i for i, o in enumerate(self.observers)}
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """Which estimates may be used at which point, shape (observers, n)."""
+        seen = observe(self.ruleset, self.data.points).valid
+        return np.array([seen[self.ruleset.observer_index[o.id]] for o in self.observers])
+
+    @cached_property
+    def inputs(self) -> dict[str, Array | float]:
+        """Readings as recorded and the clock; SI."""
+        clock = self.data.time - self.data.time[0]
+        return {**self.data.values, TIME: clock, **self.workshop.parameters.constants}
+
+    @cached_property
+    def shared(self) -> Mapping[str, Array]:
+        """Systematic standard uncertainty of each reading, shape (n,)."""
+        used = {s for o in self.observers for s in o.signals}
+        return {name: u for name, u in self.data.points.systematic.items() if name in used}
+
+    def corrected(self, setting: Setting) -> dict[str, Array | float]:
+        """Plan inputs: readings less the errors of their sensors, and all values."""
+        inputs = {**self.inputs, **setting.fixed, **setting.values}
+        parameters = self.workshop.parameters
+        for name, value in zip(parameters.ids, parameters.values, strict=True):
+            inputs.setdefault(name, float(value))
+        for course in setting.courses:
+            inputs[course.unknown] = course.degrees(setting.values)
+        for name, u in self.shared.items():
+            error = setting.values.get(ERROR + name, 0.0)
+            if error:
+                inputs[name] = self.data.values[name] - error * u
+        return inputs
+
+    def flows(
+        self,
+        setting: Setting,
+        by: Sequence[str] = (),
+        spots: Sequence[str] = (),
+        modules: Sequence[str] | None = None,
+        readings: bool = True,
+    ) -> Flows:
+        """Evaluate the observers of all (or some) modules.
+
+        Parameters
+        ----------
+        by : names of free values to differentiate by; degrees of periods and sensor errors too.
+        spots : ids of places with an unknown error, which counts as 0 (a name for `by`).
+        """
+        inputs = self.corrected(setting)
+        seeds = list(dict.fromkeys(name.partition("#")[0] for name in by))
+        n = len(self.data)
+        values = np.full((len(self.observers), n), np.nan)
+        by_reading: Slopes = {}
+        raw: Slopes = {}
+        own_spots = {s.id: s for s in self.workshop.spots}
+        for module in self.modules if modules is None else modules:
+            plan = self.workshop.plan(module, setting.ids, tuple(spots))
+            zero = {own_spots[s].unknown: 0.0 for s in spots}
+            signals = [name for name in plan.inputs if name in self.shared] if readings else []
+            names = [o for o in self.observers if o.module == module]
+            wanted = plan.select([f"q:{o.id}" for o in names])
+            out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*seeds, *signals])
+            for observer in names:
+                i, key = self.number[observer.id], f"q:{observer.id}"
+                values[i] = out[key]
+                for name, slope in slopes[key].items():
+                    table = by_reading if name in self.shared else raw
+                    table.setdefault(name, {})[i] = slope
+        return Flows(values, by_reading, self._of_values(setting, by, raw, by_reading))
+
+    def reached(self, observers: Sequence[str]) -> tuple[str, ...]:
+        """Modules of some observers, in order."""
+        touched = {o.rpartition(".")[0] for o in observers}
+        return tuple(m for m in self.modules if m in touched)
+
+    def _of_values(
+        self, setting: Setting, by: Sequence[str], raw: Slopes, by_reading: Slopes
+    ) -> Slopes:
+        """Slopes by free values: degrees of periods and sensor errors from what they act on."""
+        segments = {c.unknown: c.segment for c in setting.courses}
+        result: Slopes = {}
+        for name in by:
+            stem, _, number = name.partition("#")
+            if number:
+                inside = segments[stem] == int(number)
+                result[name] = {i: s * inside for i, s in raw.get(stem, {}).items()}
+            elif name.startswith(ERROR):
+                signal = name.removeprefix(ERROR)
+                u = self.shared[signal]
+                result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
+            else:
+                result[name] = raw.get(name, {})
+        return result

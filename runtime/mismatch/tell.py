@@ -1,0 +1,176 @@
+"""From numbers to findings: parameters as shown, sentences, alternatives, regions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from runtime.mismatch.candidate import Candidate, Unknown
+from runtime.mismatch.compete import Contestant
+from runtime.mismatch.fit import Fitted
+from runtime.mismatch.interval import profile
+from runtime.mismatch.locate import periods_of, region_of, variables_of
+from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
+from runtime.mismatch.search import Accepted
+from runtime.mismatch.system import System
+from runtime.plan import Array
+
+TOLD = 0.02
+"""Alternatives less probable than this are not told."""
+
+
+def findings_of(best: Contestant, accepted: tuple[Accepted, ...]) -> tuple[Finding, ...]:
+    """What was accepted, in the order of what it explains."""
+    terms = {r.trial.candidate.id: term_of(best.fitted, r.trial.candidate) for r in accepted}
+    total = sum(float(np.sum(t)) for t in terms.values()) or 1.0
+    found = [
+        _finding(best, record, float(np.sum(terms[record.trial.candidate.id])) / total)
+        for record in accepted
+    ]
+    return tuple(sorted(found, key=lambda f: -f.closed))
+
+
+def _finding(best: Contestant, record: Accepted, share: float) -> Finding:
+    fitted, candidate = best.fitted, record.trial.candidate
+    parameters = {
+        u.name: _estimate(fitted, u)
+        for u in candidate.unknowns
+        if not u.fixed and u.id not in fitted.setting.in_periods
+    }
+    periods = _periods(fitted, candidate)
+    certain = 1.0 / (1.0 + sum(record.odds))
+    others = tuple(
+        Alternative(
+            t.candidate.id, t.candidate.name, titled(fitted.rows.system, t.candidate), o * certain
+        )
+        for t, o in zip(record.others, record.odds, strict=True)
+        if o * certain > TOLD
+    )
+    system = fitted.rows.system
+    return Finding(
+        candidate.id,
+        candidate.sort,
+        candidate.name,
+        candidate.title,
+        candidate.module,
+        candidate.place,
+        parameters,
+        system.workshop.equation(candidate.module, fitted.setting.ids, candidate.place),
+        sentence(candidate, parameters, periods),
+        candidate.action,
+        candidate.source,
+        certain,
+        tuple(sorted(others, key=lambda a: -a.probability)),
+        record.gain,
+        record.rivals,
+        periods,
+        share,
+    )
+
+
+def titled(system: System, candidate: Candidate) -> str:
+    """An explanation and where, in a few words."""
+    module = system.ruleset.modules.get(candidate.module, candidate.module)
+    return f"{candidate.title} ({candidate.module}: {module}, {candidate.place})"
+
+
+def _estimate(fitted: Fitted, unknown: Unknown) -> Estimate:
+    value = fitted.setting.values[unknown.id]
+    low, high = profile(fitted, unknown.id)
+    u = max(fitted.u(unknown.id), (high - low) / 3.92)
+    shown = [(v - unknown.offset) / unknown.factor for v in (value, low, high)]
+    return Estimate(
+        unknown.title, shown[0], u / unknown.factor, min(shown[1:]), max(shown[1:]), unknown.unit
+    )
+
+
+def _periods(fitted: Fitted, candidate: Candidate) -> tuple[Period, ...]:
+    unknowns = {u.id: u for u in candidate.unknowns}
+    found = []
+    for course in fitted.setting.courses:
+        if course.unknown not in unknowns:
+            continue
+        for name, (since, until) in zip(course.names(), course.periods, strict=True):
+            degree = fitted.setting.values[name]
+            found.append(Period(since, until, degree, fitted.u(name)))
+    return tuple(found)
+
+
+def sentence(
+    candidate: Candidate, parameters: Mapping[str, Estimate], periods: tuple[Period, ...]
+) -> str:
+    """The sentence for the operator with its slots filled."""
+    slots = {name: quantity(e.value, e.u, e.unit) for name, e in parameters.items()}
+    for unknown in candidate.unknowns:
+        slots.setdefault(unknown.name, _of_periods(periods) if periods else unknown.title)
+    slots |= {"degree": slots.get("x", ""), "where": candidate.place}
+    text = candidate.text
+    for name, value in slots.items():
+        text = text.replace("{" + name + "}", value)
+    return text
+
+
+def _of_periods(periods: tuple[Period, ...]) -> str:
+    degrees = [p.degree for p in periods]
+    low, high = min(degrees), max(degrees)
+    if high - low < 0.005:
+        return f"{100.0 * high:.1f} %"
+    return f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
+
+
+def quantity(value: float, u: float, unit: str) -> str:
+    """A value with its uncertainty, as many digits as that allows.
+
+    >>> quantity(0.009404, 0.000216, "1/K")
+    '0.0094 +- 0.0002 1/K'
+    """
+    if not (math.isfinite(value) and math.isfinite(u)) or u <= 0:
+        number = f"{value:.4g}"
+    else:
+        digits = -math.floor(math.log10(u))
+        if digits > 6 or digits < -6:
+            number = f"{value:.4g} +- {u:.1g}"
+        else:
+            places = max(digits, 0)
+            number = f"{round(value, digits):.{places}f} +- {round(u, digits):.{places}f}"
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def term_of(fitted: Fitted, candidate: Candidate) -> Array:
+    """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""
+    system = fitted.rows.system
+    without = fitted.setting.leaving(candidate.id)
+    with_it = system.flows(
+        fitted.setting, modules=system.reached(candidate.observers), readings=False
+    ).values
+    bare = system.flows(without, modules=system.reached(candidate.observers), readings=False).values
+    change = {
+        i: np.nan_to_num(a - b)
+        for i, (a, b) in enumerate(zip(with_it, bare, strict=True))
+        if np.isfinite(a - b).any()
+    }
+    rows = fitted.rows.column(change)
+    squares: Array = np.bincount(fitted.rows.point, rows**2, len(system.data)).astype(float)
+    return squares
+
+
+def location_of(best: Contestant, finding: Finding) -> Location:
+    """Where and when a finding shows."""
+    fitted = best.fitted
+    system = fitted.rows.system
+    candidate = next(c for c in fitted.setting.joined if c.id == finding.id)
+    term = np.where(fitted.used, term_of(fitted, candidate), np.nan)
+    variables = variables_of(system, finding.module)
+    drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
+    region = region_of(system, term, drivers) or region_of(system, term, variables)
+    periods = tuple((p.since, p.until) for p in finding.periods)
+    return Location(
+        finding.module,
+        finding.place,
+        system.ruleset.modules.get(finding.module, finding.module),
+        finding.closed,
+        () if periods else region,
+        periods or periods_of(system.data.time, term),
+    )

@@ -1,0 +1,83 @@
+"""The answer in one word, one sentence, and the next step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from runtime.mismatch.candidate import Missing
+from runtime.mismatch.result import Finding, HiddenDriver, Location
+
+CERTAIN = 0.6
+"""Probability below which the best name is one of several."""
+
+
+def verdict_of(findings: Sequence[Finding], left: bool) -> str:
+    """One of the verdicts of docs/repair-a-model.md."""
+    named = [f for f in findings if f.sort != "free"]
+    if not named:
+        return "unnamed" if left or findings else "none"
+    physics = [f for f in named if f.sort in ("physics", "ageing")]
+    deciding = physics or named
+    if deciding[0].probability < CERTAIN:
+        return "ambiguous"
+    if physics:
+        return "named"
+    return "fault" if named[0].sort == "fault" else "sensor"
+
+
+def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
+    """The finding in one sentence."""
+    names = [
+        f"{f.title[0].lower()}{f.title[1:]} in {f.module}" for f in findings if f.sort != "free"
+    ]
+    if verdict == "none":
+        return "Nothing is missing: what recalibration leaves is noise."
+    if verdict == "unnamed":
+        where = f"{locations[0].module}.{locations[0].place}" if locations else "the plant"
+        return (
+            f"Something is missing at {where} that no known effect, fault or sensor error explains."
+        )
+    if verdict == "ambiguous":
+        first = next(f for f in findings if f.sort != "free")
+        others = " or ".join(a.title for a in first.alternatives[:2])
+        return f"Several explanations fit equally: {names[0]}, or {others}."
+    lead = {
+        "named": "The model leaves out",
+        "fault": "The model is right; the plant has a fault:",
+        "sensor": "The model is right; a sensor is not:",
+    }[verdict]
+    return f"{lead} {_joined(names)}."
+
+
+def _joined(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def next_step(
+    verdict: str,
+    findings: Sequence[Finding],
+    hidden: HiddenDriver | None,
+    missing: Sequence[Missing],
+) -> str:
+    """What to do next: adopt, act, or measure."""
+    if hidden is not None:
+        return (
+            f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."
+        )
+    if verdict == "none":
+        return "Nothing to do."
+    if verdict == "cannot judge":
+        return "Record settled operation with all readings that the observers need."
+    first = next((f for f in findings if f.sort != "free"), None)
+    if verdict == "ambiguous" and first is not None:
+        return (
+            "Record a part in which the drivers of these explanations move apart, "
+            "or add a sensor that only one of them depends on."
+        )
+    if verdict == "named":
+        return "Write the repaired module types with `rulec adopt`, and diagnose with them."
+    if first is not None:
+        return first.action
+    if missing:
+        return f"Record {missing[0].sensor}: {missing[0].title} would then be judged."
+    return "Vary the operating point at this place, and compare once more."
