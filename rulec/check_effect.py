@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import math
-import string
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +21,7 @@ from rulec.try_effect import fails_at_null
 SLOTS = ("module", "place")
 """Slots of a text that every effect has."""
 
+_SLOT = re.compile(r"\{([^{}]*)\}")
 _SECOND = Dimension.of({"s": 1})
 _OF_FREE = ("unit", "null", "starts", "quantiles", "driver", "range")
 
@@ -42,11 +43,13 @@ class _EffectReader:
     def read(self) -> Effect:
         data, before = self.document.data, len(self.found)
         self._check_names()
+        # A law that uses a name which is no name would say the same again.
+        of_laws = self.found if len(self.found) == before else []
         drivers = {name: self._driver(name, part) for name, part in self._group("drivers").items()}
         parameters = {
             name: self._parameter(name, part, drivers) for name, part in data["parameters"].items()
         }
-        reader = JoinReader(self.document, self.units, drivers, self.known, self.found)
+        reader = JoinReader(self.document, self.units, drivers, self.known, of_laws)
         joins = [(i, join) for i in range(len(data["joins"])) for join in reader.read(i)]
         effect = Effect(
             data["effect"],
@@ -84,7 +87,7 @@ class _EffectReader:
                     hint = "it could not stand in an equation; use another name"
                     self._report(place, "KB024", message, hint)
                 twin = group == "parameters" and name in drivers
-                if twin or name in SLOTS or name.startswith(PLAIN):
+                if twin or name in (PLAIN, *SLOTS) or name.startswith(f"{PLAIN}_"):
                     second = self.document.key("drivers", name) if twin else None
                     message = f"the name '{name}' means two things"
                     self.found.append(Diagnostic(place, "KB034", message, "rename one", second))
@@ -154,8 +157,7 @@ class _EffectReader:
             self._report(place, "KB103", message, "remove it, or remove 'of'")
         driver = self._asked(("parameters", name, "of"), part["of"], drivers)
         self.known[name] = own = self.known[driver] if driver else UNKNOWN
-        plain = (u for u in self.units.units.values() if u.factor == 1 and not u.offset)
-        unit = next((u for u in plain if u.dimension == own), Unit(str(own), 1.0, own))
+        unit = self.units.plain(own)
         ends = (-math.inf, math.inf)
         return EffectParameter(name, part["title"], unit, None, *ends, (), (), driver, True)
 
@@ -220,17 +222,16 @@ class _EffectReader:
         """Slots of the text are known wherever the effect joins."""
         known = set.intersection(*(names_of(join, effect.parameters) for join in effect.joins))
         place, text = self.document.place("text"), effect.text
-        try:
-            slots = [slot for _, slot, _, _ in string.Formatter().parse(text) if slot is not None]
-        except ValueError:
-            slots, message = [], "a brace in the text has no partner"
-            self._report(place, "KB107", message, "write slots as {module}")
-        for slot in slots:
-            if slot not in known and slot not in SLOTS:
-                other = slot in {*effect.drivers, *effect.parameters}
-                message = f"{'not every join knows' if other else 'there is no'} slot '{{{slot}}}'"
-                spot = within(place, text.find(f"{{{slot}") + 1, max(1, len(slot)), text)
-                self._report(spot, "KB107", message, did_you_mean(slot, {*known, *SLOTS}))
+        if re.search("[{}]", _SLOT.sub("", text)):
+            message, hint = "a brace in the text has no partner", "write slots as {module}"
+            self._report(place, "KB107", message, hint)
+        for slot in _SLOT.finditer(text):
+            name = slot[1]
+            if name not in known and name not in SLOTS:
+                some = name in effect.drivers or name in effect.parameters
+                message = f"{'not every join has' if some else 'there is no'} '{name}'"
+                spot = within(place, slot.start(1), max(1, len(name)), text)
+                self._report(spot, "KB107", message, did_you_mean(name, {*known, *SLOTS}))
 
     def _check_null(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """The plain law comes back at the null of all parameters that have one."""

@@ -102,6 +102,18 @@ class UnitTable:
         factor, dimension = self._walk(tree, text)
         return Unit(text, factor, dimension)
 
+    def plain(self, dimension: Dimension) -> Unit:
+        """A unit of size 1 in SI for a dimension with whole exponents."""
+        if dimension == UNKNOWN:
+            return Unit("1", 1.0, UNKNOWN)
+        for unit in self.units.values():
+            if unit.dimension == dimension and unit.factor == 1 and not unit.offset:
+                return unit
+        powers = list(zip(BASES, dimension.exponents, strict=True))
+        above = [base if e == 1 else f"{base}**{e}" for base, e in powers if e > 0]
+        below = [f"/{base}" if e == -1 else f"/{base}**{-e}" for base, e in powers if e < 0]
+        return Unit("*".join(above or ["1"]) + "".join(below), 1.0, dimension)
+
     def like(self, dimension: Dimension) -> str:
         """The units of a dimension for a message, or the dimension where none has a name."""
         names = [name for name, unit in self.units.items() if unit.dimension == dimension]

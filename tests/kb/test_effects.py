@@ -1,0 +1,221 @@
+"""Every effect of kb/: off at its null, something when on, joined to the places it is meant for."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy
+import yaml
+
+from rulec.check_join import names_of
+from rulec.check_knowledge import check_knowledge
+from rulec.knowledge import Effect, EffectParameter, Join, Knowledge
+from rulec.language.effect_law import parse_law
+from rulec.language.expression import Expression
+from rulec.language.symbolic import to_sympy
+from rulec.read import read_files, read_plant
+from tests.conftest import ROOT
+
+ORDINARY = {
+    "pressure difference": (0.5e5, 10e5),
+    "rotational speed": (5.0, 50.0),
+    "frequency": (30.0, 60.0),
+    "volume flow": (1e-5, 1e-3),
+    "temperature": (283.0, 333.0),
+    "level": (0.2, 3.0),
+    "head": (1.0, 40.0),
+    "viscosity": (1e-3, 1.0),
+    "electric power": (20.0, 5000.0),
+    "torque": (1.0, 100.0),
+    "angle": (0.1, 1.0),
+    "time": (1.0, 1e5),
+}
+"""Readings of an ordinary plant, SI."""
+
+POINTS = 40
+Array = Any
+Laws = dict[str, Array]
+
+
+@functools.cache
+def knowledge() -> Knowledge:
+    """The shipped knowledge base."""
+    sources, _, found = read_files([ROOT / "kb"])
+    assert sources is not None
+    assert found == []
+    return check_knowledge(sources)
+
+
+EFFECTS = knowledge().effects
+JOINS = [(name, i) for name, effect in EFFECTS.items() for i in range(len(effect.joins))]
+TABLE = yaml.safe_load((ROOT / "tests/kb/effects.yaml").read_text(encoding="utf-8"))
+
+
+def drawn(effect: Effect, draw: np.random.Generator) -> dict[str, Array]:
+    """Readings of all drivers, and the medians that fixed parameters stand for."""
+    known = {
+        n: np.exp(draw.uniform(*np.log(ORDINARY[d.quantity]), POINTS))
+        for n, d in effect.drivers.items()
+    }
+    fixed = {n: np.median(known[p.driver or ""]) for n, p in effect.parameters.items() if p.fixed}
+    return {**known, **fixed}
+
+
+def function(expression: Expression) -> Callable[[Mapping[str, Array]], Array]:
+    """An expression as a numpy function of its names."""
+    names = sorted({name for name, _ in expression.names()})
+    symbols = {name: sympy.Symbol(name, real=True) for name in names}
+    compiled = sympy.lambdify(list(symbols.values()), to_sympy(expression, symbols), MODULES)
+    return lambda known: compiled(*(known[name] for name in names))
+
+
+MODULES = [{"Larger": np.maximum, "Smaller": np.minimum, "Absolute": np.abs}, "numpy"]
+
+
+def plain_laws(join: Join, known: Mapping[str, Array], draw: np.random.Generator) -> Laws:
+    """A plain law, linear in the drivers that the join replaces, and it with them replaced."""
+    low, high = ORDINARY[join.gives or join.reads]
+    size = np.exp(draw.uniform(np.log(low), np.log(high)))
+    replaced = sorted({name for part in join.law.substitutes.values() for name in part})
+    bend = {n: draw.uniform(-0.3, 0.3) / float(np.max(known[n])) for n in replaced}
+
+    def law(at: Mapping[str, Array]) -> Array:
+        return size * (1.0 + sum(slope * at[name] for name, slope in bend.items()))
+
+    laws = {"law": law(known)}
+    for key, part in join.law.substitutes.items():
+        laws[key] = law({**known, **{name: function(e)(known) for name, e in part.items()}})
+    return laws
+
+
+def at_start(p: EffectParameter, known: Mapping[str, Array]) -> float:
+    """First start of a parameter, or the first quantile of its driver."""
+    return p.starts[0] if p.starts else float(np.quantile(known[p.driver or ""], p.quantiles[0]))
+
+
+def somewhere(p: EffectParameter, draw: np.random.Generator) -> float:
+    return float(draw.uniform(p.lowest, p.highest))
+
+
+@pytest.mark.parametrize(("name", "i"), JOINS)
+def test_null_gives_the_plain_law_back(name: str, i: int) -> None:
+    """At the null of all parameters, wherever the shaping ones are, nothing has changed: 1e-12."""
+    effect, draw = EFFECTS[name], np.random.default_rng(i)
+    join = effect.joins[i]
+    for _ in range(5):
+        known = drawn(effect, draw)
+        free = {n: p for n, p in effect.parameters.items() if not p.fixed}
+        known |= {n: somewhere(p, draw) if p.null is None else p.null for n, p in free.items()}
+        known |= plain_laws(join, known, draw)
+        assert function(join.law.expression)(known) == pytest.approx(known["law"], rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "i"), JOINS)
+def test_every_parameter_moves_something(name: str, i: int) -> None:
+    """Off its null the law is another, a finite number, and each parameter moves it."""
+    effect, draw = EFFECTS[name], np.random.default_rng(i)
+    join, readings = effect.joins[i], drawn(effect, draw)
+    free = {n: p for n, p in effect.parameters.items() if not p.fixed}
+    starts = {n: at_start(p, readings) for n, p in free.items()}
+
+    def value(changed: Mapping[str, float]) -> Array:
+        known = {**readings, **starts, **changed}
+        laws = plain_laws(join, known, np.random.default_rng(i))
+        return np.broadcast_to(function(join.law.expression)({**known, **laws}), POINTS)
+
+    assert np.all(np.isfinite(value({})))
+    for n, p in free.items():
+        other = p.null if p.null is not None else 1.2 * starts[n]
+        change = np.max(np.abs(value({}) / value({n: other}) - 1.0))
+        assert change > 1e-6, n
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_parameters_have_sane_ranges(name: str) -> None:
+    """Null and starts lie in the range; one parameter at least has a null, and no start is it."""
+    free = [p for p in EFFECTS[name].parameters.values() if not p.fixed]
+    for p in free:
+        inside = [p.null or p.lowest, *p.starts]
+        assert all(p.lowest <= value <= p.highest for value in inside), p.name
+        assert p.null not in p.starts
+        assert bool(p.starts) != bool(p.quantiles)
+    assert any(p.null is not None for p in free)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_sentence_says_where_and_how_much(name: str) -> None:
+    """Its slots name the module and what says how strong the effect is; all can be filled."""
+    effect = EFFECTS[name]
+    slots = set(re.findall(r"\{(\w+)\}", effect.text))
+    strength = {n for n, p in effect.parameters.items() if p.null is not None}
+    known = set.intersection(*(names_of(join, effect.parameters) for join in effect.joins))
+    assert "module" in slots
+    assert slots & strength
+    assert slots <= {*known, "module", "place"}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_source_is_given(name: str) -> None:
+    """A citation with a year or a number, a law by its name, or an honest [assumed]."""
+    source = EFFECTS[name].origin.source
+    named = r"\d|assumed|own derivation|law|branch|hydrostatics|characteristic|balance|Weisbach"
+    assert re.search(rf"{named}|Handbook|Poiseuille", source)
+
+
+def joins(effect: Effect, place: Mapping[str, Any]) -> bool:
+    """Whether any join of an effect fits a kind of place."""
+
+    def slope(join: Join, key: str) -> bool:
+        driver = getattr(join, key)
+        return not driver or effect.drivers[driver].quantity in place[key]
+
+    for join in effect.joins:
+        if "reads" in place:
+            if join.reads in (place["reads"], "any"):
+                return True
+        elif (
+            join.gives == place["gives"]
+            and join.measured == place.get("measured", False)
+            and join.steep in (None, place.get("steep"))
+            and slope(join, "falls_with")
+            and slope(join, "rises_with")
+        ):
+            return True
+    return False
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_effects_join_the_places_they_are_meant_for(kind: str) -> None:
+    """For each kind of place all effects that join it, and no others."""
+    found = {name for name, effect in EFFECTS.items() if joins(effect, TABLE[kind]["place"])}
+    assert set(TABLE[kind]["effects"]) == found
+
+
+def test_every_effect_has_a_place() -> None:
+    """No effect is missing in the table."""
+    assert {name for part in TABLE.values() for name in part["effects"]} == set(EFFECTS)
+
+
+def test_equal_askings_of_the_plain_law_are_one() -> None:
+    """``law(...)`` with the same settings, however spaced, is one entry."""
+    law, columns = parse_law("law(dp=0, n=2*n)*a + law( dp = 0,n = 2*n ) - law(dp=b)")
+    assert ["law_1", "law_2"] == list(law.substitutes)
+    assert {"dp": "0", "n": "2*n"} == {
+        n: e.text.strip() for n, e in law.substitutes["law_1"].items()
+    }
+    assert (4, 7) == columns["law_1", "dp"]
+    assert len(law.text) == len(law.expression.text)
+
+
+def test_effects_are_read_only_where_they_are_wanted() -> None:
+    """A plant is compiled without them; the hash of its sources is the same with them."""
+    plain = read_plant(ROOT / "plants/abc")
+    full = read_plant(ROOT / "plants/abc", effects=True)
+    assert "effect" not in plain.by_kind
+    assert len(EFFECTS) == len(full.by_kind["effect"])
+    assert plain.digest() == full.digest()
