@@ -68,34 +68,38 @@ def analyse(
     tell("working out uncertainties")
     findings = findings_of(found.best, found.accepted)
     tell("opening the held-out blocks")
-    predictor = _predictor(system, findings, hidden)
-    proof = prove(predictor, found.best.fitted) if predictor else None
-    return _answer(recording, found, findings, predictor, proof, hidden, begin)
+    predictors = _predictors(system, findings, hidden)
+    proofs = [prove(p, found.best.fitted) for p in predictors]
+    return _answer(recording, found, findings, predictors, proofs, hidden, begin)
 
 
-def _predictor(
+def _predictors(
     system: System, findings: Sequence[Finding], hidden: Reconstruction | None
-) -> Predictor | None:
-    """The reading in whose unit errors are told: one that the first finding moves."""
+) -> list[Predictor]:
+    """The readings in whose units errors are told: those that findings move, flows first."""
     candidates = {c.id: c for c in system.workshop.candidates}
-    places: list[tuple[tuple[str, ...], frozenset[str]]] = []
+    spots = {(s.module, s.place): s for s in system.workshop.spots}
+    places: list[tuple[tuple[str, ...], frozenset[str], str]] = []
     for finding in findings:
         if finding.id in candidates:
             candidate = candidates[finding.id]
-            places.append((candidate.observers, frozenset(candidate.drivers.values())))
+            spot = spots.get((finding.module, finding.place))
+            drivers = frozenset(candidate.drivers.values())
+            places.append((candidate.observers, drivers, spot.unit if spot else ""))
     if hidden is not None:
-        places.append((hidden.suspect.spot.observers, frozenset()))
-    places.append((tuple(o.id for o in system.observers), frozenset()))
-    found = (predictor_for(system, *place) for place in places)
-    return next((p for p in found if p is not None), None)
+        spot = hidden.suspect.spot
+        places.append((spot.observers, frozenset(), spot.unit))
+    places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
+    found = {p.signal.id: p for place in places if (p := predictor_for(system, *place))}
+    return sorted(found.values(), key=lambda p: not p.of_flow)
 
 
 def _answer(
     recording: Recording,
     found: Search,
     findings: tuple[Finding, ...],
-    predictor: Predictor | None,
-    proof: Proof | None,
+    predictors: Sequence[Predictor],
+    proofs: Sequence[Proof],
     hidden: Reconstruction | None,
     begin: float,
 ) -> Mismatch:
@@ -118,7 +122,8 @@ def _answer(
         headline_of(verdict, findings, locations),
         locations,
         findings,
-        proof.fit if proof else None,
+        proofs[0].fit if proofs else None,
+        tuple(p.fit for p in proofs),
         confounded(fitted),
         driver,
         _untested(system, findings),
@@ -127,11 +132,11 @@ def _answer(
         system.data.digest,
         _noise_told(fitted),
         found.tried,
-        _notes(recording, proof),
+        _notes(recording, proofs),
         fitted.setting.ids,
         tuple(Changed(n, float(fitted.setting.values[n]), fitted.u(n)) for n in names),
         fitted.covariance[np.ix_(chosen, chosen)],
-        _curves(system, predictor, proof, findings) if predictor and proof else None,
+        _curves(system, predictors[0], proofs[0], findings) if proofs else None,
         time.perf_counter() - begin,
     )
 
@@ -202,11 +207,11 @@ def _noise_told(fitted: Fitted) -> str:
     )
 
 
-def _notes(recording: Recording, proof: Proof | None) -> tuple[str, ...]:
+def _notes(recording: Recording, proofs: Sequence[Proof]) -> tuple[str, ...]:
     notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
-    if proof is not None and proof.faulty:
+    if proofs and proofs[0].faulty:
         notes.append(
-            f"{proof.faulty} settled points lie in periods of faults; errors are those of the "
+            f"{proofs[0].faulty} settled points lie in periods of faults; errors are those of the "
             "others (in held-out blocks periods are found by the finished model)"
         )
     return tuple(notes)
@@ -253,6 +258,7 @@ def _cannot(
         (),
         (),
         None,
+        (),
         (),
         None,
         (),

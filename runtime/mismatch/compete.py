@@ -7,7 +7,7 @@ round. Differences are taken block by block: neighbouring points are alike, bloc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,7 +70,8 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
     likelihood = np.zeros(rows.groups)
     part = data.part[rows.group_point]
     for fitted_to, judged in ((ESTIMATION, SELECTION), (SELECTION, ESTIMATION)):
-        half = fit(rows, fitted.setting, data.part == fitted_to, ROUGH, degrees)
+        chosen = data.part == fitted_to
+        half = fit(rows, fitted.setting, chosen, ROUGH, degrees, fitted.temper)
         likelihood[part == judged] = half.likelihood[part == judged]
     blocks: Array = np.bincount(
         data.block[rows.group_point], likelihood, minlength=int(data.block.max()) + 1
@@ -81,7 +82,7 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
 def entered(fitted: Fitted, trial: Trial, steps: int = 8) -> Contestant:
     """Refit everything with a trial in it, and judge it."""
     setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    return contest(fit(fitted.rows, setting, fitted.used, steps), trial)
+    return contest(fit(fitted.rows, setting, fitted.used, steps, None, fitted.temper), trial)
 
 
 def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tuple[float, Array]:
@@ -90,8 +91,9 @@ def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tupl
     Gains are those of one amplitude in front of the term, linearised, under the better look.
     """
     rows = before.rows
-    term = after.rows.system.flows(after.setting, readings=False).values
-    term = term - before.rows.system.flows(_aligned(before, after), readings=False).values
+    at = before.predicted
+    term = rows.system.flows(after.setting, at=at).values
+    term = term - rows.system.flows(_aligned(before, after), at=at).values
     order = np.random.default_rng(seed)
     data = rows.system.data
     changed = {i: v for i, v in enumerate(term) if np.any(np.nan_to_num(v))}
@@ -99,7 +101,7 @@ def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tupl
     wide = np.array([np.inf])
 
     def gain(of: dict[int, Array]) -> float:
-        column = np.nan_to_num(rows.column(of))[:, None]
+        column = rows.column(before.maps, of)[:, None]
         return max(look.best(column, -wide, wide)[1] for look in looks) if np.any(column) else 0.0
 
     gains = []
@@ -113,7 +115,7 @@ def _aligned(before: Fitted, after: Fitted) -> Setting:
     """The setting before, at the base values of the fit after: their difference is the term."""
     own = before.setting
     kept = {n: after.setting.values.get(n, v) for n, v in own.values.items()}
-    return Setting(own.joined, kept, own.fixed, own.courses)
+    return replace(own, values=kept)
 
 
 def _shuffled(block: np.ndarray, order: np.random.Generator) -> np.ndarray:

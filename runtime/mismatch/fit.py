@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from runtime.mismatch.rows import Rows
+from runtime.mismatch.rows import Maps, Rows
 from runtime.mismatch.setting import ERROR, Setting
 from runtime.mismatch.system import System
 from runtime.plan import Array
@@ -23,6 +23,12 @@ FREEDOM = 4.0
 """Degrees of freedom of the Student distribution [usual choice]."""
 
 STEPS = 12
+
+BATCHES = 40
+"""Batches of time over which neighbours are found to be alike."""
+
+RELEASE = 30.0
+"""Factor on the stated uncertainty of the parameters of a module that is released."""
 
 CONVERGED = 1e-4
 """Gain in log likelihood per step below which a fit has ended, as share of the points."""
@@ -50,6 +56,8 @@ def prior_of(system: System, setting: Setting) -> Prior:
     modules = set(system.modules)
     base = [i for i in np.flatnonzero(u > 0) if parameters.ids[i].partition(".")[0] in modules]
     names = [parameters.ids[i] for i in base]
+    freed = [n.partition(".")[0] in setting.released for n in names]
+    u[base] = u[base] * np.where(freed, RELEASE, 1.0)
     errors = [ERROR + name for name in system.shared]
     unknowns = setting.free_unknowns()
     size = len(names) + len(errors) + len(unknowns)
@@ -58,7 +66,12 @@ def prior_of(system: System, setting: Setting) -> Prior:
     k = len(names)
     mean[:k], scale[:k] = parameters.values[base], u[base]
     if k:
-        correlation = parameters.covariance[np.ix_(base, base)] / np.outer(u[base], u[base])
+        stated = parameters.covariance[np.ix_(base, base)]
+        size_ = np.sqrt(np.diag(stated))
+        # What a calibration says of two parameters together holds as little as what it says of one.
+        correlation = np.where(
+            np.logical_or.outer(freed, freed), np.eye(k), stated / np.outer(size_, size_)
+        )
         inverse = np.linalg.inv(correlation + 1e-9 * np.eye(k))
         precision[:k, :k] = inverse / np.outer(u[base], u[base])
     spread = np.arange(k, k + len(errors))
@@ -75,17 +88,23 @@ def prior_of(system: System, setting: Setting) -> Prior:
 class Fitted:
     """A setting refitted to some points.
 
-    `scale` is that of the residuals in units of their noise. `likelihood` shape (groups,): log
-    likelihood of every group of rows, also of those that were not used. `normal` is the normal
-    matrix of the values with their prior; `jacobian` the table of slopes at the end.
+    `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
+    of rows say as much as one alone would (they are alike where something is left out).
+    `predicted` are the outputs by the model, `maps` how changes of estimates show in the rows.
+    `likelihood` shape (groups,): log likelihood of every group of rows, also of those that were
+    not used. `normal` is the normal matrix of the values with their prior; `jacobian` the table
+    of slopes at the end.
     """
 
     setting: Setting
     rows: Rows
     prior: Prior
     used: np.ndarray
+    temper: float
     scale: float
     residual: Array
+    predicted: Mapping[str, Array]
+    maps: Maps
     likelihood: Array
     jacobian: Array
     normal: Array
@@ -93,24 +112,11 @@ class Fitted:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the values; widened where blocks of time scatter more than noise does.
-
-        Source: sandwich by blocks (Liang and Zeger 1986).
-        """
+        """Covariance of the values."""
         size = np.sqrt(np.diag(self.normal))
         inverse = np.linalg.pinv(self.normal / np.outer(size, size), hermitian=True)
-        inverse = inverse / np.outer(size, size)
-        weights = student_weights(self.rows, self.residual, self.scale) * self.used[self.rows.point]
-        score = self.jacobian * (weights * self.residual / self.scale**2)[:, None]
-        block = self.rows.system.data.block[self.rows.point]
-        count = int(block.max(initial=0)) + 1
-        sums = np.zeros((count, score.shape[1]))
-        np.add.at(sums, block, score)
-        filled = max(len(np.unique(block[self.used[self.rows.point]])), 2)
-        middle = inverse @ (sums.T @ sums) @ inverse * filled / (filled - 1)
-        factor = np.sqrt(np.maximum(np.diag(middle) / np.diag(inverse), 1.0))
-        widened: Array = inverse * np.outer(factor, factor)
-        return widened
+        covariance: Array = inverse / np.outer(size, size)
+        return covariance
 
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""
@@ -124,6 +130,7 @@ def fit(
     used: np.ndarray,
     steps: int = STEPS,
     held: Mapping[str, float] | None = None,
+    temper: float = 1.0,
 ) -> Fitted:
     """Find the most probable values given some points.
 
@@ -132,6 +139,7 @@ def fit(
     setting : where to start.
     used : shape (n,), points to fit to.
     held : values that must stay where they are put.
+    temper : divides the log likelihood against the priors.
     """
     system = rows.system
     prior = prior_of(system, setting)
@@ -141,12 +149,12 @@ def fit(
     for i, name in enumerate(prior.names):
         at[i] = held.get(name, at[i])
     use = used[rows.point]
-    current = _evaluated(rows, setting, prior, at, used, None)
+    current = _evaluated(rows, setting, prior, at, used, temper, None)
     damping = 1e-3
     for _ in range(steps):
         step = _step(rows, current, prior, at, use, free, damping)
         trial_at = np.clip(at + step, prior.lowest, prior.highest)
-        trial = _evaluated(rows, setting, prior, trial_at, used, current.scale)
+        trial = _evaluated(rows, setting, prior, trial_at, used, temper, current.scale)
         gain = current.objective - trial.objective
         if not np.isfinite(trial.objective) or gain < 0:
             damping *= 8.0
@@ -168,7 +176,8 @@ def _step(
     free: np.ndarray,
     damping: float,
 ) -> Array:
-    weights = student_weights(rows, now.residual, now.scale) * use / now.scale**2
+    weights = student_weights(rows, now.residual, now.scale) * use
+    weights /= now.scale**2 * now.temper
     gradient = now.jacobian.T @ (weights * now.residual) + prior.precision @ (at - prior.mean)
     # A value at its bound does not move further out.
     stopped = ((at <= prior.lowest) & (gradient > 0)) | ((at >= prior.highest) & (gradient < 0))
@@ -183,28 +192,74 @@ def _step(
 
 
 def _evaluated(
-    rows: Rows, setting: Setting, prior: Prior, at: Array, used: np.ndarray, scale: float | None
+    rows: Rows,
+    setting: Setting,
+    prior: Prior,
+    at: Array,
+    used: np.ndarray,
+    temper: float,
+    scale: float | None,
 ) -> Fitted:
     """Residuals, slopes, scale and objective at some values."""
     placed = replace(
         setting, values={**setting.values, **dict(zip(prior.names, at.tolist(), strict=True))}
     )
-    flows = rows.system.flows(placed, prior.names)
-    residual = _sound(rows.residual(flows.values))
+    errors, predicted = rows.errors(rows.system.flows(placed))
+    residual = _sound(errors)
+    # What the outputs would be by the model is where its slopes are those of the prediction.
+    flows = rows.system.flows(placed, prior.names, at=predicted)
+    maps = rows.maps(flows)
     jacobian = np.empty((len(rows), len(at)))
     for j, name in enumerate(prior.names):
-        jacobian[:, j] = np.nan_to_num(rows.column(flows.by_value[name]))
+        jacobian[:, j] = rows.column(maps, flows.by_value[name])
     use = used[rows.point]
     scale = _scale(rows, residual, use, scale)
     likelihood = _likelihood(rows, residual, scale)
-    weights = student_weights(rows, residual, scale) * use / scale**2
+    weights = student_weights(rows, residual, scale) * use / (scale**2 * temper)
     normal = (jacobian * weights[:, None]).T @ jacobian + prior.precision
     normal[np.diag_indices(len(at))] += 1e-12 / prior.size**2
     off = at - prior.mean
-    objective = float(0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum())
-    return Fitted(
-        placed, rows, prior, used, scale, residual, likelihood, jacobian, normal, objective
+    objective = float(
+        0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum() / temper
     )
+    return Fitted(
+        placed,
+        rows,
+        prior,
+        used,
+        temper,
+        scale,
+        residual,
+        predicted,
+        maps,
+        likelihood,
+        jacobian,
+        normal,
+        objective,
+    )
+
+
+def temper_of(fitted: Fitted) -> float:
+    """How many neighbouring groups of rows are as good as one, by means over batches of time.
+
+    Source: batch means (Geyer 1992).
+    """
+    rows = fitted.rows
+    factors = []
+    for cell in rows.cells:
+        table = fitted.residual[cell.rows].reshape(len(cell.points), cell.rank) / fitted.scale
+        table = np.clip(table[fitted.used[cell.points]], -4.0, 4.0)
+        count = len(table) // BATCHES
+        if count < 2:
+            continue
+        means = table[: count * BATCHES].reshape(BATCHES, count, cell.rank).mean(axis=1)
+        spread = np.var(table, axis=0)
+        ratio = count * np.var(means, axis=0, ddof=1) / np.maximum(spread, 1e-300)
+        factors.append((len(table), float(np.max(ratio))))
+    if not factors:
+        return 1.0
+    counts, sizes = np.array(factors).T
+    return float(np.clip(np.average(sizes, weights=counts), 1.0, rows.groups / BATCHES))
 
 
 def _sound(residual: Array) -> Array:

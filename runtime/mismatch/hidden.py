@@ -13,6 +13,9 @@ from runtime.plan import Array
 STRUCTURED = 0.3
 """Share of what is left that a smooth course in time holds, for it to be told."""
 
+PART = 0.15
+"""Gain by the course, as share of what all explanations together gain, for it to be told."""
+
 WINDOWS = 60
 """Smoothing windows per recording."""
 
@@ -27,8 +30,14 @@ class Reconstruction:
     share: float
 
 
-def reconstruct(fitted: Fitted) -> Reconstruction | None:
-    """The course of an error at the most suspect place, if it is one smooth course in time."""
+def reconstruct(fitted: Fitted, explained: float) -> Reconstruction | None:
+    """The course of an error at the most suspect place, if it is one smooth course in time.
+
+    Parameters
+    ----------
+    explained : gain in log likelihood of what was explained so far: small change beside it is
+        not worth telling.
+    """
     data = fitted.rows.system.data
     if data.of_rows:
         return None
@@ -40,22 +49,28 @@ def reconstruct(fitted: Fitted) -> Reconstruction | None:
         values, weight = suspect.course[known], suspect.weight[known]
         smooth = _smoothed(values, weight, len(known) // WINDOWS)
         open_ = fitted.used[known]
-        left = float(np.average(values[open_] ** 2, weights=weight[open_]))
+        left = float(np.average(_clipped(values)[open_] ** 2, weights=weight[open_]))
         held = float(np.average(smooth[open_] ** 2, weights=weight[open_]))
         mere = noise**2 * float(open_.sum() / weight[open_].sum())
         share = held / max(left - mere, 1e-300) if left > 1.05 * mere else 0.0
-        if share > STRUCTURED:
+        gain = -0.5 * float(open_.sum()) * float(np.log1p(-min(held / left, 0.999)))
+        price = 2.0 * WINDOWS * float(np.log(len(known)))
+        if share > STRUCTURED and gain > price + PART * explained:
             return Reconstruction(suspect, data.time[known], smooth, min(share, 1.0))
     return None
 
 
-def _smoothed(values: Array, weight: Array, width: int) -> Array:
-    """Weighted running mean of clipped values: one odd point is no course."""
+def _clipped(values: Array) -> Array:
     middle = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values))
-    clipped = np.clip(values, middle - 4.0 * spread, middle + 4.0 * spread)
+    clipped: Array = np.clip(values, middle - 4.0 * spread, middle + 4.0 * spread)
+    return clipped
+
+
+def _smoothed(values: Array, weight: Array, width: int) -> Array:
+    """Weighted running mean of clipped values: one odd point is no course."""
     kernel = np.hanning(2 * max(width, 1) + 3)[1:-1]
-    top = np.convolve(clipped * weight, kernel, mode="same")
+    top = np.convolve(_clipped(values) * weight, kernel, mode="same")
     smooth: Array = top / np.convolve(weight, kernel, mode="same")
     return smooth
 

@@ -22,14 +22,12 @@ REFINED = 4
 def profile(fitted: Fitted, name: str) -> tuple[float, float]:
     """95 % interval of a value by its profile likelihood, all others refitted.
 
-    The fall is counted in units of what blocks of time scatter, as the uncertainties are.
+    Neighbours count as what they are worth (`Fitted.temper`).
 
     Source: Venzon and Moolgavkar 1988.
     """
     i = fitted.prior.names.index(name)
     u = fitted.u(name)
-    inverse = np.linalg.pinv(fitted.normal, hermitian=True)
-    inflation = max(u**2 / max(float(inverse[i, i]), 1e-300), 1.0)
     best = fitted.setting.values[name]
     ends = []
     for side in (-1.0, 1.0):
@@ -41,7 +39,7 @@ def profile(fitted: Fitted, name: str) -> tuple[float, float]:
             continue
         step = min(high, reach)
         for _ in range(REFINED):
-            fall = _fall(fitted, name, best + side * step) / inflation
+            fall = _fall(fitted, name, best + side * step)
             if fall < DROP:
                 if step >= reach:
                     break
@@ -60,7 +58,7 @@ def profile(fitted: Fitted, name: str) -> tuple[float, float]:
 
 def _fall(fitted: Fitted, name: str, value: float) -> float:
     held: Mapping[str, float] = {name: value}
-    there = fit(fitted.rows, fitted.setting, fitted.used, 3, held)
+    there = fit(fitted.rows, fitted.setting, fitted.used, 4, held, fitted.temper)
     return there.objective - fitted.objective
 
 

@@ -96,9 +96,9 @@ def spot_column(fitted: Fitted, spot: Spot) -> Array | None:
         (spot.unknown,),
         (spot.id,),
         modules=system.reached(spot.observers),
-        readings=False,
+        at=fitted.predicted,
     )
-    column = np.nan_to_num(fitted.rows.column(flows.by_value[spot.unknown]))
+    column = fitted.rows.column(fitted.maps, flows.by_value[spot.unknown])
     return column if np.any(column) else None
 
 

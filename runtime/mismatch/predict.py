@@ -13,10 +13,14 @@ import numpy as np
 from runtime.mismatch.setting import ERROR, Setting
 from runtime.mismatch.system import System
 from runtime.plan import Array
+from runtime.reading_unit import parse_unit
 from runtime.ruleset import ResidualSpec, SignalSpec
 from runtime.tangent import run_with_slopes
 
 STEPS = 12
+
+VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0)
+"""Exponents of m, kg, s, K."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,12 @@ class Predictor:
     residual: ResidualSpec
     signal: SignalSpec
     points: np.ndarray
+
+    @property
+    def of_flow(self) -> bool:
+        """Is the reading a volume flow?"""
+        own = parse_unit(self.signal.unit, self.system.ruleset.units)
+        return own is not None and own.dimension == VOLUME_FLOW
 
     def predicted(self, setting: Setting) -> Array:
         """The reading by a model, shape (n,), SI; NaN where there is none."""
@@ -83,12 +93,14 @@ class Predictor:
 
 
 def predictor_for(
-    system: System, observers: tuple[str, ...], drivers: frozenset[str]
+    system: System, observers: tuple[str, ...], drivers: frozenset[str], unit: str = ""
 ) -> Predictor | None:
     """The residual and reading that show the error of some observers best.
 
-    A reading that only one side of the residual has is best, such as that of a flow meter.
+    A reading of the kind of the place (`unit`) is best, then one that only one side of the
+    residual has, such as that of a flow meter.
     """
+    kind = parse_unit(unit, system.ruleset.units)
     best: tuple[tuple[float, ...], Predictor] | None = None
     for spec in system.ruleset.residuals:
         ids = [t.observer for t in spec.terms]
@@ -101,12 +113,15 @@ def predictor_for(
             readers = [o for o in ids if name in system.ruleset.observer_by_id[o].signals]
             if signal.is_input or name in drivers or points.sum() < 3:
                 continue
+            own = parse_unit(signal.unit, system.ruleset.units)
+            alike = kind is not None and own is not None and kind.dimension == own.dimension
             rank = (
+                float(alike),
                 float(len(readers) == 1),
                 float(len(touched) < len(ids)),
                 -float(len(ids)),
-                float(readers[0] not in observers),
                 -float(len(system.ruleset.observer_by_id[readers[0]].signals)),
+                float(readers[0] not in observers),
                 float(spec.module == name.partition(".")[0]),
             )
             if best is None or rank > best[0]:

@@ -45,7 +45,7 @@ def prove(predictor: Predictor, repaired: Fitted) -> Proof:
     for candidate in repaired.setting.joined:
         if candidate not in faults:
             only_faults = only_faults.leaving(candidate.id)
-    recalibrated = fit(rows, only_faults, repaired.used)
+    recalibrated = fit(rows, only_faults, repaired.used, temper=repaired.temper)
     faulty = _faulty(rows, repaired)
     bare = [_without_courses(s) for s in (Setting(), recalibrated.setting, repaired.setting)]
     predictions = [predictor.predicted(setting) for setting in bare]

@@ -8,4 +8,5 @@ from runtime.mismatch.search import Search
 
 def rest_of(found: Search) -> tuple[Search, Reconstruction | None]:
     """Look for structure in what is left."""
-    return found, reconstruct(found.best.fitted)
+    explained = sum(record.gain for record in found.accepted)
+    return found, reconstruct(found.best.fitted, explained)

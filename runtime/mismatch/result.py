@@ -192,9 +192,10 @@ class Mismatch:
     """The whole answer.
 
     `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
-    ``cannot judge``. `split` says in words which blocks served for what, `digest` is its hash.
-    `noise` says where the size of the noise comes from. `parameters` and `covariance` (SI) are
-    those of the repaired model, `joined` the ids of the candidates in it, in order.
+    ``cannot judge``. `fits` has one for each predicted signal, `fit` is the first. `split` says in
+    words which blocks served for what, `digest` is its hash. `noise` says where the size of the
+    noise comes from. `parameters` and `covariance` (SI) are those of the repaired model, `joined`
+    the ids of the candidates in it, in order.
     """
 
     plant: str
@@ -205,6 +206,7 @@ class Mismatch:
     locations: tuple[Location, ...]
     findings: tuple[Finding, ...]
     fit: Fit | None
+    fits: tuple[Fit, ...]
     confounded: tuple[Confounded, ...]
     hidden: HiddenDriver | None
     untested: tuple[str, ...]

@@ -2,11 +2,13 @@
 
 Flows are eliminated: what several estimates of the same flows say beyond one value per free flow
 is redundant, and vanishes in a healthy plant that obeys its relations (runtime/redundancy.py).
+So many readings, the *outputs*, follow from the others. A residual is told as the error of its
+output, measured less predicted: whoever only rescales a relation gains nothing by it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,39 +16,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import Flows, System
+from runtime.mismatch.system import Flows, Slopes, System
 from runtime.plan import Array
 from runtime.redundancy import blocks_of, patterns_of, residual_basis
-from runtime.ruleset import Ruleset
 
 RARE = 0.01
 """Patterns of usable estimates at fewer points than this share are left out."""
 
 TINY = 1e-6
-"""Share of a flow's size below which noise counts as this much: nothing is exact."""
+"""Share of an output's size below which noise counts as this much: nothing is exact."""
+
+FARTHEST = 0.5
+"""Share of an output by which its predicted value may differ where slopes are taken."""
+
+Maps = tuple[Array, ...]
+"""Per cell the map from changes of estimates to whitened errors, (points, rank, observers)."""
 
 
 @dataclass(frozen=True)
 class Cell:
     """Points at which the same estimates check each other.
 
-    `observers` are numbers in the system; `weights` has shape (points, rows, observers): noise-
-    whitened combinations of the estimates that vanish. `first` is the place of its first row.
+    `observers` are numbers in the system, `basis` shape (rank, observers) their combinations that
+    vanish, `outputs` as many readings that follow from the others. `whitener`, shape (points,
+    rank, rank), turns errors of the outputs into rows with unit noise; `first` is its first row.
     """
 
     points: NDArray[np.intp]
     observers: NDArray[np.intp]
-    weights: Array
+    basis: Array
+    outputs: tuple[str, ...]
+    whitener: Array
     first: int
 
     @property
     def rank(self) -> int:
-        return int(self.weights.shape[1])
+        return len(self.basis)
 
     @property
     def rows(self) -> slice:
         """Its rows in the table; those of one point follow each other."""
         return slice(self.first, self.first + len(self.points) * self.rank)
+
+    def combined(self, of_observer: Mapping[int, Array], n: int) -> Array:
+        """Combinations of observers' values that vanish, shape (points, rank)."""
+        result = np.zeros((len(self.points), self.rank))
+        for j, i in enumerate(self.observers):
+            if int(i) in of_observer:
+                values = np.broadcast_to(of_observer[int(i)], (n,))[self.points]
+                result += values[:, None] * self.basis[:, j]
+        return result
+
+    def slopes(self, by_reading: Slopes, n: int) -> Array:
+        """Derivatives of the combinations by the outputs, shape (points, rank, rank)."""
+        columns = [self.combined(by_reading.get(name, {}), n) for name in self.outputs]
+        return np.stack(columns, axis=2)
 
 
 @dataclass(frozen=True)
@@ -56,41 +80,61 @@ class Rows:
     system: System
     cells: tuple[Cell, ...]
     point: NDArray[np.intp]
-    rank: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.point)
 
-    def residual(self, flows: Array) -> Array:
-        """Whitened residuals of flows, shape (observers, n) to (rows,)."""
-        return self._table(dict(enumerate(flows)))
+    def errors(self, flows: Flows) -> tuple[Array, dict[str, Array]]:
+        """Whitened errors of the outputs, shape (rows,), and the outputs as predicted, SI.
 
-    def column(self, slopes: Mapping[int, Array]) -> Array:
-        """The same linear map on the slopes of some observers."""
-        return self._table(slopes)
+        Exact where estimates are linear in the outputs, as they mostly are.
+        """
+        n = len(self.system.data)
+        table = np.full(len(self), np.nan)
+        values = dict(enumerate(flows.values))
+        predicted: dict[str, Array] = {}
+        for cell in self.cells:
+            off = _solved(cell.slopes(flows.by_reading, n), cell.combined(values, n)[:, :, None])
+            table[cell.rows] = (cell.whitener @ off)[:, :, 0].ravel()
+            for j, name in enumerate(cell.outputs):
+                measured = self.system.data.values[name]
+                course = predicted.setdefault(name, measured.copy())
+                reach = FARTHEST * np.abs(measured[cell.points])
+                shift = np.clip(np.nan_to_num(off[:, j, 0]), -reach, reach)
+                course[cell.points] = measured[cell.points] - shift
+        return table, predicted
 
-    def _table(self, of_observer: Mapping[int, Array]) -> Array:
+    def maps(self, flows: Flows) -> Maps:
+        """How changes of the estimates show in the rows, at the readings of `flows`."""
+        n = len(self.system.data)
+        result = []
+        for cell in self.cells:
+            slopes = cell.slopes(flows.by_reading, n)
+            wide = np.broadcast_to(cell.basis, (len(slopes), *cell.basis.shape))
+            result.append(np.nan_to_num(cell.whitener @ _solved(slopes, wide)))
+        return tuple(result)
+
+    def column(self, maps: Maps, slopes: Mapping[int, Array]) -> Array:
+        """Rows of a change of some observers, each shape (n,)."""
         table = np.zeros(len(self))
         n = len(self.system.data)
-        for cell in self.cells:
-            held = [(j, i) for j, i in enumerate(cell.observers) if int(i) in of_observer]
-            if not held:
-                continue
+        for cell, map_ in zip(self.cells, maps, strict=True):
             part = np.zeros((len(cell.points), cell.rank))
-            for j, i in held:
-                values = np.broadcast_to(of_observer[int(i)], (n,))[cell.points]
-                part += cell.weights[:, :, j] * values[:, None]
+            for j, i in enumerate(cell.observers):
+                if int(i) in slopes:
+                    values = np.broadcast_to(slopes[int(i)], (n,))[cell.points]
+                    part += map_[:, :, j] * np.nan_to_num(values)[:, None]
             table[cell.rows] = part.ravel()
         return table
 
     @cached_property
     def group(self) -> NDArray[np.intp]:
         """Number of the (cell, point) of each row: rows that are judged together."""
-        pairs, start = [], 0
+        groups, start = [np.zeros(0, dtype=int)], 0
         for cell in self.cells:
-            pairs.append(start + np.repeat(np.arange(len(cell.points)), cell.rank))
+            groups.append(start + np.repeat(np.arange(len(cell.points)), cell.rank))
             start += len(cell.points)
-        return np.concatenate(pairs) if pairs else np.zeros(0, dtype=int)
+        return np.concatenate(groups)
 
     @cached_property
     def groups(self) -> int:
@@ -115,7 +159,7 @@ class Rows:
 
 
 def rows_of(system: System, setting: Setting) -> Rows:
-    """Find what checks what, and whiten by the noise of the readings at a setting."""
+    """Find what checks what, and the noise of the outputs' errors at a setting."""
     flows = system.flows(setting)
     cells: list[Cell] = []
     start = 0
@@ -125,23 +169,79 @@ def rows_of(system: System, setting: Setting) -> Rows:
             if len(points) < max(RARE * len(system.data), 2) or len(observers) < 2:
                 continue
             basis = _basis(system, observers)
-            if not len(basis):
-                continue
-            finite = np.isfinite(flows.values[np.ix_(observers, points)]).all(axis=0)
-            points = points[finite]
-            if not len(points):
-                continue
-            weights = _whitened(basis, _noise(system, flows, observers, points))
-            cells.append(Cell(points, observers, weights, start))
-            start += len(points) * len(basis)
-    return Rows(system, tuple(cells), *_places(cells))
+            cell = _cell(system, flows, observers, basis, points, start) if len(basis) else None
+            if cell is not None:
+                cells.append(cell)
+                start += len(cell.points) * cell.rank
+    places = [np.repeat(cell.points, cell.rank) for cell in cells]
+    return Rows(system, tuple(cells), np.concatenate([*places, np.zeros(0, dtype=int)]))
 
 
-def _places(cells: Iterable[Cell]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    points = [np.repeat(cell.points, cell.rank) for cell in cells]
-    ranks = [np.full(len(cell.points) * cell.rank, cell.rank) for cell in cells]
-    none = [np.zeros(0, dtype=int)]
-    return np.concatenate(points or none), np.concatenate(ranks or none)
+def _cell(
+    system: System,
+    flows: Flows,
+    observers: NDArray[np.intp],
+    basis: Array,
+    points: NDArray[np.intp],
+    first: int,
+) -> Cell | None:
+    """Choose outputs, and whiten their errors; None where no reading follows from others."""
+    points = points[np.isfinite(flows.values[np.ix_(observers, points)]).all(axis=0)]
+    bare = Cell(points, observers, basis, (), np.zeros(0), first)
+    n = len(system.data)
+    by_noise = {
+        name: bare.combined(slopes, n) * system.data.noise[name][points][:, None]
+        for name, slopes in flows.by_reading.items()
+        if any(int(i) in slopes for i in observers)
+    }
+    by_noise = {name: part for name, part in by_noise.items() if np.isfinite(part).all()}
+    outputs = _outputs(system, by_noise, len(basis))
+    if outputs is None or not len(points):
+        return None
+    slopes = Cell(points, observers, basis, outputs, np.zeros(0), first).slopes(flows.by_reading, n)
+    every = np.stack(list(by_noise.values()), axis=2)
+    noise = _solved(slopes, every)
+    covariance = noise @ np.swapaxes(noise, 1, 2)
+    size = np.stack([np.abs(system.data.values[name][points]) for name in outputs], axis=1)
+    diagonal = np.arange(len(basis))
+    covariance[:, diagonal, diagonal] += (TINY * (size + size.mean(axis=0))) ** 2
+    sound = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
+    factor = np.linalg.cholesky(covariance[sound])
+    whitener = np.linalg.inv(factor)
+    return Cell(points[sound], observers, basis, outputs, whitener, first)
+
+
+def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[str, ...] | None:
+    """As many readings as there are combinations: those whose noise shows most in new ways."""
+    signals = system.ruleset.signal_by_id
+    names = [name for name in by_noise if not signals[name].is_input]
+    if len(names) < rank:
+        return None
+    table = np.stack([np.median(by_noise[name], axis=0) for name in names], axis=1)
+    table = table / max(float(np.abs(table).max()), 1e-300)
+    chosen: list[str] = []
+    for _ in range(rank):
+        sizes = np.round(np.linalg.norm(table, axis=0), 12)
+        best = int(np.argmax(sizes))
+        if sizes[best] <= 0.0:
+            return None
+        chosen.append(names[best])
+        direction = table[:, best] / np.linalg.norm(table[:, best])
+        table = table - np.outer(direction, direction @ table)
+        table[:, best] = 0.0
+    return tuple(chosen)
+
+
+def _solved(matrices: Array, right: Array) -> Array:
+    """Solve k small systems; NaN where one has no solution."""
+    sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    size = np.abs(matrices).max(axis=(1, 2), initial=0.0)
+    safe = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+    with np.errstate(all="ignore"):
+        sound &= np.abs(np.linalg.det(safe / np.maximum(size, 1e-300)[:, None, None])) > 1e-12
+    safe = np.where(sound[:, None, None], safe, np.eye(matrices.shape[1]))
+    result: Array = np.where(sound[:, None, None], np.linalg.solve(safe, right), np.nan)
+    return result
 
 
 def _blocks(system: System) -> list[NDArray[np.intp]]:
@@ -156,34 +256,8 @@ def _blocks(system: System) -> list[NDArray[np.intp]]:
     return blocks
 
 
-def _basis(system: System, observers: NDArray[np.intp]) -> Array:
-    ruleset: Ruleset = system.ruleset
+def _basis(system: System, observers: Sequence[int] | NDArray[np.intp]) -> Array:
+    ruleset = system.ruleset
     valid = np.zeros(len(ruleset.observers), dtype=bool)
     valid[[ruleset.observer_index[system.observers[i].id] for i in observers]] = True
     return residual_basis(ruleset, valid)  # columns in the order of the ruleset, as here
-
-
-def _noise(
-    system: System, flows: Flows, observers: NDArray[np.intp], points: NDArray[np.intp]
-) -> Array:
-    """Covariance of the estimates by the noise of the readings, shape (points, o, o)."""
-    n = len(system.data)
-    size = len(observers)
-    covariance = np.zeros((len(points), size, size))
-    for name, slopes in flows.by_reading.items():
-        u = system.data.noise[name][points]
-        held = [(a, int(i)) for a, i in enumerate(observers) if int(i) in slopes]
-        columns = {a: np.broadcast_to(slopes[i], (n,))[points] * u for a, i in held}
-        for a, left in columns.items():
-            for b, right in columns.items():
-                covariance[:, a, b] += left * right
-    level = np.abs(flows.values[np.ix_(observers, points)]).mean(axis=0)
-    covariance[:, np.arange(size), np.arange(size)] += (TINY * level[:, None]) ** 2
-    return covariance
-
-
-def _whitened(basis: Array, covariance: Array) -> Array:
-    """Combinations with unit covariance, shape (points, rank, observers)."""
-    factor = np.linalg.cholesky(basis @ covariance @ basis.T)
-    result: Array = np.linalg.solve(factor, np.broadcast_to(basis, (len(factor), *basis.shape)))
-    return result

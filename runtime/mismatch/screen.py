@@ -88,10 +88,11 @@ def looks_at(fitted: Fitted) -> tuple[Look, Look]:
 
 def _look(fitted: Fitted, weights: Array) -> Look:
     jacobian, scale = fitted.jacobian, fitted.scale
-    normal = jacobian.T @ (weights[:, None] * jacobian) / scale**2 + fitted.prior.precision
+    normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.temper)
+    normal = normal + fitted.prior.precision
     size = np.sqrt(np.diag(normal)) + 1e-300
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-    inverse = inverse / np.outer(size, size) / scale**2
+    inverse = inverse / np.outer(size, size) / (scale**2 * fitted.temper)
     # The weighted optimum need not be that of the fit: what is left must be free of base values.
     part = inverse @ (jacobian.T @ (weights * fitted.residual))
     residual = fitted.residual - jacobian @ part
@@ -137,11 +138,11 @@ def columns_of(
     rows = fitted.rows
     names = [u.id for u in candidate.unknowns if u.null is not None and not u.fixed]
     setting = fitted.setting.joining(candidate, values, fixed)
-    flows = rows.system.flows(
-        setting, names, modules=rows.system.reached(candidate.observers), readings=False
+    system = rows.system
+    flows = system.flows(
+        setting, names, modules=system.reached(candidate.observers), at=fitted.predicted
     )
-    columns = np.stack([np.nan_to_num(rows.column(flows.by_value[n])) for n in names], axis=1)
-    columns[~np.isfinite(columns)] = 0.0
+    columns = np.stack([rows.column(fitted.maps, flows.by_value[n]) for n in names], axis=1)
     return columns if np.any(columns) else None
 
 

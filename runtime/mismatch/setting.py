@@ -42,13 +42,15 @@ class Setting:
     """What is joined and the values of what is free; numbers in SI.
 
     `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
-    `fixed` references of joined candidates.
+    `fixed` references of joined candidates. `released` are modules whose parameters may leave what
+    their calibration states: it was made with a law that left something out.
     """
 
     joined: tuple[Candidate, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
     courses: tuple[Course, ...] = ()
+    released: frozenset[str] = frozenset()
 
     @property
     def ids(self) -> tuple[str, ...]:

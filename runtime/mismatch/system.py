@@ -75,9 +75,11 @@ class System:
         used = {s for o in self.observers for s in o.signals}
         return {name: u for name, u in self.data.points.systematic.items() if name in used}
 
-    def corrected(self, setting: Setting) -> dict[str, Array | float]:
+    def corrected(
+        self, setting: Setting, at: Mapping[str, Array] | None = None
+    ) -> dict[str, Array | float]:
         """Plan inputs: readings less the errors of their sensors, and all values."""
-        inputs = {**self.inputs, **setting.fixed, **setting.values}
+        inputs = {**self.inputs, **(at or {}), **setting.fixed, **setting.values}
         parameters = self.workshop.parameters
         for name, value in zip(parameters.ids, parameters.values, strict=True):
             inputs.setdefault(name, float(value))
@@ -86,7 +88,7 @@ class System:
         for name, u in self.shared.items():
             error = setting.values.get(ERROR + name, 0.0)
             if error:
-                inputs[name] = self.data.values[name] - error * u
+                inputs[name] = inputs[name] - error * u
         return inputs
 
     def flows(
@@ -95,7 +97,7 @@ class System:
         by: Sequence[str] = (),
         spots: Sequence[str] = (),
         modules: Sequence[str] | None = None,
-        readings: bool = True,
+        at: Mapping[str, Array] | None = None,
     ) -> Flows:
         """Evaluate the observers of all (or some) modules.
 
@@ -103,8 +105,9 @@ class System:
         ----------
         by : names of free values to differentiate by; degrees of periods and sensor errors too.
         spots : ids of places with an unknown error, which counts as 0 (a name for `by`).
+        at : readings other than those recorded.
         """
-        inputs = self.corrected(setting)
+        inputs = self.corrected(setting, at)
         seeds = list(dict.fromkeys(name.partition("#")[0] for name in by))
         n = len(self.data)
         values = np.full((len(self.observers), n), np.nan)
@@ -114,7 +117,7 @@ class System:
         for module in self.modules if modules is None else modules:
             plan = self.workshop.plan(module, setting.ids, tuple(spots))
             zero = {own_spots[s].unknown: 0.0 for s in spots}
-            signals = [name for name in plan.inputs if name in self.shared] if readings else []
+            signals = [name for name in plan.inputs if name in self.shared]
             names = [o for o in self.observers if o.module == module]
             wanted = plan.select([f"q:{o.id}" for o in names])
             out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*seeds, *signals])

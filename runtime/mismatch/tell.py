@@ -23,12 +23,8 @@ TOLD = 0.02
 
 def findings_of(best: Contestant, accepted: tuple[Accepted, ...]) -> tuple[Finding, ...]:
     """What was accepted, in the order of what it explains."""
-    terms = {r.trial.candidate.id: term_of(best.fitted, r.trial.candidate) for r in accepted}
-    total = sum(float(np.sum(t)) for t in terms.values()) or 1.0
-    found = [
-        _finding(best, record, float(np.sum(terms[record.trial.candidate.id])) / total)
-        for record in accepted
-    ]
+    total = sum(r.gain for r in accepted) or 1.0
+    found = [_finding(best, record, record.gain / total) for record in accepted]
     return tuple(sorted(found, key=lambda f: -f.closed))
 
 
@@ -142,16 +138,15 @@ def term_of(fitted: Fitted, candidate: Candidate) -> Array:
     """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""
     system = fitted.rows.system
     without = fitted.setting.leaving(candidate.id)
-    with_it = system.flows(
-        fitted.setting, modules=system.reached(candidate.observers), readings=False
-    ).values
-    bare = system.flows(without, modules=system.reached(candidate.observers), readings=False).values
+    modules, at = system.reached(candidate.observers), fitted.predicted
+    with_it = system.flows(fitted.setting, modules=modules, at=at).values
+    bare = system.flows(without, modules=modules, at=at).values
     change = {
         i: np.nan_to_num(a - b)
         for i, (a, b) in enumerate(zip(with_it, bare, strict=True))
         if np.isfinite(a - b).any()
     }
-    rows = fitted.rows.column(change)
+    rows = fitted.rows.column(fitted.maps, change)
     squares: Array = np.bincount(fitted.rows.point, rows**2, len(system.data)).astype(float)
     return squares
 
