@@ -88,14 +88,15 @@ def test_zema_is_shown_half_of_the_blocks(folder: Path, tmp_path: Path) -> None:
     """No cycle is shown and judged; variants leave out leaking cycles or columns."""
     cases = {c.name: c for c in zema.prepare(folder, tmp_path)}
     cycles = {str(c.number): c for c in read_cycles(folder / zema.FOLDER)}
-    full, healthy = cases["zema full"], cases["zema leak-free"]
+    full, healthy, usual = (cases[f"zema {n}"] for n in ("full", "leak-free", "on profile"))
     shown, unseen = _column(full.analysis, "cycle"), _column(full.unseen, "cycle")
     assert set() == shown & unseen
     assert set(cycles) == shown | unseen
     assert {0} == {cycles[c].leakage for c in _column(healthy.analysis, "cycle")}
+    assert {()} == {cycles[c].off_profile for c in _column(usual.analysis, "cycle")}
     for name, gone in (("temperatures", zema.TEMPERATURES), ("flow meter", (zema.FLOW,))):
-        header = _header(cases[f"zema leak-free without {name}"].analysis)
-        assert set(_header(healthy.analysis)) - set(header) == set(gone)
+        header = _header(cases[f"zema on profile without {name}"].analysis)
+        assert set(_header(usual.analysis)) - set(header) == set(gone)
 
 
 def test_labels_are_not_shown(folder: Path, tmp_path: Path) -> None:

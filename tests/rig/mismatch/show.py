@@ -47,37 +47,49 @@ def _named(answer: Answer) -> str:
     for effect in answer.form["effects"]:
         name, place = effect["effect"], f"{effect['module']}.{effect['place']}"
         others = ", ".join(
-            f"{a['effect']} {a['probability']:.2f}" for a in effect.get("alternatives", ())
+            f"{a['effect']} {_number(a['probability'], 2)}" for a in effect.get("alternatives", ())
         )
         shown = ", ".join(f"{k} {_value(v)}" for k, v in effect["parameters"].items())
-        line = f"{name}, {place} ({effect['probability']:.2f}): {shown}"
+        line = f"{name}, {place} ({_number(effect['probability'])}): {shown}"
         lines.append(f"{line}; or {others}" if others else line)
     return "\n".join(lines)
 
 
 def _value(parameter: Mapping[str, Any]) -> str:
-    return f"{parameter['value']:.4g}+-{parameter['u']:.1g} {parameter['unit']}"
+    return f"{_number(parameter['value'], 4)}+-{_number(parameter['u'], 1)} {parameter['unit']}"
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    """What is no finite number is null in the machine form."""
+    return "-" if value is None else f"{value:.{digits}g}"
 
 
 def _fit(answer: Answer) -> tuple[str, ...]:
-    fit = answer.form["fit"]
-    if not fit:
-        return ("", "", "", "", "", "", f"{answer.seconds:.1f}")
-    held, low_high = fit["heldout"], fit["heldout"]["gain_interval"]
+    """Errors of every signal that was predicted, one below the other."""
+    form = answer.form
+    fits = form.get("fits") or ([form["fit"]] if form["fit"] else [])
+    columns = zip(*(_cells(fit) for fit in fits), strict=True)
+    return (
+        *(("\n".join(column) for column in columns) if fits else [""] * 6),
+        f"{answer.seconds:.1f}",
+    )
+
+
+def _cells(fit: Mapping[str, Any]) -> tuple[str, ...]:
+    held = fit["heldout"]
     return (
         f"{fit['signal']} [{fit['unit']}]",
         _three(fit["estimation"]),
         _three(held),
-        f"{held['noise']:.3g}",
-        f"{fit['closed']:.2f}",
-        " to ".join(f"{g:.2f}" for g in low_high),
-        f"{answer.seconds:.1f}",
+        _number(held["noise"]),
+        _number(fit["closed"]),
+        " to ".join(_number(gain) for gain in held["gain_interval"]),
     )
 
 
 def _three(errors: Mapping[str, float]) -> str:
     kinds = ("shipped", "recalibrated", "repaired")
-    return " / ".join(f"{errors[kind]:.3g}" for kind in kinds)
+    return " / ".join(_number(errors[kind]) for kind in kinds)
 
 
 def show_lines(out: Console, title: str, lines: Sequence[str]) -> None:
