@@ -9,12 +9,12 @@ other: it is lowered for the analysis, written as YAML, and compiled.
 from __future__ import annotations
 
 import ast
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from rulec.knowledge import Definition, ModuleType, Parameter
-from rulec.language.expression import GATHER, Expression, exponent_of, function_of, parse
+from rulec.language.expression import Expression
+from rulec.language.rewrite import name_node, over, replaced, text_of, written
 
 SHORT = 60
 """A plain law with drivers replaced stands inside the new law up to this length."""
@@ -67,12 +67,12 @@ def amend(amended: Amended, change: Change) -> Amended:
         local = fresh(name, taken)
         parameters[local] = replace(parameter, name=local)
         inputs[local] = change.ids[name]
-        names[name] = _name(local)
+        names[name] = name_node(local)
         taken.add(local)
     outside = dict(amended.outside)
     for driver, source in change.drivers.items():
         if source not in amended.type.signals:
-            names[driver] = _name(_outside(outside, source, taken))
+            names[driver] = name_node(_outside(outside, source, taken))
     kind = replace(amended.type, parameters=parameters)
     result = replace(amended, type=kind, inputs=inputs, outside=outside)
     for place_kind, place in change.places:
@@ -111,7 +111,7 @@ def _own(amended: Amended, change: Change) -> dict[str, ast.expr]:
     """Names of the own signals that drive, as what they should read where that is known."""
     signals = amended.type.signals
     return {
-        driver: _name(amended.corrected.get(source, source))
+        driver: name_node(amended.corrected.get(source, source))
         for driver, source in change.drivers.items()
         if source in signals
     }
@@ -146,7 +146,7 @@ def _join_signal(
 ) -> Amended:
     """The law of a sensor stands over raw readings: two corrections need not wait on each other."""
     kind = amended.type
-    raw = {d: _name(s) for d, s in change.drivers.items() if s in kind.signals}
+    raw = {d: name_node(s) for d, s in change.drivers.items() if s in kind.signals}
     if place in amended.corrected:
         true = amended.corrected[place]
         old = kind.definitions[true]
@@ -154,15 +154,14 @@ def _join_signal(
         result = writer.put_in(change)
         return replace(result, raw=result.raw | {writer.plain, *writer.copies})
     true = fresh(f"{place}_true", _taken(amended))
-    law = _written(replaced(change.law.tree, {**raw, **names, "law": _name(place)}))
-    there = {place: _name(true)}
+    law = written(replaced(change.law.tree, {**raw, **names, "law": name_node(place)}))
+    there = {place: name_node(true)}
     definitions = {
-        name: d if name in amended.raw else replace(d, expression=_over(d.expression, there))
+        name: d if name in amended.raw else replace(d, expression=over(d.expression, there))
         for name, d in kind.definitions.items()
     }
     observers = {
-        name: replace(o, expression=_over(o.expression, there))
-        for name, o in kind.observers.items()
+        name: replace(o, expression=over(o.expression, there)) for name, o in kind.observers.items()
     }
     first = {true: Definition(true, law, f"what {place} should read")}
     return replace(
@@ -190,10 +189,10 @@ class _Writer:
         self.copies: dict[str, Definition] = {}
 
     def law(self, change: Change) -> Expression:
-        table = {**self._names, "law": _name(self.plain)}
+        table = {**self._names, "law": name_node(self.plain)}
         for key, drivers in change.substitutes.items():
             table[key] = self._substituted(change, drivers)
-        return _written(replaced(change.law.tree, table))
+        return written(replaced(change.law.tree, table))
 
     def put_in(self, change: Change) -> Amended:
         """The law put in where a definition stood; that one keeps its place under a new name."""
@@ -229,7 +228,7 @@ class _Writer:
                 return None
             return self._short(replaced(expression.tree, inner), name, shown)
 
-        return copy(self._place, self._old) or _name(self.plain)
+        return copy(self._place, self._old) or name_node(self.plain)
 
     def _short(self, tree: ast.expr, name: str, shown: str) -> ast.expr:
         """The tree itself, or the name of a new definition that holds it."""
@@ -237,69 +236,5 @@ class _Writer:
             return tree
         local = fresh(f"{name}_at", self._taken)
         self._taken.add(local)
-        self.copies[local] = Definition(local, _written(tree), f"{name} where {shown}")
-        return _name(local)
-
-
-def _over(expression: Expression, table: Mapping[str, ast.expr]) -> Expression:
-    """The expression with names replaced; itself if none of them stands in it."""
-    if not any(name in table for name, _ in expression.names()):
-        return expression
-    return _written(replaced(expression.tree, table))
-
-
-def _written(tree: ast.expr) -> Expression:
-    """A tree as an expression of the language, with its text; raises `Rejected`."""
-    return parse(text_of(tree))
-
-
-def text_of(tree: ast.expr) -> str:
-    """A tree as text, written as in kb/: products without blanks.
-
-    >>> text_of(ast.parse("a-b*c**2", mode="eval").body)
-    'a - b*c**2'
-    """
-    return re.sub(r" (\*\*?|/) ", r"\1", ast.unparse(tree))
-
-
-def _name(name: str) -> ast.Name:
-    return ast.Name(id=name, ctx=ast.Load())
-
-
-def replaced(node: ast.expr, table: Mapping[str, ast.expr]) -> ast.expr:
-    """A tree with names replaced by trees; what a zero makes vanish is left out.
-
-    >>> ast.unparse(replaced(parse("a - b*p**2").tree, {"p": ast.Constant(0)}))
-    'a'
-    """
-    match node:
-        case ast.Name(id=name):
-            return table.get(name, node)
-        case ast.Call(func=function, args=arguments) if function_of(node) != GATHER:
-            return ast.Call(function, [replaced(a, table) for a in arguments], [])
-        case ast.UnaryOp(op=op, operand=operand):
-            inner = replaced(operand, table)
-            return inner if _is_zero(inner) else ast.UnaryOp(op, inner)
-        case ast.BinOp(left=left, op=ast.Pow() as op, right=power):
-            base = replaced(left, table)
-            positive = (exponent_of(power) or 0) > 0
-            return base if _is_zero(base) and positive else ast.BinOp(base, op, power)
-        case ast.BinOp(left=left, op=op, right=right):
-            return _without_zero(replaced(left, table), op, replaced(right, table))
-    return node
-
-
-def _without_zero(left: ast.expr, op: ast.operator, right: ast.expr) -> ast.expr:
-    if isinstance(op, ast.Mult) and (_is_zero(left) or _is_zero(right)):
-        return ast.Constant(0)
-    if isinstance(op, ast.Div) and _is_zero(left) and not _is_zero(right):
-        return left
-    if isinstance(op, ast.Add) and _is_zero(left):
-        return right
-    if isinstance(op, ast.Add | ast.Sub) and _is_zero(right):
-        return left
-    return ast.BinOp(left, op, right)
-
-
-def _is_zero(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and node.value == 0
+        self.copies[local] = Definition(local, written(tree), f"{name} where {shown}")
+        return name_node(local)

@@ -80,6 +80,9 @@ class Binder:
             return self._ids(behind, driver)
         if driver.where == "plant" and not own:
             return self._ids(self._nearest(module), driver)[:MANY]
+        if driver.quantity == join.reads:
+            # A threshold of the very reading that is put right.
+            return [site.name]
         return [s for s in own if site.key != ("signal", s)]
 
     def _own(self, module: str, driver: Driver) -> list[str]:
@@ -103,14 +106,6 @@ class Binder:
 
 def drivers_of(join: Join, effect: Effect) -> tuple[str, ...]:
     """Drivers that a law or its parameters speak of, in the order of the effect."""
-    used = names_of(join) | {join.falls_with, join.rises_with}
+    used = join.law.names() | {join.falls_with, join.rises_with}
     used |= {p.driver for p in effect.parameters.values() if p.name in used and p.driver}
     return tuple(name for name in effect.drivers if name in used)
-
-
-def names_of(join: Join) -> set[str]:
-    """Names in a law, those replaced in the plain law too."""
-    found = {name for name, _ in join.law.expression.names()}
-    for by in join.law.substitutes.values():
-        found |= by.keys() | {name for e in by.values() for name, _ in e.names()}
-    return found

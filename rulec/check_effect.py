@@ -9,11 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rulec.check_join import TIME, JoinReader, names_of
-from rulec.knowledge import Driver, Effect, EffectParameter, Join
+from rulec.check_join import TIME, JoinReader, needed_by
+from rulec.knowledge import PLAIN, Driver, Effect, EffectParameter, Join
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
-from rulec.language.effect_law import PLAIN
 from rulec.language.part_readers import origin_of, read_unit, within
 from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
 from rulec.try_effect import fails_at_null
@@ -202,7 +201,7 @@ class _EffectReader:
 
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Free parameters stand in every law, drivers and fixed ones in one at least."""
-        used = {i: names_of(join, effect.parameters) for i, join in joins}
+        used = {i: needed_by(join, effect.parameters) for i, join in joins}
         everywhere, somewhere = set.intersection(*used.values()), set().union(*used.values())
         for name, parameter in effect.parameters.items():
             if name not in somewhere or not (parameter.fixed or name in everywhere):
@@ -220,7 +219,7 @@ class _EffectReader:
 
     def _check_text(self, effect: Effect) -> None:
         """Slots of the text are known wherever the effect joins."""
-        known = set.intersection(*(names_of(join, effect.parameters) for join in effect.joins))
+        known = set.intersection(*(needed_by(join, effect.parameters) for join in effect.joins))
         place, text = self.document.place("text"), effect.text
         if re.search("[{}]", _SLOT.sub("", text)):
             message, hint = "a brace in the text has no partner", "write slots as {module}"

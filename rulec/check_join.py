@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rulec.knowledge import Driver, EffectLaw, EffectParameter, Join
+from rulec.knowledge import PLAIN, Driver, EffectLaw, EffectParameter, Join
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document, Path_
-from rulec.language.effect_law import PLAIN, Columns, parse_law
+from rulec.language.effect_law import Columns, parse_law
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import within
 from rulec.language.units import UNKNOWN, Dimension, UnitTable
@@ -24,13 +24,9 @@ ANY = "any"
 _OF_EQUATIONS = ("falls_with", "rises_with", "measured", "steep")
 
 
-def names_of(join: Join, parameters: Mapping[str, EffectParameter]) -> set[str]:
+def needed_by(join: Join, parameters: Mapping[str, EffectParameter]) -> set[str]:
     """Drivers and parameters that a join needs."""
-    names = {name for name, _ in join.law.expression.names()} - {PLAIN, *join.law.substitutes}
-    for replaced in join.law.substitutes.values():
-        names |= set(replaced)
-        names |= {name for value in replaced.values() for name, _ in value.names()}
-    names |= {name for name in (join.falls_with, join.rises_with) if name}
+    names = join.law.names() | {name for name in (join.falls_with, join.rises_with) if name}
     return names | {p.driver for n, p in parameters.items() if n in names and p.driver}
 
 

@@ -20,9 +20,22 @@ _COMMANDS = {
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
+    "simulate": "predict a recording from its inputs, with faults if asked for",
+    "mismatch": "tell where simulation and recording differ, and what physics is left out",
+    "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "demo": "see the whole thing on a shipped example",
 }
+
+_REFUSALS = (
+    "RecordingRefused",
+    "RulesetRefused",
+    "CalibrationRefused",
+    "SimulationRefused",
+    "AdoptRefused",
+    "MismatchRefused",
+)
+"""Exceptions whose message is for the user."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -61,7 +74,7 @@ def _message(error: Exception) -> str | None:
 
         assert isinstance(error, Refused)
         return render_all(error.diagnostics)
-    if kind in ("RecordingRefused", "RulesetRefused", "CalibrationRefused", "SimulationRefused"):
+    if kind in _REFUSALS:
         return f"rulec: {error}"
     if isinstance(error, OSError):
         return f"rulec: {error.filename or 'file'}: {error.strerror}"
@@ -110,8 +123,54 @@ def _parser() -> argparse.ArgumentParser:
         "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
     )
     _json(diagnose)
+    made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
+    made["adopt"].add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
+    )
+    _simulate(made["simulate"])
+    _mismatch(made["mismatch"])
     _study(made["study"])
     return parser
+
+
+def _simulate(simulate: argparse.ArgumentParser) -> None:
+    simulate.add_argument("plant", metavar="PLANT", help="or its ruleset")
+    simulate.add_argument(
+        "inputs",
+        metavar="INPUTS",
+        help="recording (CSV file, or a folder of them); of it the readings are used that no "
+        "equation determines, such as speeds",
+    )
+    simulate.add_argument(
+        "-o", "--output", metavar="RECORDING", required=True, help="file; for a folder a folder"
+    )
+    simulate.add_argument(
+        "--fault",
+        metavar="M.FAULT=DEGREE",
+        action="append",
+        default=[],
+        help="let a fault act, with @FROM:TO behind it from one second to another; repeatable",
+    )
+    simulate.add_argument(
+        "--noise", metavar="SEED", type=int, help="add errors of the sensors, drawn by a number"
+    )
+
+
+def _mismatch(mismatch: argparse.ArgumentParser) -> None:
+    mismatch.add_argument("plant", metavar="PLANT")
+    mismatch.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    mismatch.add_argument(
+        "--heldout",
+        action="append",
+        default=[],
+        metavar="FROM:TO",
+        help="seconds that prove the result and play no part in finding it; may be repeated; "
+        "without it, blocks are set aside",
+    )
+    mismatch.add_argument(
+        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
+    )
+    _json(mismatch)
 
 
 def _study(study: argparse.ArgumentParser) -> None:

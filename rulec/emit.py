@@ -1,19 +1,21 @@
-"""Pass 10, emit: everything the runtime needs, as data."""
+"""Pass 11, emit: everything the runtime needs, as data."""
 
 from __future__ import annotations
 
 import math
 
 import runtime.ruleset as contract
-from rulec.analyse_isolability import Group, Isolability
+from rulec.analyse_isolability import Group
 from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signatures
 from rulec.knowledge import Origin, Signal
+from rulec.order_equations import Ordered
 from rulec.plant import Module, Plant
 
 
-def emit(isolability: Isolability) -> contract.Ruleset:
+def emit(ordered: Ordered) -> contract.Ruleset:
     """Write the ruleset of a plant. The same sources always give the same ruleset."""
+    isolability = ordered.isolability
     rules = isolability.rules
     signatures = rules.signatures
     assembly = signatures.assembly
@@ -61,6 +63,7 @@ def emit(isolability: Isolability) -> contract.Ruleset:
         tuple(_ambiguous(group) for group in isolability.groups),
         isolability.unobserved,
         _parameters(plant),
+        ordered.simulation,
         assembly.graph.plan(),
         assembly.undo.plan(),
     )

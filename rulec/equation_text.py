@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ast
 
-from rulec.amend import Amended, replaced, text_of
+from rulec.amend import Amended
 from rulec.language.expression import Expression
+from rulec.language.rewrite import name_node, replaced, text_of
 
 
 def equation_of(amended: Amended, place: tuple[str, str]) -> str:
@@ -22,7 +23,8 @@ def equation_of(amended: Amended, place: tuple[str, str]) -> str:
 
 
 def _written_out(amended: Amended, expression: Expression) -> str:
-    outside = {name: _name(source) for name, source in amended.outside.items()}
+    # Such as B.T, which no equation of the language could name.
+    outside = {name: name_node(source) for name, source in amended.outside.items()}
 
     def tree(inner: Expression) -> ast.expr:
         table: dict[str, ast.expr] = dict(outside)
@@ -32,8 +34,3 @@ def _written_out(amended: Amended, expression: Expression) -> str:
         return replaced(inner.tree, table)
 
     return text_of(tree(expression))
-
-
-def _name(name: str) -> ast.Name:
-    """A plan input such as ``B.T``, which no equation of the language could name."""
-    return ast.Name(id=name, ctx=ast.Load())

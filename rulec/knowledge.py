@@ -9,6 +9,9 @@ from rulec.language.diagnostics import Place
 from rulec.language.expression import Expression
 from rulec.language.units import Unit, UnitTable
 
+PLAIN = "law"
+"""Name of the plain law in the law of an effect."""
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -287,6 +290,14 @@ class EffectLaw:
     text: str
     expression: Expression
     substitutes: Mapping[str, Mapping[str, Expression]]
+
+    def names(self) -> set[str]:
+        """Drivers and parameters that it speaks of, also where it asks for the plain law."""
+        found = {name for name, _ in self.expression.names()} - {PLAIN, *self.substitutes}
+        for replaced in self.substitutes.values():
+            found |= replaced.keys()
+            found |= {name for value in replaced.values() for name, _ in value.names()}
+        return found
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,21 @@ each candidate stands for.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import functools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import sympy
 
 from rulec.amend import Amended, Change, amend
-from rulec.binding import Binder, Binding, drivers_of, names_of
+from rulec.binding import Binder, Binding, drivers_of
 from rulec.differentiate import Models, TypeFault, law_of
 from rulec.equation_text import equation_of
-from rulec.knowledge import Effect, EffectParameter, Join, Knowledge, Origin, Parameter, Variant
+from rulec.join_places import matching
+from rulec.knowledge import Effect, EffectParameter, Join, Origin, Parameter, Variant
 from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.invert import invert
-from rulec.language.units import NONE, VOLUME_FLOW, Unit
+from rulec.language.units import NONE, Unit
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
 from runtime.mismatch.candidate import Candidate, Missing, Unknown
@@ -67,39 +69,6 @@ def match_effects(models: Models, readings: Mapping[str, float]) -> Matches:
         for effect in network.plant.knowledge.effects.values():
             found += matcher.joined(effect, missing)
     return Matches(models, sites, tuple(found), tuple(dict.fromkeys(missing)))
-
-
-def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
-    """Places that a join asks for, of those that stand on one another only the innermost."""
-    if join.reads:
-        kind = module.type.signals
-        signals = (s for s in sites if s.kind == "signal" and s.observers)
-        return [s for s in signals if join.reads in ("any", kind[s.name].quantity)]
-    wanted = knowledge.units.quantities[join.gives]
-    fitting = [
-        s
-        for s in sites
-        if s.kind != "signal"
-        and s.observers
-        and s.reads
-        and s.dimension == wanted
-        and s.measured == join.measured
-        and not _is_reference(s, module)
-        and _is_estimate(s)
-    ]
-    inner = {s.name for s in fitting if s.kind == "definition"}
-    return [
-        s for s in fitting if not s.uses & (inner - {s.name} if s.kind != "observer" else inner)
-    ]
-
-
-def _is_reference(site: Site, module: Module) -> bool:
-    return site.kind == "observer" and module.type.observers[site.name].is_reference
-
-
-def _is_estimate(site: Site) -> bool:
-    """A flow that is taken off an estimate, such as a slip, is no relation of its own."""
-    return site.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in site.moves.values())
 
 
 class _Matcher:
@@ -150,7 +119,7 @@ class _Matcher:
         id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
         if several:
             id_ += f"({', '.join(binding.signals.values())})"
-        used = names_of(join)
+        used = join.law.names()
         parameters = {name: p for name, p in effect.parameters.items() if name in used}
         change = Change(
             (site.key,),
@@ -257,6 +226,7 @@ class _Matcher:
         return Matched(candidate, change)
 
 
+@functools.lru_cache(maxsize=100)
 def undoing(variant: Variant, acts_on: str) -> Expression:
     """What should be there, over ``law`` (what is there) and the degree ``x``.
 

@@ -17,6 +17,7 @@ from rulec.derive_signatures import derive_signatures
 from rulec.differentiate import differentiate
 from rulec.emit import emit
 from rulec.link import link
+from rulec.order_equations import order_equations
 from rulec.read import read_plant
 from runtime.ruleset import Ruleset
 
@@ -30,6 +31,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     derive_signatures,  # -> Signatures: fault-symptom matrix at the reference point
     derive_rules,  # -> Rules: degrees with uncertainties
     analyse_isolability,  # -> Isolability: what cannot be told apart
+    order_equations,  # -> Ordered: what a simulation solves, and in which order
     emit,  # -> Ruleset: data for the runtime
 )
 

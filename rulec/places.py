@@ -27,7 +27,7 @@ class Site:
     `kind` is ``definition``, ``observer`` or ``signal``. `reads` are the own signals it depends
     on, `uses` the definitions it stands on, both through all definitions between; `slopes` its
     derivatives by own signals, `shares` the same as share of it per share of the signal, `moves`
-    the derivatives of own observers by it (for a signal: by the reading), at the reference point.
+    those of own observers by it (for a signal: by the reading), at the reference point.
     `observers` lists the ids of all observers that it reaches, also in other modules. `measured`:
     it reads a signal of the very kind it gives.
     """

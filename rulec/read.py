@@ -147,7 +147,7 @@ def _no_units(kb: Path) -> Diagnostic:
 
 def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
     if path.is_dir():
-        files = _yaml_in(path)
+        files = yaml_files_in(path)
         if not files:
             message = "there is no YAML file in this folder"
             hint = "the files of a plant end in .yaml"
@@ -156,7 +156,7 @@ def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
     return [path]
 
 
-def _yaml_in(folder: Path) -> list[Path]:
+def yaml_files_in(folder: Path) -> list[Path]:
     """YAML files of a folder, without those in hidden folders."""
     files = (f for f in folder.rglob("*") if f.suffix in (".yaml", ".yml") and f.is_file())
     return sorted(f for f in files if not any(p[0] == "." for p in f.relative_to(folder).parts))
@@ -172,7 +172,7 @@ def _read_kb(
     """Read the knowledge base without the given files; only what is wanted (None: all)."""
     by_kind: dict[str, list[Document]] = {}
     skip = {os.path.realpath(file) for file in given}
-    for file in _yaml_in(kb):
+    for file in yaml_files_in(kb):
         if not effects and _holds_effect(file):
             continue
         document = None if os.path.realpath(file) in skip else _open(file, None, found)

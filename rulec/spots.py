@@ -120,7 +120,8 @@ def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str,
             for output, by in slopes.items()
             if output.startswith("q:")
         ]
-        found[key[0], key[1]] = np.nan_to_num(np.array(rows))
+        moved = np.array(rows)
+        found[key[0], key[1]] = np.where(np.isfinite(moved), moved, 0.0)
     return found
 
 

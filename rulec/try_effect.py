@@ -6,8 +6,7 @@ import math
 import random
 from collections.abc import Mapping
 
-from rulec.knowledge import Effect, Join
-from rulec.language.effect_law import PLAIN
+from rulec.knowledge import PLAIN, Effect, Join
 from rulec.language.expression import Rejected, constant
 
 TRIES = 20

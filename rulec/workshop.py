@@ -57,7 +57,7 @@ class PlantWorkshop:
 
     def __init__(self, models: Models, readings: Mapping[str, float]) -> None:
         self._models, self._readings = models, readings
-        self._network = models.residuals.network
+        self.network = models.residuals.network
         self._free: dict[str, Matched] = {}
         self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
 
@@ -84,8 +84,8 @@ class PlantWorkshop:
     @cached_property
     def spots(self) -> tuple[Spot, ...]:
         """Places to look at before naming."""
-        around = survey(self._network, self._readings)
-        modules = self._network.plant.modules.values()
+        around = survey(self.network, self._readings)
+        modules = self.network.plant.modules.values()
         return tuple(s for m in modules for s in spots_of(around, m, self.matches.sites[m.name]))
 
     def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
@@ -100,13 +100,13 @@ class PlantWorkshop:
             shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
             owners = dict.fromkeys(self._of(c).candidate.module for c in joined)
             amended = {owner: self.amended(owner, joined) for owner in owners}
-            what = Lowering(self._network, amended, shifts)
+            what = Lowering(self.network, amended, shifts)
             self._plans[key] = lower_module(what, module)
         return self._plans[key]
 
     def amended(self, module: str, joined: Iterable[str]) -> Amended:
         """The type of a module with its own candidates built in, in order."""
-        result = Amended(self._network.plant.modules[module].type)
+        result = Amended(self.network.plant.modules[module].type)
         for name in joined:
             matched = self._of(name)
             if matched.candidate.module == module:

@@ -65,11 +65,7 @@ def read_table(path: Path, choose: Choice) -> Table:
     Rows with another number of cells than the header are left out, as no cell of them can be
     trusted. Raises `RecordingRefused`.
     """
-    text = _text(path)
-    rows, separator = _rows(path, text)
-    header = next(rows, None)
-    if header is None:
-        raise RecordingRefused(f"{path}: the file is empty")
+    header, rows, separator = _opened(path)
     text_index, indexes = choose(header)
     columns = tuple(Column(header[i].strip()) for i in indexes)
     kept: list[str] = []
@@ -78,7 +74,7 @@ def read_table(path: Path, choose: Choice) -> Table:
         whole = []
         for row in batch:
             count += 1
-            if len(row) == len(header) or _ends_blank(row, len(header)):
+            if _is_whole(row, len(header)):
                 whole.append(row)
             else:
                 left_out, first_left_out = left_out + 1, first_left_out or count
@@ -99,6 +95,21 @@ def read_table(path: Path, choose: Choice) -> Table:
                 "export the file with one of them"
             )
     return Table(kept, columns, left_out, first_left_out)
+
+
+def whole_rows(path: Path) -> tuple[list[str], Iterator[list[str]], str]:
+    """Header, cells of the rows that `read_table` keeps, and separator of a file."""
+    header, rows, separator = _opened(path)
+    width = len(header)
+    return header, (row[:width] for row in rows if _is_whole(row, width)), separator
+
+
+def _opened(path: Path) -> tuple[list[str], Iterator[list[str]], str]:
+    rows, separator = _rows(path, _text(path))
+    header = next(rows, None)
+    if header is None:
+        raise RecordingRefused(f"{path}: the file is empty")
+    return header, rows, separator
 
 
 def _text(path: Path) -> str:
@@ -145,9 +156,9 @@ def _rows(path: Path, text: str) -> tuple[Iterator[list[str]], str]:
     return rows(), separator
 
 
-def _ends_blank(row: Sequence[str], width: int) -> bool:
-    """Whether a row has all cells of the header and only blank ones behind them."""
-    return len(row) > width and not any(cell.strip() for cell in row[width:])
+def _is_whole(row: Sequence[str], width: int) -> bool:
+    """Whether a row has all cells of the header, and none but blank ones behind them."""
+    return len(row) >= width and not any(cell.strip() for cell in row[width:])
 
 
 def _refuse_words(path: Path, row: Sequence[str], indexes: Iterable[int]) -> None:

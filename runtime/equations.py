@@ -1,124 +1,155 @@
 """The equations of a plant as its ruleset holds them: what its readings and flows must obey.
 
-Each observer, its faults undone, gives the flow of its module; flows balance at junctions.
+Each observer, its faults undone, gives the flow of its module; flows balance at junctions. The
+compiler has ordered them into steps and eliminated the flows (rulec/order_equations.py).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.plan import Array, Plan
-from runtime.ruleset import Ruleset, SignalSpec
+from runtime.ruleset import Ruleset, SignalSpec, SimulationStep
 
-Numbers = NDArray[np.intp]
+DEGREE = "x:"
+"""Mark of a fault's degree among the inputs of a plan."""
 
 
 class SimulationRefused(Exception):
     """The plant cannot be simulated as asked; the message is for the user."""
 
 
+def equations_of(ruleset: Ruleset) -> Equations:
+    """The equations of a plant; raises `SimulationRefused` where it can be diagnosed only."""
+    if ruleset.simulation.refused:
+        raise SimulationRefused(ruleset.simulation.refused)
+    return Equations(ruleset)
+
+
 @dataclass(frozen=True)
 class Equations:
-    """As many independent equations as unknowns.
-
-    Attributes
-    ----------
-    predicted, given : ids of signals; all that some observer reads are in either.
-    flows : modules whose flow is unknown: those with observers.
-    balances : shape (independent balances, flows).
-    """
+    """As many independent equations as unknowns, in steps."""
 
     ruleset: Ruleset
-    predicted: tuple[str, ...]
-    given: tuple[str, ...]
-    flows: tuple[str, ...]
-    balances: Array
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Signals that are inputs, or that no equation determines."""
+        return self.ruleset.simulation.given
 
     @cached_property
-    def plan(self) -> Plan:
-        """The observers with faults undone, and nothing else."""
-        return self.ruleset.undo.select([f"q:{o.id}" for o in self.ruleset.observers])
+    def predicted(self) -> tuple[str, ...]:
+        """Signals that follow from the others, in the order of the plant."""
+        found = {name for step in self.ruleset.simulation.steps for name in step.readings}
+        return tuple(s.id for s in self.ruleset.signals if s.id in found)
 
     @cached_property
-    def scales(self) -> Array:
-        """Size of each predicted reading, SI: what its sensor shows at the reference point."""
-        shown = [s.reference - s.offset for s in self.predicted_signals]
-        signals = zip(shown, self.predicted_signals, strict=True)
-        return np.array([abs(size) or s.full_scale or 1.0 for size, s in signals])
-
-    @cached_property
-    def start(self) -> Array:
-        """The reference point: readings, then flows, in units of their scales."""
-        readings = np.array([s.reference for s in self.predicted_signals]) / self.scales
-        return np.concatenate([readings, np.ones(len(self.flows))])
-
-    @cached_property
-    def flow_scales(self) -> Array:
-        """Size of each flow, m3/s: the mean of its estimates at the reference point."""
-        sizes: dict[str, list[float]] = {name: [] for name in self.flows}
-        for observer in self.ruleset.observers:
-            sizes[observer.module].append(abs(observer.reference))
-        means = np.array([np.mean(s) for s in sizes.values()])
-        return np.where(means > 0, means, np.max(means, initial=0.0) or 1.0)
-
-    @cached_property
-    def scaled_balances(self) -> Array:
-        """The balances of flows in units of their scales."""
-        scaled: Array = self.balances * self.flow_scales / self.flow_scales.max()
-        return scaled
-
-    @cached_property
-    def predicted_signals(self) -> tuple[SignalSpec, ...]:
-        return tuple(self.ruleset.signal_by_id[name] for name in self.predicted)
+    def flows(self) -> tuple[str, ...]:
+        """Modules whose flow is found: those with observers."""
+        return tuple(m for m in self.ruleset.modules if m in self.flow_scales)
 
     @cached_property
     def given_signals(self) -> tuple[SignalSpec, ...]:
         return tuple(self.ruleset.signal_by_id[name] for name in self.given)
 
     @cached_property
-    def module_of(self) -> Numbers:
-        """Number of each observer's module among `flows`."""
-        modules = [self.flows.index(o.module) for o in self.ruleset.observers]
-        return np.array(modules, dtype=int)
+    def flow_scales(self) -> Mapping[str, float]:
+        """Size of each flow, m3/s: the mean of its estimates at the reference point."""
+        sizes: dict[str, list[float]] = {}
+        for observer in self.ruleset.observers:
+            sizes.setdefault(observer.module, []).append(abs(observer.reference))
+        means = {name: float(np.mean(s)) for name, s in sizes.items()}
+        largest = max(means.values(), default=0.0) or 1.0
+        return {name: mean or largest for name, mean in means.items()}
 
     @cached_property
-    def dependencies(self) -> tuple[Numbers, Numbers]:
-        """Which observer reads which predicted reading, as two lists of numbers."""
-        number = {name: i for i, name in enumerate(self.predicted)}
-        pairs = [
-            (i, number[name])
-            for i, observer in enumerate(self.ruleset.observers)
-            for name in observer.signals
-            if name in number
-        ]
-        observer, reading = np.array(pairs, dtype=int).reshape(-1, 2).T
-        return observer, reading
+    def reference(self) -> Mapping[str, float]:
+        """Readings, SI, and flows, m3/s, at the reference point."""
+        return {s.id: s.reference for s in self.ruleset.signals} | dict(self.flow_scales)
 
     @cached_property
-    def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Predicted readings by number; no observer reads two of a group.
+    def steps(self) -> tuple[StepEquations, ...]:
+        """One behind the other, each with what it needs of those before."""
+        return tuple(self._step(step) for step in self.ruleset.simulation.steps)
 
-        Their derivatives are found together (Curtis, Powell and Reid 1974).
-        """
-        readers: list[set[int]] = [set() for _ in self.predicted]
-        for observer, reading in zip(*self.dependencies, strict=True):
-            readers[reading].add(int(observer))
-        groups: list[tuple[list[int], set[int]]] = []
-        for i, own in enumerate(readers):
-            fitting = (group for group in groups if not group[1] & own)
-            members, taken = next(fitting, ([], set()))
-            if not members:
-                groups.append((members, taken))
-            members.append(i)
-            taken |= own
-        return tuple(tuple(members) for members, _ in groups)
+    def _step(self, step: SimulationStep) -> StepEquations:
+        sums = (*step.zeros, *step.flows.values())
+        terms = dict.fromkeys(name for part in sums for name in part)
+        observers = tuple(name for name in terms if name in self.ruleset.observer_by_id)
+        known = tuple(name for name in terms if name not in observers)
+        plan = self.ruleset.undo.select(f"q:{name}" for name in observers).narrowed()
+        order = (*observers, *known)
+        size = {name: self.flow_scales[self._module(name)] for name in order}
+        zeros = _rows(step.zeros, order)
+        # Each sum in units of the largest flow in it.
+        zeros /= (np.abs(zeros) * [size[name] for name in order]).max(axis=1, initial=0.0)[:, None]
+        signals = [self.ruleset.signal_by_id[name] for name in step.readings]
+        scales = np.array([abs(s.reference - s.offset) or s.full_scale or 1.0 for s in signals])
+        return StepEquations(
+            step.readings,
+            tuple(step.flows),
+            observers,
+            plan,
+            known,
+            tuple(n for n in plan.inputs if n not in step.readings and not n.startswith(DEGREE)),
+            zeros,
+            _rows(tuple(step.flows.values()), order),
+            scales,
+            np.array([s.reference for s in signals]) / scales,
+            np.array([self.flow_scales[name] for name in step.flows]),
+        )
+
+    def _module(self, name: str) -> str:
+        observer = self.ruleset.observer_by_id.get(name)
+        return observer.module if observer is not None else name
+
+
+@dataclass(frozen=True)
+class StepEquations:
+    """Equations that are solved together.
+
+    Attributes
+    ----------
+    readings, flows : what is found.
+    observers, plan : estimates that are needed, and how they follow from readings and degrees.
+    known_flows, known_readings : what earlier steps found, or the user gives.
+    zeros : shape (readings, observers + known flows); what vanishes as sums of these.
+    sums : shape (flows, observers + known flows); the flows as sums of these.
+    scales : size of each reading, SI: what its sensor shows at the reference point.
+    start : the reference point in units of the scales.
+    flow_scales : size of each flow, m3/s.
+    """
+
+    readings: tuple[str, ...]
+    flows: tuple[str, ...]
+    observers: tuple[str, ...]
+    plan: Plan
+    known_flows: tuple[str, ...]
+    known_readings: tuple[str, ...]
+    zeros: Array
+    sums: Array
+    scales: Array
+    start: Array
+    flow_scales: Array
 
     @cached_property
-    def group_of(self) -> Numbers:
-        """Group of each predicted reading."""
-        groups = {i: g for g, members in enumerate(self.groups) for i in members}
-        return np.array([groups[i] for i in range(len(self.predicted))], dtype=int)
+    def terms(self) -> tuple[tuple[int, int, float], ...]:
+        """Row, observer and factor of every estimate in `zeros`."""
+        rows, places = np.nonzero(self.zeros[:, : len(self.observers)])
+        factors = self.zeros[rows, places]
+        return tuple(zip(rows.tolist(), places.tolist(), factors.tolist(), strict=True))
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """Faults that change some estimate."""
+        names = (name for name in self.plan.inputs if name.startswith(DEGREE))
+        return tuple(name.removeprefix(DEGREE) for name in names)
+
+
+def _rows(sums: tuple[Mapping[str, float], ...], order: tuple[str, ...]) -> Array:
+    rows = [[part.get(name, 0.0) for name in order] for part in sums]
+    return np.array(rows).reshape(len(sums), len(order))

@@ -7,87 +7,78 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.equations import Equations
+from runtime.equations import DEGREE, StepEquations
 from runtime.newton import Index
 from runtime.plan import Array
-
-STEP = 6e-6
-"""Share of a reading by which derivatives are taken: about the cube root of the rounding error."""
-
-SMALL = 1e-4
-"""Share of its scale below which a reading's derivative is taken with a fixed step."""
+from runtime.tangent import run_with_slopes
 
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """n operating points on the way from the reference point (share 0) to where they are asked.
+    """One step of n operating points, from the reference point (share 0) to where they are asked.
 
-    Unknowns are predicted readings, then flows, both in units of their scales. Arrays of `given`
-    (SI) and `degrees` have shape (n,), `offsets` (observers, n), m3/s.
+    Unknowns are the readings of the step in units of their scales. `known` (readings, SI, and
+    flows, m3/s) and `degrees` hold arrays, shape (n,), as do `offsets` by observer (m3/s);
+    `reference` has what is known at share 0.
     """
 
-    equations: Equations
-    given: Mapping[str, Array]
+    step: StepEquations
+    known: Mapping[str, Array]
+    reference: Mapping[str, float]
     degrees: Mapping[str, Array]
-    offsets: Array
+    offsets: Mapping[str, Array]
 
-    def residuals(self, at: Array, share: Array, index: Index) -> Array:
-        """Estimates less flows, and what is missing in the balances; in units of the flows."""
-        equations = self.equations
-        readings, flows = np.split(at, [len(equations.predicted)], axis=1)
-        estimates = self._estimates(readings, share, index) + share * self.offsets[:, index]
-        module = equations.module_of
-        disagreement = estimates.T / equations.flow_scales[module] - flows[:, module]
-        return np.concatenate([disagreement, flows @ equations.scaled_balances.T], axis=1)
+    def linearised(self, at: Array, share: Array, index: Index) -> tuple[Array, Array]:
+        """What should vanish, shape (k, m), and its derivatives, shape (k, m, m)."""
+        step, k = self.step, len(at)
+        values, slopes = run_with_slopes(step.plan, self._inputs(at, share, index), step.readings)
+        left = _summed(step.zeros, self._terms(values, share, index)).T
+        column = {name: j for j, name in enumerate(step.readings)}
+        jacobian = np.zeros((len(step.readings), len(step.readings), k))
+        for row, place, factor in step.terms:
+            for name, slope in slopes[f"q:{step.observers[place]}"].items():
+                j = column[name]
+                jacobian[row, j] += factor * step.scales[j] * slope
+        return left, np.moveaxis(jacobian, -1, 0)
 
-    def jacobian(self, at: Array, share: Array, index: Index) -> Array:
-        """Derivatives: by readings from central differences, by flows exact."""
-        equations = self.equations
-        k, readings, rows = len(at), len(equations.predicted), len(equations.module_of)
-        result = np.zeros((k, rows + len(equations.balances), at.shape[1]))
-        result[:, np.arange(rows), readings + equations.module_of] = -1.0
-        result[:, rows:, readings:] = equations.scaled_balances
-        observer, reading = equations.dependencies
-        slopes = self._slopes(at[:, :readings], share, index)
-        size = equations.flow_scales[equations.module_of[observer]]
-        result[:, observer, reading] = (slopes / size[:, None]).T
-        return result
+    def flows(self, at: Array, share: Array, index: Index) -> Array:
+        """Flows at given readings, in units of their scales, shape (k, flows)."""
+        step = self.step
+        values = step.plan.run(self._inputs(at, share, index))
+        return _summed(step.sums, self._terms(values, share, index)).T / step.flow_scales
 
-    def _slopes(self, readings: Array, share: Array, index: Index) -> Array:
-        """Derivative of the estimate in each dependency, shape (dependencies, k), m3/s.
+    def _inputs(self, at: Array, share: Array, index: Index) -> dict[str, Array | float]:
+        step = self.step
+        inputs: dict[str, Array | float] = {f"{DEGREE}{name}": 0.0 for name in step.faults}
+        for name in step.known_readings:
+            inputs[name] = self._on_the_way(name, share, index)
+        for name in step.faults:
+            if name in self.degrees:
+                inputs[f"{DEGREE}{name}"] = share * self.degrees[name][index]
+        inputs.update(zip(step.readings, at.T * step.scales[:, None], strict=True))
+        return inputs
 
-        One run of the plan serves all groups of readings and both sides.
-        """
-        equations = self.equations
-        groups, k = equations.groups, len(readings)
-        step = STEP * np.maximum(np.abs(readings), SMALL)
-        moved = np.tile(readings, (len(groups), 2, 1, 1))
-        for g, members in enumerate(groups):
-            moved[g, 0][:, members] += step[:, members]
-            moved[g, 1][:, members] -= step[:, members]
-        copies = 2 * len(groups)
-        estimates = self._estimates(
-            moved.reshape(copies * k, readings.shape[1]),
-            np.tile(share, copies),
-            np.tile(index, copies),
-        )
-        sides = estimates.reshape(len(estimates), len(groups), 2, k)
-        change = sides[:, :, 0] - sides[:, :, 1]
-        observer, reading = equations.dependencies
-        slopes: Array = change[observer, equations.group_of[reading]] / (2.0 * step.T[reading])
-        return slopes
+    def _on_the_way(self, name: str, share: Array, index: Index) -> Array:
+        start = self.reference[name]
+        between: Array = start + share * (self.known[name][index] - start)
+        return between
 
-    def _estimates(self, readings: Array, share: Array, index: Index) -> Array:
-        """Flows by all observers, faults undone, shape (observers, k), m3/s."""
-        equations = self.equations
-        inputs: dict[str, Array | float] = dict.fromkeys(equations.plan.inputs, 0.0)
-        inputs.update(zip(equations.predicted, (readings * equations.scales).T, strict=True))
-        for signal in equations.given_signals:
-            change = self.given[signal.id][index] - signal.reference
-            inputs[signal.id] = signal.reference + share * change
-        for name, degree in self.degrees.items():
-            inputs[f"x:{name}"] = share * degree[index]
-        out = equations.plan.run(inputs)
-        shape = (len(readings),)
-        observers = equations.ruleset.observers
-        return np.array([np.broadcast_to(out[f"q:{o.id}"], shape) for o in observers])
+    def _terms(self, values: Mapping[str, Array], share: Array, index: Index) -> Array:
+        """Estimates, then known flows, shape (observers + known flows, k), m3/s."""
+        step, k = self.step, len(index)
+        rows = []
+        for name in step.observers:
+            estimate = np.broadcast_to(values[f"q:{name}"], (k,))
+            if name in self.offsets:
+                estimate = estimate + share * self.offsets[name][index]
+            rows.append(estimate)
+        rows += [self._on_the_way(name, share, index) for name in step.known_flows]
+        return np.array(rows).reshape(len(rows), k)
+
+
+def _summed(factors: Array, terms: Array) -> Array:
+    """Matrix product, term by term: a column is the same in whatever company, unlike in BLAS."""
+    result = np.zeros((len(factors), terms.shape[1]))
+    for row, place in zip(*np.nonzero(factors), strict=True):
+        result[row] += factors[row, place] * terms[place]
+    return result

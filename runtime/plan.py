@@ -70,6 +70,27 @@ class Plan:
             self._selections[names] = self._selected(names)
         return self._selections[names]
 
+    def narrowed(self) -> Plan:
+        """The same plan with those inputs and constants alone that it reads."""
+        used = self._used
+        first = len(self.inputs)
+        inputs = [i for i in range(first) if i in used]
+        constants = [i for i in range(first, self.first_operation) if i in used]
+        kept = [*inputs, *constants, *range(self.first_operation, self._end)]
+        place = {i: j for j, i in enumerate(kept)}
+        return Plan(
+            tuple(self.inputs[i] for i in inputs),
+            tuple(self.constants[i - first] for i in constants),
+            tuple(
+                (name, place[a], 0 if name in UNARY else place[b]) for name, a, b in self.operations
+            ),
+            {name: place[i] for name, i in self.outputs.items()},
+        )
+
+    @property
+    def _end(self) -> int:
+        return self.first_operation + len(self.operations)
+
     @cached_property
     def _selections(self) -> dict[tuple[str, ...], Plan]:
         return {}
@@ -108,12 +129,17 @@ class Plan:
     @cached_property
     def used_inputs(self) -> frozenset[str]:
         """Names of the inputs that some operation or output reads."""
+        return frozenset(name for i, name in enumerate(self.inputs) if i in self._used)
+
+    @cached_property
+    def _used(self) -> frozenset[int]:
+        """Numbers of the values that some operation or output reads."""
         used = set(self.outputs.values())
         for name, a, b in self.operations:
             used.add(a)
             if name not in UNARY:
                 used.add(b)
-        return frozenset(name for i, name in enumerate(self.inputs) if i in used)
+        return frozenset(used)
 
     @cached_property
     def _schedules(self) -> dict[tuple[bool, ...], _Schedule]:

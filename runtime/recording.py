@@ -11,16 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.csv_table import Column, RecordingRefused, read_table
-from runtime.header import Header, Target, assign
+from runtime.csv_table import RecordingRefused
 from runtime.plan import Array
+from runtime.recording_file import ABSURD, RecordingFile, files_of, read_file
 from runtime.ruleset import Ruleset
-from runtime.time_column import read_times
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
-
-ABSURD = 1e15
-"""Beyond this (SI) a number is a fill value of some program, not a reading."""
 
 SHOWN = 5
 
@@ -66,7 +62,11 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     """
     notes: list[str] = []
     strangers: dict[str, None] = {}
-    parts = [_read_file(file, ruleset, notes, strangers) for file in _files(path)]
+    parts = []
+    for name in files_of(path):
+        file = read_file(name, ruleset, notes)
+        strangers.update(dict.fromkeys(file.header.strangers))
+        parts.append(_part(file, notes))
     used = {s for o in ruleset.observers for s in o.signals}
     signals = sorted({name for part in parts for name in part.values})
     if not used.intersection(signals):
@@ -112,61 +112,11 @@ def _example(ruleset: Ruleset) -> str:
     return f"{ruleset.signals[0].id} [{ruleset.signals[0].unit}]"
 
 
-def _files(path: Path) -> list[Path]:
-    if path.is_dir():
-        files = sorted(f for f in path.iterdir() if f.name.lower().endswith((".csv", ".csv.gz")))
-        if not files:
-            raise RecordingRefused(f"{path}: this folder holds no .csv or .csv.gz file")
-        return files
-    if not path.is_file():
-        raise RecordingRefused(f"{path}: there is no such file")
-    return [path]
-
-
-def _read_file(path: Path, ruleset: Ruleset, notes: list[str], strangers: dict[str, None]) -> _Part:
-    header = Header()
-
-    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
-        assign(path, titles, ruleset, header, notes)
-        return header.time, [target.index for target in header.targets]
-
-    table = read_table(path, choose)
-    strangers.update(dict.fromkeys(header.strangers))
-    if table.left_out:
-        notes.append(
-            f"{path.name}: {table.left_out} rows have another number of cells than the header and "
-            f"are left out (the first is data row {table.first_left_out})"
-        )
-    time, dated = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
-    values = {}
-    for column, target in zip(table.columns, header.targets, strict=True):
-        values[target.signal] = _readings(path, column, target, notes)
-    order = _order(path, time, notes)
-    return _Part(path.name, time[order], {name: v[order] for name, v in values.items()}, dated)
-
-
-def _readings(path: Path, column: Column, target: Target, notes: list[str]) -> Array:
-    """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
-    if column.words:
-        assert column.first is not None
-        row, word = column.first
-        notes.append(
-            f"{path.name}: {column.words} cells of {target.signal} are words (the first, in data "
-            f"row {row}: '{word}'); there it has no reading"
-        )
-    with np.errstate(over="ignore"):
-        values = column.numbers() * target.factor + target.offset
-    absurd = np.abs(values) > ABSURD
-    if absurd.any():
-        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
-        notes.append(
-            f"{path.name}: {count} cells of {target.signal} are beyond any sensor (the first in "
-            f"data row {row}); there it has no reading"
-        )
-        values[absurd] = np.nan
-    if not np.isfinite(values).any():
-        notes.append(f"{path.name}: {target.signal} has not one reading")
-    return values
+def _part(file: RecordingFile, notes: list[str]) -> _Part:
+    """A file with its rows in order of time."""
+    order = _order(file.path, file.time, notes)
+    values = {name: v[order] for name, v in file.values.items()}
+    return _Part(file.path.name, file.time[order], values, file.dated)
 
 
 def _order(path: Path, time: Array, notes: list[str]) -> NDArray[np.intp]:

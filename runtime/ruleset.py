@@ -11,7 +11,7 @@ from typing import Any
 
 from runtime.plan import Plan
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 THRESHOLD = 3.0
 """A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
@@ -201,6 +201,32 @@ class ParameterSpec:
 
 
 @dataclass(frozen=True)
+class SimulationStep:
+    """Readings that follow together from given ones and from earlier steps.
+
+    `zeros` are signed sums that vanish, as many as `readings`; `flows` gives each flow that is
+    found here as a signed sum. Terms are estimates, by observer id, and flows of earlier steps, by
+    module.
+    """
+
+    readings: tuple[str, ...]
+    zeros: tuple[Mapping[str, float], ...]
+    flows: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How readings are predicted: step by step from those `given`.
+
+    Where the plant cannot be simulated, `refused` says why.
+    """
+
+    given: tuple[str, ...]
+    steps: tuple[SimulationStep, ...]
+    refused: str
+
+
+@dataclass(frozen=True)
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant."""
 
@@ -221,6 +247,7 @@ class Ruleset:
     ambiguous: tuple[AmbiguousGroup, ...]
     unobserved: tuple[str, ...]
     parameters: tuple[ParameterSpec, ...]
+    simulation: Simulation
     plan: Plan
     undo: Plan
 

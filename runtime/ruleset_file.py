@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.plan import OPERATIONS, UNARY, Plan
-from runtime.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset
+from runtime.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 
 
 class RulesetRefused(Exception):
@@ -65,6 +65,21 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
     for kind, name in _references(ruleset):
         if name not in known[kind]:
             yield f"no {kind} '{name}'"
+    yield from _disordered(ruleset.simulation)
+
+
+def _disordered(simulation: Simulation) -> Iterator[str]:
+    """Steps of the simulation that cannot be taken one behind the other."""
+    found: set[str] = set()
+    for number, step in enumerate(simulation.steps, 1):
+        if len(step.zeros) != len(step.readings):
+            yield f"step {number} of the simulation has not as many equations as readings"
+        terms = {name for part in (*step.zeros, *step.flows.values()) for name in part}
+        if not {name for name in terms if "." not in name} <= found:
+            yield f"step {number} of the simulation needs a flow that is not found yet"
+        if found & {*step.readings, *step.flows}:
+            yield f"step {number} of the simulation finds something for the second time"
+        found |= {*step.readings, *step.flows}
 
 
 def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
@@ -88,6 +103,17 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
     for cell in ruleset.cells:
         yield "fault", cell.fault
         yield "residual", cell.residual
+    yield from _references_of_steps(ruleset.simulation)
+
+
+def _references_of_steps(simulation: Simulation) -> Iterator[tuple[str, str]]:
+    """Everything that the steps of the simulation name, as (kind, name)."""
+    yield from (("signal", name) for name in simulation.given)
+    for step in simulation.steps:
+        yield from (("signal", name) for name in step.readings)
+        yield from (("module", name) for name in step.flows)
+        for terms in (*step.zeros, *step.flows.values()):
+            yield from (("observer" if "." in name else "module", name) for name in terms)
 
 
 def _verify(plan: Plan, name: str) -> None:

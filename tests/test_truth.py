@@ -26,6 +26,7 @@ from tests.truth import (
     mixing_rig,
     possible_faults,
     record,
+    warm_run,
     write_csv,
 )
 from tests.truth.__main__ import main
@@ -245,6 +246,21 @@ def test_every_fault_can_be_replayed() -> None:
     for name in names:
         assert 80 == record(fault_replay(abc(), name)).truth[f"{name} [1]"].size
     assert {"A.leakage", "C.clogging", "B.P_el.low", "C.dp.high"} <= set(names)
+
+
+def test_warm_liquid_raises_the_slip_of_one_pump() -> None:
+    """3 % per kelvin of what the pressure drives, and nothing in the other module."""
+    warm = warm_run(abc(), "A")
+    recording = record(warm, NOISE_FREE)
+    slip = {}
+    for module in "AB":
+        pressure, speed = (recording.readings[f"{module}.{s}"] for s in ("dp [bar]", "n [rpm]"))
+        plain = 0.6 * speed - (6.0 + 0.010 * speed)  # l/h: 10 ml/rev less the slip at no pressure
+        slip[module] = (plain - recording.truth[f"{module}.Q_pump [l/h]"]) / (2.0 * pressure**2)
+    kelvin = recording.readings["A.T [degC]"] - 20.0
+    assert (0.0, 30.0) == pytest.approx((kelvin.min(), kelvin.max()), abs=1e-2)
+    assert slip["A"] == pytest.approx(np.exp(0.03 * kelvin))
+    assert slip["B"] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", ["abc", "mixing-rig"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +16,19 @@ from rulec.derive_signatures import Signatures
 from rulec.differentiate import Models
 from rulec.language.diagnostics import did_you_mean
 from rulec.link import Network
+from rulec.match_effects import Matches, match_effects
+from rulec.order_equations import Ordered
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant
 from rulec.read import Sources
+from rulec.workshop import open_workshop
 from runtime.ruleset import Ruleset
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the passes up to the named one and print its result."""
     out = console(options)
-    names = [p.__name__ for p in PASSES]
+    names = [*(p.__name__ for p in PASSES), match_effects.__name__]
     short = [n for n in names if options.step in n.split("_")]
     if len(short) == 1:
         options.step = short[0]
@@ -38,7 +41,10 @@ def run(options: argparse.Namespace) -> int:
         )
         out.print(text + "passes in order: " + ", ".join(names), markup=False)
         return 0 if asked else 2
-    result = run_passes(Path(options.plant), up_to(options.step))
+    if options.step == match_effects.__name__:
+        result: Any = open_workshop(Path(options.plant))[1].matches
+    else:
+        result = run_passes(Path(options.plant), up_to(options.step))
     for line in _LINES[type(result)](result):
         out.print(line, markup=False, soft_wrap=True)
     return 0
@@ -121,6 +127,25 @@ def _isolability(isolability: Isolability) -> Iterator[str]:
         yield f"unobserved: {name}"
 
 
+def _ordered(ordered: Ordered) -> Iterator[str]:
+    if ordered.simulation.refused:
+        yield ordered.simulation.refused
+        return
+    yield f"given: {', '.join(ordered.simulation.given)}"
+    for number, step in enumerate(ordered.simulation.steps, 1):
+        yield f"step {number} finds {', '.join((*step.readings, *step.flows))}"
+        for terms in step.zeros:
+            yield f"  0 = {_signed(terms)}"
+        for flow, terms in step.flows.items():
+            yield f"  flow of {flow} = {_signed(terms)}"
+
+
+def _signed(terms: Mapping[str, float]) -> str:
+    sizes = {name: "" if abs(c) == 1.0 else f"{abs(c):g} " for name, c in terms.items()}
+    text = " ".join(f"{'+' if c > 0 else '-'} {sizes[name]}{name}" for name, c in terms.items())
+    return text.removeprefix("+ ") or "0"
+
+
 def _ruleset(ruleset: Ruleset) -> Iterator[str]:
     plan = ruleset.plan
     yield f"plan: {len(plan.inputs)} inputs, {len(plan.operations)} operations"
@@ -129,6 +154,22 @@ def _ruleset(ruleset: Ruleset) -> Iterator[str]:
         yield f"v{i} = {name}({_value(numbered, a)}, {_value(numbered, b)})"
     for name, i in plan.outputs.items():
         yield f"{name} = {_value(numbered, i)}"
+
+
+def _matches(matches: Matches) -> Iterator[str]:
+    by_module: dict[str, list[str]] = {}
+    for matched in matches.candidates:
+        candidate = matched.candidate
+        names = ", ".join(u.name for u in candidate.unknowns if not u.fixed)
+        lines = by_module.setdefault(candidate.module, [])
+        lines.append(f"  {candidate.id} ({candidate.sort}): {candidate.equation}   [{names}]")
+    for missing in matches.missing:
+        lines = by_module.setdefault(missing.module, [])
+        sensor = f"; {missing.sensor}" if missing.sensor else ""
+        lines.append(f"  {missing.name}@{missing.place}: {missing.quantity} is not read{sensor}")
+    for module, lines in by_module.items():
+        yield f"\n{module}"
+        yield from lines
 
 
 def _value(numbered: list[str], i: int) -> str:
@@ -145,5 +186,7 @@ _LINES: dict[type, Callable[[Any], Iterator[str]]] = {
     Signatures: _signatures,
     Rules: _rules,
     Isolability: _isolability,
+    Ordered: _ordered,
     Ruleset: _ruleset,
+    Matches: _matches,
 }

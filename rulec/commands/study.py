@@ -15,10 +15,11 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from rulec.commands.output import console, write_json
+from rulec.commands.output import console, without_folder, write_json
 from rulec.differentiate import Models
 from rulec.perturb import true_plan
 from rulec.pipeline import PASSES, run_passes, up_to
+from runtime.equations import equations_of
 from runtime.plan import Plan
 from runtime.ruleset import Ruleset
 from runtime.sensing import SensorErrors
@@ -28,7 +29,6 @@ from runtime.study.points import Points, operating_points
 from runtime.study.pool import run_groups
 from runtime.study.summary import percent, rows_of, sentences
 from runtime.study.tally import Cell, Tally, tally
-from runtime.unknowns import equations_of
 
 Draw = Callable[[np.random.Generator], Plan]
 
@@ -46,8 +46,9 @@ def run(options: argparse.Namespace) -> int:
     if options.plant.endswith(".json"):
         what = "give the plant's folder; a ruleset alone cannot say how the true plant may differ"
         return _misused(aside, f"{options.plant}: {what}")
-    if options.json not in (None, "-") and not Path(options.json).parent.is_dir():
-        return _misused(aside, f"--json {options.json}: there is no such folder")
+    unwritable = without_folder(options, "json")
+    if unwritable is not None:
+        return _misused(aside, unwritable)
     symbolic = up_to("differentiate")
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])

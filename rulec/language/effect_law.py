@@ -9,11 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from rulec.knowledge import EffectLaw
+from rulec.knowledge import PLAIN, EffectLaw
 from rulec.language.expression import Expression, Rejected, parse
-
-PLAIN = "law"
-"""Name of the plain law."""
 
 _ELSEWHERE = re.compile(rf"\b{PLAIN}\s*\(")
 _NUMBERED = re.compile(rf"\b{PLAIN}_[0-9]+\b")

@@ -90,8 +90,8 @@ class Fitted:
 
     `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
     of rows say as much as one alone would (they are alike where something is left out).
-    `predicted` are the outputs by the model, `maps` how changes of estimates show in the rows.
-    `likelihood` shape (groups,): log likelihood of every group of rows, also of those that were
+    `predicted` are the readings as reconciled by the model, `maps` how changes of estimates show
+    in the rows. `likelihood` shape (groups,): log likelihood of every group of rows, also of those that were
     not used. `normal` is the normal matrix of the values with their prior; `jacobian` the table
     of slopes at the end.
     """
@@ -206,7 +206,6 @@ def _evaluated(
     )
     errors, predicted = rows.errors(rows.system.flows(placed))
     residual = _sound(errors)
-    # What the outputs would be by the model is where its slopes are those of the prediction.
     flows = rows.system.flows(placed, prior.names, at=predicted)
     maps = rows.maps(flows)
     jacobian = np.empty((len(rows), len(at)))

@@ -26,8 +26,16 @@ LONGEST_COURSE = 1500
 PENALTY = 4.0
 """Price of a step, in log(means): its time and its level."""
 
-APART = 4.0
-"""Levels on and at rest lie this many times further apart than levels at rest scatter."""
+APART = 0.75
+"""Share of the scatter of all levels that two states explain, if there are two: an even spread of
+levels gives as much."""
+
+SUDDEN = 0.6
+"""Share of the distance between two states that a change from one to the other has at once: what
+swings slowly is no fault that comes and goes."""
+
+ALIKE = 0.25
+"""Levels that follow each other and differ by less than this share are one period."""
 
 SHORTEST = 3
 """Means that a period has at least."""
@@ -51,7 +59,8 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     if columns is None:
         return None
     degree, certainty = degree_course(fitted, columns[:, 0])
-    known = np.flatnonzero(np.isfinite(degree))
+    # Held-out points are not looked at; a period reaches over those inside it.
+    known = np.flatnonzero(np.isfinite(degree) & fitted.used)
     if len(known) < 4 * SHORTEST:
         return None
     edges = np.linspace(0, len(known), min(LONGEST_COURSE, len(known)) + 1).astype(int)
@@ -139,28 +148,43 @@ def cut(course: Array, penalty: float) -> Segments:
 def apart(segments: Segments) -> np.ndarray:
     """Which levels are a state of their own, away from those at rest.
 
-    The split that leaves least scatter within both classes; at rest is the class that is nearer
-    to zero or, being the calibration's own state, longer.
+    The split that leaves least scatter within both classes; at rest is the longer class, or the
+    lower one of a degree that cannot be negative.
     """
     level, length = segments.level, segments.length
-    none = np.zeros(len(level), dtype=bool)
-    if len(level) < 2:
-        return none
-    order = np.argsort(level)
-    best, split = np.inf, 0
-    for i in range(1, len(order)):
-        scatter = sum(_scatter(level[part], length[part]) for part in (order[:i], order[i:]))
-        if scatter < best:
-            best, split = scatter, i
+    flags = np.zeros(len(level), dtype=bool)
+    lasting = np.flatnonzero(length >= SHORTEST)
+    if len(lasting) < 2:
+        return flags
+    order = lasting[np.argsort(level[lasting])]
+    scatter = [
+        _scatter(level[order[:i]], length[order[:i]])
+        + _scatter(level[order[i:]], length[order[i:]])
+        for i in range(1, len(order))
+    ]
+    split = int(np.argmin(scatter)) + 1
+    whole = _scatter(level[order], length[order])
     low, high = order[:split], order[split:]
-    gap = float(level[high].min() - level[low].max())
-    rest = low if length[low].sum() >= length[high].sum() or _one_sided(level) else high
-    spread = float(np.sqrt(_scatter(level[rest], length[rest]) / length[rest].sum()))
-    if gap < APART * max(spread, 0.25):
-        return none
-    flags = np.ones(len(level), dtype=bool)
-    flags[rest] = False
-    return flags
+    if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
+        return flags
+    middle = 0.5 * float(level[low].max() + level[high].min())
+    one_sided = _one_sided(level[order])
+    rest_is_low = one_sided or length[low].sum() >= length[high].sum()
+    above: np.ndarray = level > middle
+    if not _changes_at_once(level, lasting, above):
+        return flags
+    return above if rest_is_low else ~above
+
+
+def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:
+    """Is a change of state a step, with no more than a short segment between?"""
+    before, after = lasting[:-1], lasting[1:]
+    changed = above[before] != above[after]
+    if not changed.any():
+        return False
+    steps = np.abs(level[after] - level[before])[changed]
+    distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
+    return float(np.median(steps)) > SUDDEN * distance
 
 
 def _one_sided(level: Array) -> bool:
@@ -174,7 +198,17 @@ def _scatter(level: Array, length: NDArray[np.intp]) -> float:
 
 
 def _runs(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
-    """First and last mean (excluded) of each level that stands apart."""
+    """First and last mean (excluded) of each period: neighbours at about one level are one."""
     first = segments.first
     last = first + segments.length
-    return [(int(first[i]), int(last[i])) for i in np.flatnonzero(on)]
+    runs: list[tuple[int, int, float]] = []
+    rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
+    for i in np.flatnonzero(on):
+        level = float(segments.level[i]) - rest
+        if runs and runs[-1][1] == first[i] and abs(level - runs[-1][2]) < ALIKE * abs(level):
+            begin, _, known = runs[-1]
+            share = (last[i] - first[i]) / (last[i] - begin)
+            runs[-1] = (begin, int(last[i]), known + share * (level - known))
+        else:
+            runs.append((int(first[i]), int(last[i]), level))
+    return [(begin, end) for begin, end, _ in runs]

@@ -101,6 +101,7 @@ def predictor_for(
     residual has, such as that of a flow meter.
     """
     kind = parse_unit(unit, system.ruleset.units)
+    modules = {o.rpartition(".")[0] for o in observers}
     best: tuple[tuple[float, ...], Predictor] | None = None
     for spec in system.ruleset.residuals:
         ids = [t.observer for t in spec.terms]
@@ -111,18 +112,19 @@ def predictor_for(
         for name in sorted({s for o in ids for s in system.ruleset.observer_by_id[o].signals}):
             signal = system.ruleset.signal_by_id[name]
             readers = [o for o in ids if name in system.ruleset.observer_by_id[o].signals]
-            if signal.is_input or name in drivers or points.sum() < 3:
+            if signal.is_input or points.sum() < 3:
                 continue
             own = parse_unit(signal.unit, system.ruleset.units)
             alike = kind is not None and own is not None and kind.dimension == own.dimension
             rank = (
                 float(alike),
+                float(name.partition(".")[0] in modules),
+                float(name not in drivers),
                 float(len(readers) == 1),
                 float(len(touched) < len(ids)),
                 -float(len(ids)),
                 -float(len(system.ruleset.observer_by_id[readers[0]].signals)),
                 float(readers[0] not in observers),
-                float(spec.module == name.partition(".")[0]),
             )
             if best is None or rank > best[0]:
                 best = (rank, Predictor(system, spec, signal, points))

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from runtime.plan import Array
+
+
+class MismatchRefused(Exception):
+    """The comparison cannot be made; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +178,8 @@ class Curves:
     """For pictures; arrays of shape (n,), as shown; `heldout` flags points nothing was fitted to.
 
     `residual_before` is measured less recalibrated, `residual_after` measured less repaired;
-    `drivers` maps titles (with unit) to readings.
+    `drivers` maps titles (with unit) to readings, `inside` flags points whose errors count: those
+    outside of periods of faults.
     """
 
     time: Array
@@ -195,7 +200,8 @@ class Mismatch:
     ``cannot judge``. `fits` has one for each predicted signal, `fit` is the first. `split` says in
     words which blocks served for what, `digest` is its hash. `noise` says where the size of the
     noise comes from. `parameters` and `covariance` (SI) are those of the repaired model, `joined`
-    the ids of the candidates in it, in order.
+    the ids of the candidates in it, in order. `fixed` holds their parameters that are no unknowns,
+    `misfit` the scatter of each observer about its repaired law, both SI by id.
     """
 
     plant: str
@@ -221,3 +227,5 @@ class Mismatch:
     covariance: Array
     curves: Curves | None
     seconds: float
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    misfit: Mapping[str, float] = field(default_factory=dict)

@@ -85,24 +85,42 @@ class Rows:
         return len(self.point)
 
     def errors(self, flows: Flows) -> tuple[Array, dict[str, Array]]:
-        """Whitened errors of the outputs, shape (rows,), and the outputs as predicted, SI.
+        """Whitened errors of the outputs, shape (rows,), and all readings as reconciled, SI.
 
-        Exact where estimates are linear in the outputs, as they mostly are.
+        Errors are exact where estimates are linear in the outputs, as they mostly are. Reconciled
+        readings are the nearest, in units of their noise, that obey the relations: slopes taken at
+        noisy readings would be correlated with the errors, and parameters biased.
+
+        Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
         n = len(self.system.data)
         table = np.full(len(self), np.nan)
         values = dict(enumerate(flows.values))
-        predicted: dict[str, Array] = {}
+        reconciled: dict[str, Array] = {}
         for cell in self.cells:
-            off = _solved(cell.slopes(flows.by_reading, n), cell.combined(values, n)[:, :, None])
+            combined = cell.combined(values, n)
+            off = _solved(cell.slopes(flows.by_reading, n), combined[:, :, None])
             table[cell.rows] = (cell.whitener @ off)[:, :, 0].ravel()
-            for j, name in enumerate(cell.outputs):
+            for name, shift in self._shifts(cell, flows, combined).items():
                 measured = self.system.data.values[name]
-                course = predicted.setdefault(name, measured.copy())
+                course = reconciled.setdefault(name, measured.copy())
                 reach = FARTHEST * np.abs(measured[cell.points])
-                shift = np.clip(np.nan_to_num(off[:, j, 0]), -reach, reach)
-                course[cell.points] = measured[cell.points] - shift
-        return table, predicted
+                course[cell.points] -= np.clip(np.nan_to_num(shift), -reach, reach)
+        return table, reconciled
+
+    def _shifts(self, cell: Cell, flows: Flows, combined: Array) -> dict[str, Array]:
+        """What each reading of a cell is off the nearest ones that obey, shape (points,)."""
+        n = len(self.system.data)
+        reached = {int(i) for i in cell.observers}
+        names = [name for name, by in flows.by_reading.items() if reached & set(by)]
+        slopes = np.stack([cell.combined(flows.by_reading[x], n) for x in names], axis=2)
+        noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
+        scaled = slopes * noise[:, None, :]
+        size = np.abs(scaled).max(axis=(1, 2), initial=0.0)[:, None, None]
+        diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
+        weight = _solved(scaled @ np.swapaxes(scaled, 1, 2) + diagonal, combined[:, :, None])
+        shift = (np.swapaxes(scaled, 1, 2) @ weight)[:, :, 0] * noise
+        return {name: shift[:, j] for j, name in enumerate(names)}
 
     def maps(self, flows: Flows) -> Maps:
         """How changes of the estimates show in the rows, at the readings of `flows`."""

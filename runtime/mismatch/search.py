@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.candidate import TIME, Candidate
 from runtime.mismatch.compete import (
     Contestant,
     contest,
     entered,
+    free_course_gain,
     placebo_gains,
     shuffled_gains,
 )
@@ -22,6 +23,7 @@ from runtime.mismatch.result import Rival
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import Trial, screen
 from runtime.mismatch.setting import Setting
+from runtime.plan import Array
 
 MOST_TERMS = 5
 """Explanations of one recording."""
@@ -44,6 +46,9 @@ SURE = 3.0
 RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 1.5, "free": 3.0}
 """How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
 sensors leave their class."""
+
+MOSTLY = 0.7
+"""Share of the gain of a course free in time that an effect which only follows time must have."""
 
 SHUFFLES = 20
 SEED = 20_240_117
@@ -235,6 +240,11 @@ def _defeated(
     placebo = _placebo(now.fitted, trial)
     if trial.course is None and (own <= shuffled.max() or net <= placebo):
         return None
+    if set(trial.candidate.drivers.values()) == {TIME}:
+        # What only follows the clock explains a course in time, or the driver is another one.
+        course = free_course_gain(now.fitted, _columns(now.fitted, trial))
+        if trial.gain < MOSTLY * course:
+            return None
     return (
         Rival("the plain model, recalibrated", 0.0 if easing is None else _net(easing, now)),
         Rival("as many parameters without physics", placebo),
@@ -244,14 +254,19 @@ def _defeated(
 
 def _placebo(fitted: Fitted, trial: Trial) -> float:
     """Best gain of smooth functions of time at the place of a trial."""
+    columns = _columns(fitted, trial)
+    if not columns or trial.course is not None:
+        return 0.0
+    return float(placebo_gains(fitted, trial, columns, SEED).max())
+
+
+def _columns(fitted: Fitted, trial: Trial) -> list[Array]:
+    """Slopes of the residuals by an error at the place of a trial."""
     candidate = trial.candidate
     spots = fitted.rows.system.workshop.spots
     here = [s for s in spots if (s.module, s.place) == (candidate.module, candidate.place)]
     here = here or [s for s in spots if set(s.observers) & set(candidate.observers)][:1]
-    columns = [c for c in (spot_column(fitted, s) for s in here) if c is not None]
-    if not columns or trial.course is not None:
-        return 0.0
-    return float(placebo_gains(fitted, trial, columns, SEED).max())
+    return [c for c in (spot_column(fitted, s) for s in here) if c is not None]
 
 
 def recut(now: Contestant) -> Contestant:

@@ -114,6 +114,16 @@ class Panel:
             parts.append("M" + "L".join([*there, *back]) + "Z")
         return f'<path class="band {style}" d="{"".join(parts)}"/>' if parts else ""
 
+    def spans(self, x: Array, flags: np.ndarray, style: str, top: float = 1.0) -> str:
+        """Shade where flags are true, from the foot up to a share of the height.
+
+        `x`, shape (n,), increases; a flag holds from midway to its neighbours.
+        """
+        edges = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
+        there = np.where(np.repeat(flags, 2), 1.0, np.nan)
+        high = self.y.low + top * (self.y.high - self.y.low)
+        return self.band(np.repeat(edges, 2)[1:-1], self.y.low * there, high * there, style)
+
     def marks(self, x: Array, y: Array, symbol: str, style: str) -> str:
         """Shapes at points; those beyond the panel stand at its edge."""
         across = 100 * self.x.share(x)

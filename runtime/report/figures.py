@@ -193,10 +193,7 @@ def _unjudged(panel: Panel, time: Array, judged: np.ndarray) -> str:
     """Grey where nothing was judged; left out of long recordings, where it would be a blur."""
     if len(time) > 2 * COLUMNS or len(time) < 2:
         return ""
-    edges = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, time[-1:]])
-    x = np.repeat(edges, 2)[1:-1]
-    there = np.where(np.repeat(judged, 2), np.nan, 1.0)
-    return panel.band(x, panel.y.low * there, panel.y.high * there, "unjudged")
+    return panel.spans(time, ~judged, "unjudged")
 
 
 def _grey(time: Array, judged: np.ndarray) -> list[str]:

@@ -1,24 +1,17 @@
-"""The report: one HTML file that needs nothing else, neither network nor scripts."""
+"""The report of a diagnosis: what is wrong, why, pictures, the matrix, where it comes from."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-
 from runtime.diagnose import Diagnosis
 from runtime.recording import Recording
-from runtime.report.chart import SYMBOLS
-from runtime.report.figure import Figure
+from runtime.report.document import document, facts, numbered, section
 from runtime.report.figures import figures_of
 from runtime.report.matrix import matrix
 from runtime.report.series import curves_of
 from runtime.report.story import UNSEEN, evidence, remarks, told
-from runtime.report.style import STYLE
-from runtime.report.text import counted, moment, percent, safe
+from runtime.report.text import counted, moment, percent
 from runtime.report.truth import Truth, cases_of
 from runtime.trace import Trace
-
-POLICY = "default-src 'none'; style-src 'unsafe-inline'"
-"""Forbids the browser to load anything, should a name ever slip through unescaped."""
 
 
 def report(
@@ -42,32 +35,12 @@ def report(
     because = "".join(evidence(diagnosis)) or _nothing(diagnosis)
     sections = [
         told(diagnosis),
-        _section("Why", because),
-        _section("Pictures", "".join(_numbered(figures))),
-        _section("What each fault would do", matrix(diagnosis)),
-        _section("Where this comes from", _facts(recording, diagnosis, name, truth)),
+        section("Why", because),
+        section("Pictures", "".join(numbered(figures))),
+        section("What each fault would do", matrix(diagnosis)),
+        section("Where this comes from", _facts(recording, diagnosis, name, truth)),
     ]
-    return _document(diagnosis, name, "".join(sections))
-
-
-def _document(diagnosis: Diagnosis, name: str, body: str) -> str:
-    title = safe(diagnosis.ruleset.title)
-    shapes = "".join(
-        f'<symbol id="{k}" overflow="visible">{v}</symbol>' for k, v in SYMBOLS.items()
-    )
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"/>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        f"<title>{safe(name)}: diagnosis</title><style>{STYLE}</style></head>\n<body>"
-        f'<svg class="symbols" aria-hidden="true">{shapes}</svg>'
-        f'<header><h1>{title}</h1><span class="soft">{safe(name)}</span></header>\n'
-        f"<main>{body}</main></body></html>\n"
-    )
-
-
-def _section(title: str, body: str) -> str:
-    return f"<section><h2>{title}</h2>{body}</section>\n"
+    return document(diagnosis.ruleset.title, name, "diagnosis", "".join(sections))
 
 
 def _nothing(diagnosis: Diagnosis) -> str:
@@ -80,19 +53,6 @@ def _nothing(diagnosis: Diagnosis) -> str:
         "<p>All estimates of the same flow agree within their uncertainty wherever the recording "
         "could be judged.</p>"
     )
-
-
-def _numbered(figures: Iterable[Figure]) -> Iterator[str]:
-    for i, figure in enumerate(figures, 1):
-        style = " ".join(
-            word for word, on in (("narrow", figure.narrow), ("tall", figure.tall)) if on
-        )
-        key = f'<p class="key">{safe(figure.key)}</p>' if figure.key else ""
-        yield (
-            f'<figure id="{figure.name}" class="{style}"><h3>{safe(figure.title)}</h3>{key}'
-            f"{figure.body}<figcaption><b>Figure {i}.</b> {safe(figure.caption)}</figcaption>"
-            "</figure>\n"
-        )
 
 
 def _facts(recording: Recording, diagnosis: Diagnosis, name: str, truth: Truth | None) -> str:
@@ -125,15 +85,10 @@ def _facts(recording: Recording, diagnosis: Diagnosis, name: str, truth: Truth |
         ),
         ("Rules of the findings", _origins(diagnosis)),
     ]
-    body = "".join(
-        f"<dt>{term}</dt>" + "".join(f"<dd>{safe(text)}</dd>" for text in texts)
-        for term, texts in rows
-        if texts
-    )
     unjudged = ""
     if diagnosis.not_judged and diagnosis.findings:
         unjudged = f"<h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}"
-    return f'<div class="facts"><dl>{body}</dl>{unjudged}</div>'
+    return f'<div class="facts">{facts(rows)}{unjudged}</div>'
 
 
 def _origins(diagnosis: Diagnosis) -> list[str]:

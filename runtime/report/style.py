@@ -89,6 +89,12 @@ figcaption { margin-top: .7rem; }
 .bar { stroke-opacity: .55; }
 .band.zero, .band.unjudged { fill: var(--zero); fill-opacity: 1; }
 .band.unjudged { fill: var(--grey); }
+.band.located { fill: var(--c4); fill-opacity: .13; } .band.heldout { fill: var(--soft);
+  fill-opacity: .55; }
+.curve.dots { stroke-width: 3.6; stroke-opacity: .5; stroke-dasharray: none; }
+.wide { width: 50%; min-width: 8rem; }
+.meter { display: block; height: .75rem; min-width: 1px; border-radius: 2px;
+  background: var(--c0); } .after { margin-top: 1rem; }
 use { stroke: var(--paper); stroke-width: .8; }
 .mark.fired use[href="#cross"] { stroke: var(--of); stroke-width: 1.8; }
 .shares td, .shares thead th + th, .matrix td, .matrix thead th { text-align: center; }
@@ -120,6 +126,7 @@ use { stroke: var(--paper); stroke-width: .8; }
   html { font-size: 9.5pt; }
   body { max-width: none; padding: 0; print-color-adjust: exact;
     -webkit-print-color-adjust: exact; }
+  #time .plot, #detail .plot { padding-right: 7.4rem; }
   .panel, .panel .title { font-size: 10.5px; } .panel .name { font-size: 11px; }
   h2, h3, .key { break-after: avoid; } h2 { margin-top: 2rem; }
   figure, .finding, tr { break-inside: avoid; }

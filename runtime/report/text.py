@@ -33,11 +33,21 @@ def number(value: float, digits: int = 3) -> str:
     if not np.isfinite(value):
         return "–"
     size = int(np.floor(np.log10(abs(value)))) if value else 0
-    decimals = max(digits - 1 - size, 0)
-    text = f"{value:,.{decimals}f}"
+    text = fixed(value, max(digits - 1 - size, 0))
     if "." in text:
         text = text.rstrip("0").rstrip(".")
-    return text.replace(",", "\u202f").replace("-", "−")
+    return text
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number with so many decimals.
+
+    >>> fixed(0.15, 3), fixed(-1234.5, 1)
+    ('0.150', '−1\u202f234.5')
+    """
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
 
 
 def degree(value: float) -> str:
@@ -46,7 +56,7 @@ def degree(value: float) -> str:
     >>> degree(0.17)
     '0.170'
     """
-    return f"{value:.3f}"
+    return f"{value:.3f}" if np.isfinite(value) else "–"
 
 
 def bounds(low: float, high: float) -> str:
@@ -64,6 +74,8 @@ def moment(seconds: float) -> str:
     >>> moment(126839.0), moment(12.25)
     ('126\u202f839', '12.25')
     """
+    if not np.isfinite(seconds):
+        return "–"
     digits = 3 if abs(seconds) < 1 else 6
     return number(seconds, max(digits, len(str(int(abs(seconds))))))
 

@@ -13,14 +13,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from runtime.equations import Equations
+from runtime.equations import Equations, equations_of
 from runtime.plan import Array, Plan
 from runtime.ruleset import Ruleset
 from runtime.sensing import SensorErrors, sense
 from runtime.simulate import Simulated, simulate_with
 from runtime.study.judge import Kind, Outcome, judge
 from runtime.study.points import Points
-from runtime.unknowns import equations_of
 
 PARAMETERS, LAWS, SENSORS = range(3)
 """Streams of random numbers that do not depend on each other."""

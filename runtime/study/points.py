@@ -51,7 +51,7 @@ def operating_points(equations: Equations, count: int) -> Points:
     reference = np.array([s.reference for s in equations.given_signals])
     first = simulate_with(equations, _named(equations, np.clip(reference, low, high)[None]), {})
     if not first.solved[0]:
-        raise SimulationRefused(first.why[0])
+        raise SimulationRefused(first.why(0))
     found, tried = [np.clip(reference, low, high)], 1
     random = np.random.default_rng(SEED)
     for _ in range(ROUNDS if np.any(high > low) else 0):

@@ -13,12 +13,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rulec.pipeline import compile_plant
 from runtime.diagnose import diagnose
+from runtime.equations import equations_of
 from runtime.plan import Plan
 from runtime.recording import Recording, read_recording
 from runtime.ruleset import Ruleset
+from runtime.simulate import simulate_with
 from runtime.trace import trace
 from tests.bench.conftest import Results
+from tests.bench.rigs import side_by_side
 from tests.bench.test_plan import BLOCK, block, by_lambdify, in_blocks, nanoseconds
 from tests.conftest import compiled
 from tests.truth import RIGS, fault_replay, healthy_run, record, write_csv
@@ -126,6 +130,25 @@ def test_a_long_recording(
     found = seconds(lambda: call(recording, rules))
     results.add(f"{call.__name__} {LONG} samples of {plant}", found, "s")
     results.add("    times the plan that it rests on", found / alone, "")
+
+
+@pytest.mark.parametrize(
+    ("plant", "samples"), [("abc", LONG), ("mixing-rig", LONG), ("rigs", 1000)]
+)
+def test_simulating(plant: str, samples: int, tmp_path: Path, results: Results) -> None:
+    """Inputs spread from 85 to 110 % of their references; `rigs` are 196 modules."""
+    if plant == "rigs":
+        (tmp_path / "plant.yaml").write_text(side_by_side(196), encoding="utf-8")
+        rules = compile_plant(tmp_path)
+    else:
+        rules = compiled(plant)
+    equations, random = equations_of(rules), np.random.default_rng(0)
+    given = {
+        s.id: s.offset + (s.reference - s.offset) * random.uniform(0.85, 1.1, samples)
+        for s in equations.given_signals
+    }
+    taken = seconds(lambda: simulate_with(equations, given, {}))
+    results.add(f"simulate {samples} operating points of {plant}", taken, "s")
 
 
 def test_the_smallest_call(tmp_path: Path, results: Results) -> None:

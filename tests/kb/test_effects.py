@@ -12,13 +12,14 @@ import pytest
 import sympy
 import yaml
 
-from rulec.check_join import names_of
+from rulec.check_join import needed_by
 from rulec.check_knowledge import check_knowledge
 from rulec.knowledge import Effect, EffectParameter, Join, Knowledge
 from rulec.language.effect_law import parse_law
 from rulec.language.expression import Expression
 from rulec.language.symbolic import to_sympy
 from rulec.read import read_files, read_plant
+from rulec.workshop import open_workshop
 from tests.conftest import ROOT
 
 ORDINARY = {
@@ -53,6 +54,7 @@ def knowledge() -> Knowledge:
 
 EFFECTS = knowledge().effects
 JOINS = [(name, i) for name, effect in EFFECTS.items() for i in range(len(effect.joins))]
+MATCHES = yaml.safe_load((ROOT / "tests/kb/matches.yaml").read_text(encoding="utf-8"))
 TABLE = yaml.safe_load((ROOT / "tests/kb/effects.yaml").read_text(encoding="utf-8"))
 
 
@@ -153,7 +155,7 @@ def test_sentence_says_where_and_how_much(name: str) -> None:
     effect = EFFECTS[name]
     slots = set(re.findall(r"\{(\w+)\}", effect.text))
     strength = {n for n, p in effect.parameters.items() if p.null is not None}
-    known = set.intersection(*(names_of(join, effect.parameters) for join in effect.joins))
+    known = set.intersection(*(needed_by(join, effect.parameters) for join in effect.joins))
     assert "module" in slots
     assert slots & strength
     assert slots <= {*known, "module", "place"}
@@ -199,6 +201,21 @@ def test_effects_join_the_places_they_are_meant_for(kind: str) -> None:
 def test_every_effect_has_a_place() -> None:
     """No effect is missing in the table."""
     assert {name for part in TABLE.values() for name in part["effects"]} == set(EFFECTS)
+
+
+@pytest.mark.parametrize("plant", MATCHES)
+def test_effects_join_real_plants_as_listed(plant: str) -> None:
+    """Module by module and place by place: these effects join, and no others."""
+    candidates = open_workshop(ROOT / plant)[1].candidates
+    found: dict[str, dict[str, set[str]]] = {module: {} for module in MATCHES[plant]}
+    for c in candidates:
+        if c.module in found and c.sort != "fault":
+            found[c.module].setdefault(c.place, set()).add(c.name)
+    expected = {
+        module: {place: set(names) for place, names in places.items()}
+        for module, places in MATCHES[plant].items()
+    }
+    assert expected == found
 
 
 def test_equal_askings_of_the_plain_law_are_one() -> None:

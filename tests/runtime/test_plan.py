@@ -268,6 +268,24 @@ def test_dangling_references_are_refused(abc: Ruleset, what: str) -> None:
         parse_ruleset(data)
 
 
+DAMAGES_OF_STEPS = {
+    "an unknown observer": lambda steps: steps[0]["zeros"][0].update({"A.x": 1.0}),
+    "an unknown flow": lambda steps: steps[0]["flows"].update({"X": {"A.pump": 1.0}}),
+    "an equation too few": lambda steps: steps[0]["zeros"].pop(),
+    "the wrong order": lambda steps: steps.reverse(),
+    "a step twice": lambda steps: steps.append(steps[0]),
+}
+
+
+@pytest.mark.parametrize("what", DAMAGES_OF_STEPS)
+def test_damaged_steps_are_refused(abc: Ruleset, what: str) -> None:
+    """Steps of a simulation that cannot be taken are found when the ruleset is read."""
+    data = json.loads(abc.to_json())
+    DAMAGES_OF_STEPS[what](data["simulation"]["steps"])
+    with pytest.raises(RulesetRefused, match="compile again"):
+        parse_ruleset(data)
+
+
 @pytest.mark.parametrize("version", [None, 0, FORMAT_VERSION + 1, "1", [1]])
 def test_other_versions_are_refused(abc: Ruleset, version: object) -> None:
     """Older and newer formats are named with what to do."""

@@ -24,6 +24,7 @@ from .runs import (
 )
 from .sensors import INSIDE, NOISE_FREE, TABLE_1, Sensing
 from .transients import INERTIA, Inertia, settling
+from .warming import warm_run
 
 __all__ = [
     "INERTIA",
@@ -60,5 +61,6 @@ __all__ = [
     "solve",
     "three",
     "visiting_run",
+    "warm_run",
     "write_csv",
 ]

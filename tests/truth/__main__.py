@@ -17,6 +17,7 @@ from .runs import (
 )
 from .sensors import NOISE_FREE, TABLE_1, Sensing
 from .transients import settling
+from .warming import warm_run
 
 EXAMPLE_SEED = 1
 BENCH_SEED = 2  # a maker's bench has other sensors, hence other systematic errors
@@ -110,6 +111,7 @@ def _write_examples(name: str, folder: Path) -> None:
     if name == "abc":
         _write(folder, "leakage_A", leakage_replay(plant), TABLE_1, EXAMPLE_SEED)
         _write(folder, "healthy", healthy_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
+        _write(folder, "warm_A", warm_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
     else:
         tour = visiting_run(plant, operating_points(plant, 5), {"D.clogging": 0.3}, lead_in=15)
         _write(folder, "clogging_D", settling(tour), TABLE_1, EXAMPLE_SEED)

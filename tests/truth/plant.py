@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .pumps import Pump
-from .units import Array
+from .units import ZERO_CELSIUS, Array
+
+LIQUID_TEMPERATURE = 20.0 + ZERO_CELSIUS  # K
 
 
 @dataclass(frozen=True)
@@ -93,12 +95,14 @@ class Operation:
     throttle : per module ndarray, shape (n,), Pa/(m3/s)2; a maker's extra valve behind the line
     on_bench : None or ndarray, shape (n,), bool; True while every module stands alone on the
         maker's test bench, where its throttle takes the place of the mixers
+    temperature : per module ndarray, shape (n,), K; of the liquid, 20 degC where not given
     """
 
     time: Array
     speed: Mapping[str, Array]
     throttle: Mapping[str, Array] = field(default_factory=dict)
     on_bench: NDArray[np.bool_] | None = None
+    temperature: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def mixers_fitted(self) -> NDArray[np.bool_]:

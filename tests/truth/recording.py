@@ -9,15 +9,14 @@ import numpy as np
 
 from .faults import check_faults, condition_of, factor
 from .network import OperatingPoint, solve
-from .plant import Plant
+from .plant import LIQUID_TEMPERATURE, Plant
 from .runs import Run
 from .sensors import DOSING_SIGNALS, MIXER_SIGNALS, TABLE_1, Sensing, Sensor, read
-from .units import LITRE_PER_HOUR, ZERO_CELSIUS, Array
+from .units import LITRE_PER_HOUR, Array
 
 TANK_AREA = 0.5  # m2
 TANK_FULL = 0.8  # m
 TANK_REFILL = 0.3  # m; the level at which the tank is filled up again
-LIQUID_TEMPERATURE = 20.0 + ZERO_CELSIUS  # K
 
 
 @dataclass(frozen=True)
@@ -60,13 +59,14 @@ def write_csv(path: Path, columns: Mapping[str, Array], digits: int = 6) -> None
 
 def _signals(run: Run, point: OperatingPoint) -> Iterator[tuple[str, Sensor, Array]]:
     """Place, sensor and true value (SI) of every signal, in column order."""
+    usual = np.full(run.operation.time.size, LIQUID_TEMPERATURE)
     for k, (name, module) in enumerate(run.plant.modules.items()):
         values = {
             "n": run.operation.speed[name],
             "dp": point.pressure[:, k],
             "P_el": point.power[:, k],
             "Q": point.flow[:, k],
-            "T": np.full(run.operation.time.size, LIQUID_TEMPERATURE),
+            "T": run.operation.temperature.get(name, usual),
             "l": _tank_level(run.operation.time, point.flow[:, k]),
         }
         for signal, sensor in DOSING_SIGNALS.items():

@@ -1,0 +1,204 @@
+"""Take over what a mismatch found: amended module types, recalibrated values, a new plant folder.
+
+Instances of a type that are amended alike share the amended type. Where some of them differ, those
+as they were keep the type, else the first ones get it, and each other way of being amended becomes
+a type of its own, named after its first module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec.amend import Amended
+from rulec.gathering import Gathering
+from rulec.knowledge import ModuleType, Origin, Parameter
+from rulec.language.units import BASES, Dimension, Unit
+from rulec.link import Network
+from rulec.plant import Module, Plant
+from rulec.repair import AdoptRefused, Repair
+from rulec.workshop import PlantWorkshop
+from runtime.mismatch.candidate import TIME, Candidate, Unknown
+
+NOT_PHYSICS = {
+    "fault": "a fault is to be mended, not to be built into the model; rulec diagnose watches it",
+    "sensor": "a sensor is to be mended or adjusted, not to be built into the model",
+    "ageing": "what changes with time holds for this recording only",
+    "free": "no physics stands behind it; outside this recording it may say anything",
+}
+"""Why explanations of other sorts are left out."""
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """An instance with the type it gets.
+
+    `brought` are the parameters that its type did not have, `inputs` their ids in the analysis.
+    """
+
+    module: Module
+    type: ModuleType
+    brought: Mapping[str, Parameter]
+    inputs: Mapping[str, str]
+
+    @property
+    def changed(self) -> bool:
+        """Is the type another than before?"""
+        return bool(self.brought) or self.type.provides != self.module.type.provides
+
+
+@dataclass(frozen=True)
+class Adoption:
+    """All instances of a plant, amended or not, and what was left out.
+
+    `changed` holds by new type the first instance that has it, `left` ids of candidates and the
+    reason.
+    """
+
+    plant: Plant
+    instances: Mapping[str, Adopted]
+    changed: Mapping[str, Adopted]
+    taken: tuple[Candidate, ...]
+    left: tuple[tuple[str, str], ...]
+
+
+def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption:
+    """Work out the new types of all modules; raises `AdoptRefused` where the plant has changed."""
+    by_id = {c.id: c for c in workshop.candidates}
+    free = {s.id for s in workshop.spots}
+    readings = Gathering(network)
+    taken: list[Candidate] = []
+    left: list[tuple[str, str]] = []
+    for joined in repair.joined:
+        candidate = by_id.get(joined.id)
+        if candidate is None and joined.id.split("[")[0] not in free:
+            message = f"'{joined.id}' does not fit {network.plant.name}; has it changed since?"
+            raise AdoptRefused(f"{message} Run rulec mismatch again")
+        reason = NOT_PHYSICS["free"] if candidate is None else _why_not(candidate, readings)
+        if candidate is None or reason:
+            left.append((joined.id, reason))
+        else:
+            taken.append(candidate)
+    ids = tuple(c.id for c in taken)
+    instances = {
+        module.name: _instance(
+            network.plant,
+            module,
+            readings.written(module.name, workshop.amended(module.name, ids)),
+            taken,
+            repair,
+        )
+        for module in network.plant.modules.values()
+    }
+    named = _named(instances, network.plant)
+    changed = {a.type.name: a for a in named.values() if a.changed}
+    return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
+
+
+def _why_not(candidate: Candidate, readings: Gathering) -> str:
+    """Why a candidate cannot be written into a module type; empty if it can."""
+    if candidate.sort in NOT_PHYSICS:
+        return NOT_PHYSICS[candidate.sort]
+    for source in candidate.drivers.values():
+        if source == TIME:
+            return "a module type knows no time"
+        if not source.startswith(f"{candidate.module}.") and not readings.name(
+            candidate.module, source
+        ):
+            return (
+                f"a module type reads its own signals and sums over what lies downstream; "
+                f"{source} is neither for {candidate.module}"
+            )
+    return ""
+
+
+def _instance(
+    plant: Plant, module: Module, amended: Amended, taken: list[Candidate], repair: Repair
+) -> Adopted:
+    """The amended type with the values that were found for its new parameters."""
+    sources = {u.id: (c, u) for c in taken for u in c.unknowns}
+    values = {k: v for joined in repair.joined for k, v in joined.values.items()}
+    u = dict(zip(repair.parameters, np.sqrt(np.diag(repair.covariance)).tolist(), strict=True))
+    values |= dict(zip(repair.parameters, repair.values.tolist(), strict=True))
+    brought = {}
+    for local, input_ in amended.inputs.items():
+        candidate, unknown = sources[input_]
+        if input_ not in values:
+            raise AdoptRefused(f"the repair has no value for '{input_}'; run rulec mismatch again")
+        known = amended.type.parameters[local]
+        source = (
+            f"{candidate.source}; fitted to {repair.recording or 'a recording'} by rulec mismatch"
+        )
+        brought[local] = replace(
+            known,
+            value=values[input_],
+            u=0.0 if unknown.fixed else u.get(input_, 0.0),
+            unit=_shown_in(plant, known, unknown),
+            origin=Origin(known.origin.file, known.origin.line, source),
+        )
+    kind = replace(amended.type, parameters={**amended.type.parameters, **brought})
+    return Adopted(module, kind, brought, amended.inputs)
+
+
+def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
+    """A unit that a file may have; a typical reading is shown as its signal is."""
+    if unknown.fixed and unknown.driver:
+        module, signal = unknown.driver.split(".")
+        unit = plant.modules[module].type.signals[signal].unit
+        if unit.dimension == parameter.unit.dimension:
+            return unit
+    try:
+        return plant.knowledge.units.parse(parameter.unit.text)
+    except ValueError:
+        dimension = parameter.unit.dimension
+        return Unit(_spelled(dimension), 1.0, dimension)
+
+
+def _spelled(dimension: Dimension) -> str:
+    """A dimension in units of SI, as in m**3/s."""
+    powers = list(zip(BASES, dimension.exponents, strict=True))
+    top = [f"{base}**{e}" if e != 1 else base for base, e in powers if e > 0]
+    bottom = [f"/{base}**{-e}" if e != -1 else f"/{base}" for base, e in powers if e < 0]
+    return ("*".join(top) or "1") + "".join(bottom)
+
+
+def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]:
+    """Types with names: see the beginning of this file."""
+    groups: dict[str, dict[object, list[str]]] = {}
+    for name, own in instances.items():
+        groups.setdefault(own.module.type.name, {}).setdefault(_shape(own), []).append(name)
+    taken = set(plant.knowledge.modules) | groups.keys()
+    result = dict(instances)
+    for kind, shapes in groups.items():
+        ordered = sorted(shapes.values(), key=lambda names: bool(instances[names[0]].brought))
+        for i, names in enumerate(ordered):
+            title, first = instances[names[0]].type.title, instances[names[0]]
+            chosen = kind
+            if i:
+                chosen, title = fresh_type(f"{kind}-{names[0]}", taken), f"{title} ({names[0]})"
+                taken.add(chosen)
+            version = first.type.version + first.changed
+            for name in names:
+                own = instances[name]
+                amended = replace(own.type, name=chosen, title=title, version=version)
+                result[name] = replace(own, type=amended)
+    return result
+
+
+def fresh_type(name: str, taken: set[str]) -> str:
+    """A name for a type that no other has."""
+    tried, count = name[:56], 1
+    while tried in taken:
+        count += 1
+        tried = f"{name[:56]}-{count}"
+    return tried
+
+
+def _shape(own: Adopted) -> object:
+    """What makes two amended types of one kind the same."""
+    kind = own.type
+    equations = [(d.name, d.expression.text) for d in kind.definitions.values()]
+    equations += [(o.name, o.expression.text) for o in kind.observers.values()]
+    return tuple(equations), tuple(own.brought)

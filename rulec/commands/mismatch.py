@@ -1,0 +1,135 @@
+"""`rulec mismatch`: tell where simulation and recording differ, and what physics is left out."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from rulec.commands.output import console, without_folder, write_json, write_text
+from rulec.workshop import open_workshop
+from runtime.mismatch.analyse import analyse
+from runtime.mismatch.machine_form import hidden_csv, mismatch_form
+from runtime.mismatch.report.page import report
+from runtime.mismatch.result import Mismatch, MismatchRefused
+from runtime.mismatch.story import tell
+from runtime.recording import Recording, read_recording
+
+Periods = tuple[tuple[float, float], ...]
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compare; a mismatch is a result, so the exit code is 0 whatever the verdict."""
+    try:
+        heldout = periods_of(options.heldout)
+        _check(options)
+    except ValueError as mistake:
+        aside = Console(stderr=True, highlight=False)
+        aside.print(f"rulec mismatch: {mistake}", markup=False, soft_wrap=True)
+        return 2
+    out = console(options)
+    found = _compare(out, options, heldout)
+    tell(out, found)
+    if options.report:
+        write_text(Path(options.report), report(found))
+        out.print(f"[dim]report: {escape(options.report)}[/]")
+    series = _write_series(out, options, found)
+    write_json(options, mismatch_form(found, Path(options.plant).as_posix(), series))
+    return 0
+
+
+def periods_of(texts: Sequence[str]) -> Periods:
+    """Held-out periods in s; ValueError with a message for a bad one.
+
+    >>> periods_of(["0:60", "120:180.5"])
+    ((0.0, 60.0), (120.0, 180.5))
+    """
+    periods = []
+    for text in texts:
+        parts = text.split(":")
+        try:
+            since, until = (float(part) for part in parts)
+        except ValueError:
+            since = until = math.nan
+        if not (math.isfinite(since) and math.isfinite(until)):
+            raise ValueError(
+                f"--heldout {text}: give two numbers of seconds with a colon between, as in 600:900"
+            )
+        if not since < until:
+            raise ValueError(
+                f"--heldout {text}: it ends before it begins; did you mean {parts[1]}:{parts[0]}?"
+                if until < since
+                else f"--heldout {text}: it has no length"
+            )
+        periods.append((since, until))
+    return tuple(periods)
+
+
+def _check(options: argparse.Namespace) -> None:
+    """What can be refused before long work."""
+    if options.plant.endswith(".json"):
+        raise ValueError(
+            f"{options.plant}: give the plant's folder; a ruleset does not hold the equations "
+            "into which physics could be built"
+        )
+    unwritable = without_folder(options, "json", "report")
+    if unwritable is not None:
+        raise ValueError(unwritable)
+
+
+def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mismatch:
+    """Compile, read, analyse, telling on a terminal what is being done."""
+    with _progress(out) as progress:
+        progress("reading the plant")
+        ruleset, workshop = open_workshop(Path(options.plant))
+        progress("reading the recording")
+        recording = read_recording(Path(options.recording), ruleset)
+        check_heldout(recording, heldout)
+        found = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
+    name = Path(options.recording).resolve().name
+    notes = tuple(dict.fromkeys((*recording.notes, *found.notes)))
+    return replace(found, recording=name, notes=notes)
+
+
+def check_heldout(recording: Recording, heldout: Periods) -> None:
+    """Refuse periods that hold no sample, or all of them."""
+    time, inside = recording.time, recording.time != recording.time
+    for since, until in heldout:
+        here = (time >= since) & (time <= until)
+        if not here.any():
+            raise MismatchRefused(
+                f"--heldout {since:g}:{until:g}: the recording has no sample there; it runs from "
+                f"{time[0]:g} s to {time[-1]:g} s"
+            )
+        inside |= here
+    if inside.all():
+        raise MismatchRefused(
+            "--heldout takes the whole recording; leave a part from which to find something"
+        )
+
+
+@contextlib.contextmanager
+def _progress(out: Console) -> Iterator[Callable[[str], None]]:
+    """Says what is being done, where somebody watches."""
+    if not out.is_terminal:
+        yield lambda text: None
+        return
+    with out.status("") as status:
+        yield lambda text: status.update(escape(text))
+
+
+def _write_series(out: Console, options: argparse.Namespace, found: Mismatch) -> str | None:
+    """Write the course of a hidden driver beside the JSON; the name of its file."""
+    if found.hidden is None or options.json in (None, "-"):
+        return None
+    target = Path(options.json)
+    series = target.with_name(f"{target.stem}.hidden.csv")
+    write_text(series, hidden_csv(found.hidden))
+    out.print(f"[dim]course of what is not recorded: {escape(str(series))}[/]")
+    return series.name

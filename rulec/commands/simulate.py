@@ -1,0 +1,103 @@
+"""`rulec simulate`: the recording that a plant should have made, with faults if asked for."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from rulec.commands.diagnose import load
+from rulec.commands.output import console, written
+from runtime.predict import Injected, Prediction, predict
+from runtime.recording_file import RecordingFile, files_of, read_file
+from runtime.rewrite import rewrite
+from runtime.ruleset import Ruleset
+
+SHOWN = 6
+
+
+def run(options: argparse.Namespace) -> int:
+    """Predict, write, say what is in it and what is not."""
+    aside = Console(stderr=True, highlight=False)
+    source, target = Path(options.inputs), Path(options.output)
+    try:
+        injected = [parse_fault(text) for text in options.fault]
+        _refuse_target(source, target)
+        if options.noise is not None and options.noise < 0:
+            raise ValueError(f"--noise {options.noise}: give a number from 0 on")
+    except ValueError as mistake:
+        aside.print(f"rulec simulate: {mistake}", markup=False, soft_wrap=True)
+        return 2
+    ruleset = load(Path(options.plant))
+    notes: list[str] = []
+    files = [read_file(path, ruleset, notes) for path in files_of(source)]
+    prediction = predict(ruleset, files, injected, options.noise)
+    _write(ruleset, files, prediction, target, source.is_dir())
+    for note in dict.fromkeys([*notes, *prediction.notes]):
+        aside.print(f"note: {note}", markup=False, soft_wrap=True)
+    out = console(options)
+    out.print(f"[green]✓[/] {_summary(prediction, target)}", soft_wrap=True)
+    return 0
+
+
+def parse_fault(text: str) -> Injected:
+    """Read ``M.fault=degree`` or ``M.fault=degree@from:to``; ValueError with a message."""
+    name, _, rest = text.partition("=")
+    size, _, period = rest.partition("@")
+    since, _, until = period.partition(":") if period else ("-inf", "", "inf")
+    try:
+        found = Injected(name.strip(), float(size), float(since or "-inf"), float(until or "inf"))
+    except ValueError:
+        found = Injected("", math.nan)
+    if not found.fault or not math.isfinite(found.degree) or not found.since <= found.until:
+        raise ValueError(
+            f"--fault {text}: write <module>.<fault>=<degree>, where 0.2 is 20 %; for a period "
+            "<module>.<fault>=<degree>@<from>:<to> in seconds"
+        )
+    return found
+
+
+def _refuse_target(source: Path, target: Path) -> None:
+    """What was measured is not overwritten; a folder goes to a folder, a file to a file."""
+    if source.exists() and target.exists() and source.resolve() == target.resolve():
+        raise ValueError(f"-o {target}: this would overwrite the inputs; give another name")
+    if source.is_dir() and target.is_file():
+        raise ValueError(f"-o {target}: the inputs are a folder; give the name of a folder")
+    if source.is_file() and target.is_dir():
+        raise ValueError(f"-o {target}: this is a folder; give the name of a file")
+
+
+def _write(
+    ruleset: Ruleset,
+    files: list[RecordingFile],
+    prediction: Prediction,
+    target: Path,
+    is_folder: bool,
+) -> None:
+    """One file of the same name for each file of a folder."""
+    if is_folder:
+        target.mkdir(parents=True, exist_ok=True)
+    first = 0
+    for file in files:
+        last = first + len(file.time)
+        values = {name: v[first:last] for name, v in prediction.values.items()}
+        with written(target / file.path.name if is_folder else target) as out:
+            rewrite(file, ruleset, values, out)
+        first = last
+
+
+def _summary(prediction: Prediction, target: Path) -> str:
+    rows, whole = len(prediction.whole), int(np.count_nonzero(prediction.whole))
+    count = f"{rows} rows" if rows == whole else f"{rows} rows, {whole} of them predicted in full"
+    found, given = _few(prediction.values), _few(prediction.given)
+    return f"{target}: {count}; predicted {found} from {given or 'nothing'}"
+
+
+def _few(names: Iterable[str]) -> str:
+    found = list(names)
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return ", ".join(found[:SHOWN]) + more

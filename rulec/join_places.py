@@ -1,0 +1,43 @@
+"""Which places of a module a join asks for: by what their equations are, never by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rulec.knowledge import Join, Knowledge
+from rulec.language.units import VOLUME_FLOW
+from rulec.places import Site
+from rulec.plant import Module
+
+
+def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
+    """Places that a join asks for, of those that stand on one another only the innermost."""
+    if join.reads:
+        kind = module.type.signals
+        signals = (s for s in sites if s.kind == "signal" and s.observers)
+        return [s for s in signals if join.reads in ("any", kind[s.name].quantity)]
+    wanted = knowledge.units.quantities[join.gives]
+    fitting = [
+        s
+        for s in sites
+        if s.kind != "signal"
+        and s.observers
+        and s.reads
+        and s.dimension == wanted
+        and s.measured == join.measured
+        and not _is_reference(s, module)
+        and _is_estimate(s)
+    ]
+    inner = {s.name for s in fitting if s.kind == "definition"}
+    return [
+        s for s in fitting if not s.uses & (inner - {s.name} if s.kind != "observer" else inner)
+    ]
+
+
+def _is_reference(site: Site, module: Module) -> bool:
+    return site.kind == "observer" and module.type.observers[site.name].is_reference
+
+
+def _is_estimate(site: Site) -> bool:
+    """A flow that is taken off an estimate, such as a slip, is no relation of its own."""
+    return site.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in site.moves.values())

@@ -1,0 +1,1 @@
+"""A comparison of simulation and recording as one self-contained HTML file."""

@@ -1,0 +1,96 @@
+"""One file of readings: which column is which signal, and its numbers in the order of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from runtime.csv_table import Column, RecordingRefused, read_table
+from runtime.header import Header, Target, assign
+from runtime.plan import Array
+from runtime.ruleset import Ruleset
+from runtime.time_column import read_times
+
+ABSURD = 1e15
+"""Beyond this (SI) a number is a fill value of some program, not a reading."""
+
+
+@dataclass(frozen=True)
+class RecordingFile:
+    """Readings as they stand in a file.
+
+    Attributes
+    ----------
+    header : which column is which signal, and which belongs to none.
+    time : shape (n,), s; NaN where a row has none. Since 1970 if the file is `dated`.
+    values : per signal an array, shape (n,), SI; NaN where there is no usable reading.
+    comma : whether its numbers are written with a decimal comma.
+    """
+
+    path: Path
+    header: Header
+    time: Array
+    values: dict[str, Array]
+    dated: bool
+    comma: bool
+
+
+def files_of(path: Path) -> list[Path]:
+    """The file, or all CSV files of a folder in order of their names."""
+    if path.is_dir():
+        files = sorted(f for f in path.iterdir() if f.name.lower().endswith((".csv", ".csv.gz")))
+        if not files:
+            raise RecordingRefused(f"{path}: this folder holds no .csv or .csv.gz file")
+        return files
+    if not path.is_file():
+        raise RecordingRefused(f"{path}: there is no such file")
+    return [path]
+
+
+def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
+    """Read all columns that belong to signals; what is odd about them is added to `notes`."""
+    header = Header()
+
+    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
+        assign(path, titles, ruleset, header, notes)
+        return header.time, [target.index for target in header.targets]
+
+    table = read_table(path, choose)
+    if table.left_out:
+        notes.append(
+            f"{path.name}: {table.left_out} rows have another number of cells than the header and "
+            f"are left out (the first is data row {table.first_left_out})"
+        )
+    time, dated = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
+    values = {}
+    for column, target in zip(table.columns, header.targets, strict=True):
+        values[target.signal] = _readings(path, column, target, notes)
+    comma = any("," in column.decimals for column in table.columns)
+    return RecordingFile(path, header, time, values, dated, comma)
+
+
+def _readings(path: Path, column: Column, target: Target, notes: list[str]) -> Array:
+    """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
+    if column.words:
+        assert column.first is not None
+        row, word = column.first
+        notes.append(
+            f"{path.name}: {column.words} cells of {target.signal} are words (the first, in data "
+            f"row {row}: '{word}'); there it has no reading"
+        )
+    with np.errstate(over="ignore"):
+        values = column.numbers() * target.factor + target.offset
+    absurd = np.abs(values) > ABSURD
+    if absurd.any():
+        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
+        notes.append(
+            f"{path.name}: {count} cells of {target.signal} are beyond any sensor (the first in "
+            f"data row {row}); there it has no reading"
+        )
+        values[absurd] = np.nan
+    if not np.isfinite(values).any():
+        notes.append(f"{path.name}: {target.signal} has not one reading")
+    return values

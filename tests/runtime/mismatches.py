@@ -1,0 +1,316 @@
+"""Comparisons as they may come out, one of each verdict, made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.mismatch.result import (
+    Alternative,
+    Changed,
+    Confounded,
+    Curves,
+    Errors,
+    Estimate,
+    Finding,
+    Fit,
+    HiddenDriver,
+    Location,
+    Mismatch,
+    Period,
+    Region,
+    Rival,
+)
+
+NAN = float("nan")
+
+
+def curves(samples: int = 400, shape: float = 1.0) -> Curves:
+    """A flow that falls with the liquid's temperature, which the plain model does not know."""
+    random = np.random.default_rng(7)
+    time = np.arange(samples, dtype=float)
+    warm = 35.0 + 20.0 * np.sin(np.pi * time / samples) ** 2
+    pressure = 1.5 + 0.5 * np.sign(np.sin(time / 9.0))
+    plain = 520.0 - 20.0 * pressure
+    lost = shape * 0.8 * np.maximum(warm - 45.0, 0.0)
+    noise = random.normal(0.0, 0.9, samples)
+    return Curves(
+        time=time,
+        measured=plain - lost + noise,
+        shipped=plain + 3.0,
+        recalibrated=plain - lost.mean(),
+        repaired=plain - lost,
+        heldout=(time // 40) % 4 == 3,
+        drivers={"A.T [degC]": warm, "A.dp [bar]": pressure},
+        inside=np.ones(samples, dtype=bool),
+    )
+
+
+WARM = Finding(
+    id="A.warm-gap@Q_gap",
+    sort="physics",
+    name="warm-gap",
+    title="Gap flow that follows the temperature",
+    module="A",
+    place="Q_gap",
+    parameters={
+        "b": Estimate("rise of the gap flow per kelvin", 0.0231, 0.0011, 0.0209, 0.0253, "1/K"),
+        "T0": Estimate("temperature of the plain law", 45.2, 0.0, 45.2, 45.2, "degC"),
+    },
+    equation="Q_gap = law(dp=0) - (law(dp=0) - law)*exp(b*(T - T0))",
+    text="Module A: the gap flow grows by 0.0231 1/K with A.T; the law knows only the pressure",
+    action="add the liquid's temperature to the law",
+    source="[assumed]",
+    probability=0.93,
+    alternatives=(
+        Alternative("A.age@Q_gap", "age", "Gap flow that grows with time", 0.05),
+        Alternative("A.odd@Q_gap", "odd", "Nothing of importance", 0.002),
+    ),
+    gain=412.3,
+    rivals=(
+        Rival("nothing (recalibration alone)", 0.0),
+        Rival("as many parameters without physics", 3.1),
+        Rival("the same with its driver shuffled", -1.4),
+    ),
+    periods=(),
+    closed=0.98,
+)
+
+PLACE = Location(
+    "A",
+    "Q_gap",
+    "gap flow of the dosing pump",
+    0.83,
+    (Region("A.T", 45.0, None, "degC", 0.97),),
+    (),
+)
+
+FIT = Fit(
+    "A.Q",
+    "l/h",
+    Errors(6.1, 4.2, 0.91, 0.9, 300),
+    Errors(6.4, 4.4, 0.93, 0.9, 100),
+    (0.71, 0.85),
+    0.97,
+)
+
+OTHER = Fit(
+    "A.dp",
+    "bar",
+    Errors(0.09, 0.07, 0.021, 0.02, 300),
+    Errors(0.08, 0.06, 0.022, 0.02, 100),
+    (0.5, 0.7),
+    0.99,
+)
+
+NAMED = Mismatch(
+    plant="abc",
+    title="Two dosing modules feed one mixer",
+    recording="warm.csv",
+    verdict="named",
+    headline="In A the gap flow follows its temperature; the model knows only the pressure.",
+    locations=(PLACE,),
+    findings=(WARM,),
+    fit=FIT,
+    fits=(FIT, OTHER),
+    confounded=(Confounded("A.b", "A.C2", -0.93),),
+    hidden=None,
+    untested=("A.T above 55 degC: no held-out point",),
+    next="Run A at two pressures with warm liquid: it separates b from C2.",
+    split="blocks of 40 s: 6 to search, 2 to choose, 2 held out",
+    digest="9f2c01d3",
+    noise="noise from the scatter of the recording, 0.9 l/h, within the sensors' class",
+    tried=37,
+    notes=("warm.csv: 3 samples are not settled",),
+    joined=("A.warm-gap@Q_gap",),
+    parameters=(Changed("A.C2", 5.6e-17, 1e-18), Changed("A.warm-gap@Q_gap.b", 0.0231, 0.0011)),
+    covariance=np.array([[1e-36, -9e-22], [-9e-22, 1.2e-6]]),
+    curves=curves(),
+    seconds=4.31,
+    fixed={"A.warm-gap@Q_gap.T0": 318.35},
+    misfit={"A.pump": 2.5e-7},
+)
+
+AMBIGUOUS = replace(
+    NAMED,
+    verdict="ambiguous",
+    headline="In A the gap flow changes; temperature and time explain it about equally well.",
+    findings=(
+        replace(
+            WARM,
+            probability=0.52,
+            alternatives=(
+                Alternative("A.age@Q_gap", "age", "Gap flow that grows with time", 0.45),
+            ),
+        ),
+    ),
+    locations=(replace(PLACE, also=("A.P_law", "A.loss")),),
+)
+
+FAULT = replace(
+    NAMED,
+    verdict="fault",
+    headline="The model fits; A leaks in two periods.",
+    findings=(
+        replace(
+            WARM,
+            id="A.lost@pump",
+            sort="fault",
+            name="lost",
+            title="Flow lost",
+            place="pump",
+            parameters={},
+            equation="",
+            text="A: a share of the flow is lost",
+            action="inspect the pump",
+            alternatives=(),
+            periods=tuple(
+                Period(40.0 * i, 40.0 * i + 25.0, 0.05 * (i + 1), 0.004) for i in range(6)
+            ),
+        ),
+    ),
+    locations=(replace(PLACE, region=(), periods=((0.0, 25.0), (200.0, 225.0))),),
+    joined=(),
+    confounded=(),
+)
+
+SENSOR = replace(
+    FAULT,
+    verdict="sensor",
+    headline="A.dp reads high by 0.12 bar.",
+    findings=(
+        replace(
+            WARM,
+            sort="sensor",
+            name="shift",
+            title="Reading shifted",
+            place="dp",
+            parameters={"d": Estimate("shift", 0.12, 0.004, 0.112, 0.128, "bar")},
+            equation="",
+            text="A.dp reads high by 0.12 bar",
+            action="compare the sensor with a second one",
+        ),
+    ),
+)
+
+UNNAMED = replace(
+    NAMED,
+    verdict="unnamed",
+    headline="The gap flow of A changes, and nothing known explains how.",
+    findings=(),
+    joined=(),
+    hidden=HiddenDriver(
+        module="A",
+        place="Q_gap",
+        text="slow: warms up within 3 min, returns after stops",
+        time=np.arange(0.0, 400.0, 5.0),
+        course=np.where(np.arange(80) == 7, NAN, 8.0 * np.sin(np.pi * np.arange(80) / 80) ** 2),
+        unit="l/h",
+        candidates=("the liquid's temperature", "the level of the tank"),
+        sensor="a thermometer at the inlet of A",
+    ),
+    next="Fit a thermometer at the inlet of A and record an hour.",
+)
+
+PLAIN = Fit(
+    "A.Q",
+    "l/h",
+    Errors(1.4, 0.92, NAN, 0.9, 300),
+    Errors(1.5, 0.91, NAN, 0.9, 100),
+    (NAN, NAN),
+    NAN,
+)
+
+NONE = replace(
+    NAMED,
+    verdict="none",
+    headline="Recalibrated, the model meets the recording to within the noise.",
+    locations=(),
+    findings=(),
+    fit=PLAIN,
+    fits=(PLAIN,),
+    confounded=(),
+    untested=(),
+    next="",
+    joined=(),
+)
+
+CANNOT_JUDGE = replace(
+    NONE,
+    verdict="cannot judge",
+    headline="The recording has no settled stretch of 3 samples or more.",
+    fit=None,
+    fits=(),
+    curves=None,
+    parameters=(),
+    covariance=np.zeros((0, 0)),
+    next="Record at least three samples at each operating point.",
+    tried=0,
+    seconds=0.02,
+)
+
+ALL = {
+    "named": NAMED,
+    "ambiguous": AMBIGUOUS,
+    "fault": FAULT,
+    "sensor": SENSOR,
+    "unnamed": UNNAMED,
+    "none": NONE,
+    "cannot judge": CANNOT_JUDGE,
+}
+
+
+def broken(mismatch: Mismatch) -> Mismatch:
+    """The same comparison with every number unknown."""
+    findings = tuple(
+        replace(
+            f,
+            parameters={
+                k: replace(e, value=NAN, u=NAN, lower=NAN, upper=float("inf"))
+                for k, e in f.parameters.items()
+            },
+            probability=NAN,
+            alternatives=tuple(replace(a, probability=NAN) for a in f.alternatives),
+            gain=NAN,
+            rivals=tuple(replace(r, gain=NAN) for r in f.rivals),
+            periods=tuple(Period(NAN, NAN, NAN, NAN) for _ in f.periods),
+            closed=NAN,
+        )
+        for f in mismatch.findings
+    )
+    locations = tuple(
+        replace(
+            place,
+            share=NAN,
+            region=tuple(replace(r, low=NAN, high=NAN, share=NAN) for r in place.region),
+            periods=tuple((NAN, NAN) for _ in place.periods),
+        )
+        for place in mismatch.locations
+    )
+    nothing = Errors(NAN, NAN, NAN, NAN, 0)
+    unknown = Fit("", "", nothing, nothing, (NAN, NAN), NAN)
+    hidden = mismatch.hidden
+    return replace(
+        mismatch,
+        findings=findings,
+        locations=locations,
+        fit=unknown if mismatch.fit else None,
+        fits=tuple(replace(f, estimation=nothing, heldout=nothing) for f in mismatch.fits),
+        confounded=tuple(replace(c, correlation=NAN) for c in mismatch.confounded),
+        hidden=replace(hidden, course=np.full(len(hidden.time), NAN)) if hidden else None,
+        covariance=np.full_like(mismatch.covariance, NAN),
+        curves=_unknown(mismatch.curves) if mismatch.curves else None,
+        seconds=NAN,
+    )
+
+
+def _unknown(drawn: Curves) -> Curves:
+    nothing = np.full(len(drawn.time), NAN)
+    return replace(
+        drawn,
+        shipped=nothing,
+        recalibrated=nothing,
+        repaired=nothing,
+        drivers=dict.fromkeys(drawn.drivers, nothing),
+    )

@@ -1,0 +1,373 @@
+"""A comparison told on the terminal and as JSON: content, order, hostile texts, absent numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import doctest
+import io
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from runtime.mismatch import sparkline as sparklines
+from runtime.mismatch import wording
+from runtime.mismatch.machine_form import hidden_csv, mismatch_form
+from runtime.mismatch.result import Errors, Fit, Mismatch, Period, Region, Rival
+from runtime.mismatch.sparkline import sparkline
+from runtime.mismatch.story import tell
+from runtime.mismatch.wording import region_words, rivals_words, value_and_u
+from tests.runtime.mismatches import (
+    ALL,
+    FAULT,
+    NAMED,
+    NAN,
+    NONE,
+    SENSOR,
+    UNNAMED,
+    WARM,
+    broken,
+)
+
+HOSTILE = "[bold]x[/bold] [/] [red] \\"
+
+
+def story(mismatch: Mismatch, width: int = 80) -> str:
+    """What a terminal of some width shows."""
+    out = io.StringIO()
+    tell(Console(file=out, width=width, highlight=False, color_system=None), mismatch)
+    return out.getvalue().replace("\xa0", " ")
+
+
+def words(mismatch: Mismatch) -> str:
+    """The story as one row of words."""
+    return " ".join(story(mismatch, 400).split())
+
+
+@pytest.mark.parametrize("case", ALL)
+def test_story_fits_a_screen(case: str) -> None:
+    """No row is longer than 80 columns, and there are few enough of them for one screen."""
+    rows = story(ALL[case]).splitlines()
+    assert [] == [row for row in rows if len(row) > 80]
+    assert 45 >= len(rows)
+
+
+@pytest.mark.parametrize(
+    ("case", "symbol", "meaning"),
+    [
+        ("named", "◆", "Physics left out of the model"),
+        ("ambiguous", "▲", "Physics left out of the model; several explanations fit"),
+        ("fault", "✖", "A fault of the plant, not of the model"),
+        ("sensor", "✖", "An error of a sensor, not of the model"),
+        ("unnamed", "▲", "A mismatch that nothing known explains"),
+        ("none", "✓", "No mismatch"),
+        ("cannot judge", "▼", "Cannot judge"),
+    ],
+)
+def test_verdict_comes_first(case: str, symbol: str, meaning: str) -> None:
+    """Symbol and words, so that it can be read without colour; then the headline."""
+    rows = [row for row in story(ALL[case], 200).splitlines() if row]
+    assert f"{symbol} {meaning}" == rows[0]
+    assert ALL[case].headline == rows[2]
+
+
+def test_order_is_finding_evidence_numbers_next() -> None:
+    """Each part stands below the one that it rests on."""
+    text = words(NAMED)
+    parts = ("what Module", "where gap", "Proof:", "Numbers", "Next", "blocks of 40 s")
+    assert sorted(text.index(p) for p in parts) == [text.index(p) for p in parts]
+
+
+def test_named_effect_is_told_in_words_and_numbers() -> None:
+    """Slots are filled, place and region named, alternatives weighed."""
+    text = words(NAMED)
+    for expected in (
+        "the gap flow grows by 0.0231 1/K with A.T",
+        "sure 93 %, physics that the model leaves out",
+        "or Gap flow that grows with time (5 %)",
+        "gap flow of the dosing pump (A.Q_gap): 83 % of the mismatch",
+        "A.T above 45 degC (97 % of it)",
+        "A: b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K",
+        "A: T0, temperature of the plain law 45.2 – fixed degC",
+        "confounded A.b and A.C2 (correlation −0.93)",
+        "untested A.T above 55 degC",
+    ):
+        assert expected in text
+    assert "Nothing of importance" not in text
+
+
+def test_proof_compares_on_held_out_points() -> None:
+    """1 - 0.93/4.4 is 79 %; the interval and the closed share stand beside it."""
+    expected = (
+        "On 100 held-out points the error falls by 79 % against recalibration "
+        "(95 %: 71 % to 85 %); 97 % of the explainable mismatch is closed."
+    )
+    assert expected in words(NAMED)
+
+
+def test_other_readings_are_told_in_a_row() -> None:
+    """Their held-out errors; the reading of the proof is not repeated."""
+    expected = "also A.dp 0.08 as shipped, 0.06 recalibrated, 0.022 repaired, 0.02 noise alone bar"
+    assert expected in words(NAMED)
+    assert "also" not in words(NONE)
+    assert ["A.Q", "A.dp"] == [f["signal"] for f in mismatch_form(NAMED, "x")["fits"]]
+
+
+def test_bars_are_as_long_as_errors() -> None:
+    """The longest error fills the bar; a quarter of it a quarter."""
+    errors = Errors(8.0, 4.0, 2.0, 1.0, 10)
+    fit = Fit("A.Q", "l/h", errors, errors, (0.1, 0.2), 0.9)
+    rows = story(dataclasses.replace(NAMED, fit=fit)).splitlines()
+    lengths = [next(r for r in rows if name in r).count("█") for name in ("as shipped", "repaired")]
+    assert [30, 7] == lengths
+
+
+def test_a_repair_that_makes_worse_is_said_to() -> None:
+    """No success is told where the held-out error rises."""
+    errors = Errors(8.0, 4.0, 5.0, 1.0, 1)
+    fit = Fit("A.Q", "l/h", errors, errors, (-0.5, -0.1), -0.6)
+    expected = (
+        "On 1 held-out point the error rises by 25 % against recalibration (95 %: −50 % to −10 %); "
+        "−60 % of the explainable mismatch is closed."
+    )
+    assert expected in words(dataclasses.replace(NAMED, fit=fit))
+
+
+def test_strongest_rival_is_told() -> None:
+    """With its gain; one whose gain is not known is no rival."""
+    finding = dataclasses.replace(
+        WARM, rivals=(Rival("a", NAN), Rival("b", -2.0), Rival("c", 3.0)), gain=40.0
+    )
+    expected = (
+        "Gap flow that follows the temperature in A: gain in log likelihood 40; "
+        "strongest of 3 rivals 3 (c)."
+    )
+    assert expected == rivals_words(finding)
+
+
+def test_each_finding_stands_with_its_place() -> None:
+    """Places of findings below them; a place without a finding at the end."""
+    other = dataclasses.replace(NAMED.locations[0], module="B", place="P_law", title="")
+    finding = dataclasses.replace(WARM, module="C", place="dp", text="C reads high")
+    place = dataclasses.replace(NAMED.locations[0], module="C", place="dp", title="")
+    mismatch = dataclasses.replace(
+        NAMED, findings=(WARM, finding), locations=(other, place, *NAMED.locations)
+    )
+    text = words(mismatch)
+    parts = ("what Module A", "(A.Q_gap)", "what C reads high", "where C.dp", "where B.P_law")
+    assert sorted(text.index(p) for p in parts) == [text.index(p) for p in parts]
+
+
+def test_periods_of_a_fault_are_the_largest_in_order_of_time() -> None:
+    """Four of six, and how many there are besides."""
+    text = words(FAULT)
+    assert "when 80 to 105 s: degree 0.150 ± 0.004" in text
+    assert "when 200 to 225 s: degree 0.300 ± 0.004" in text
+    assert "and 2 other periods, none larger" in text
+    assert "degree 0.100" not in text
+
+
+def test_sensor_is_named_with_its_place() -> None:
+    """And the reading that is off, with its shift."""
+    assert "what A.dp reads high by 0.12 bar" in words(SENSOR)
+
+
+def test_hidden_driver_shows_course_and_sensor() -> None:
+    """Its course as a row of characters, its span, what it could be and what to fit."""
+    text = words(UNNAMED)
+    assert "0 to 8 l/h from 0 s to 395 s" in text
+    assert "could be the liquid's temperature and the level of the tank" in text
+    assert "sensor a thermometer at the inlet of A" in text
+    assert any(row.count("█") + row.count("▇") > 10 for row in story(UNNAMED).splitlines())
+
+
+def test_nothing_missing_claims_no_repair() -> None:
+    """Errors of the models there are, and that the held-out points played no part."""
+    text = words(NONE)
+    assert "repaired" not in text
+    assert "100 points were held out and played no part in the search." in text
+    assert "Next" not in text
+
+
+@pytest.mark.parametrize("case", ALL)
+def test_absent_numbers_are_dashes(case: str) -> None:
+    """Whatever is not known: a story without a traceback, without nan and inf."""
+    text = story(broken(ALL[case]))
+    assert [] == [w for w in text.replace("(", " ").split() if w.lower() in ("nan", "inf", "-inf")]
+
+
+def test_hostile_texts_stay_text() -> None:
+    """Brackets of titles, places and notes are no markup."""
+    finding = dataclasses.replace(
+        WARM,
+        title=HOSTILE,
+        text=HOSTILE,
+        action=HOSTILE,
+        equation=HOSTILE,
+        alternatives=tuple(dataclasses.replace(a, title=HOSTILE) for a in WARM.alternatives),
+        rivals=(Rival(HOSTILE, 1.0),),
+        parameters={HOSTILE: dataclasses.replace(WARM.parameters["b"], title=HOSTILE, unit="[/]")},
+    )
+    assert NAMED.fit is not None
+    mismatch = dataclasses.replace(
+        NAMED,
+        title=HOSTILE,
+        recording=HOSTILE,
+        headline=HOSTILE,
+        findings=(finding,),
+        fit=dataclasses.replace(NAMED.fit, signal=HOSTILE, unit="[/]"),
+        locations=(dataclasses.replace(NAMED.locations[0], title=HOSTILE, also=(HOSTILE,)),),
+        untested=(HOSTILE,),
+        next=HOSTILE,
+        split=HOSTILE,
+        noise=HOSTILE,
+        notes=(HOSTILE,),
+    )
+    assert 15 <= story(mismatch, 400).count(HOSTILE)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (52.0, None, "A.T above 52 degC"),
+        (None, 12.5, "A.T below 12.5 degC"),
+        (40.0, 50.0, "A.T from 40 to 50 degC"),
+        (10.0, 10.0, "A.T at 10 degC"),
+        (None, None, "A.T anywhere"),
+    ],
+)
+def test_regions_in_words(low: float | None, high: float | None, expected: str) -> None:
+    """Open and closed ends, a single value, no bound at all."""
+    assert expected == region_words(Region("A.T", low, high, "degC", NAN))
+
+
+def test_values_have_the_digits_of_their_uncertainty() -> None:
+    """Two digits of the uncertainty; as many decimals of the value."""
+    estimate = dataclasses.replace(WARM.parameters["b"], value=12.3456, u=0.034)
+    assert ("12.346", "0.034") == value_and_u(estimate)
+    assert ("1\u202f234", "57") == value_and_u(dataclasses.replace(estimate, value=1234.4, u=57.0))
+
+
+def test_sparkline_of_little() -> None:
+    """Nothing, one value, only unknown values, a constant."""
+    given = ([], [3.0], [NAN, NAN], [2.0, 2.0])
+    assert ["", "▁", "", "▁▁"] == [sparkline(np.array(v), 10) for v in given]
+
+
+KEYS = {
+    "plant",
+    "recording",
+    "verdict",
+    "locations",
+    "effects",
+    "fit",
+    "confounded",
+    "hidden_driver",
+    "next",
+    "seconds",
+}
+
+
+@pytest.mark.parametrize("case", ALL)
+def test_machine_form_has_the_agreed_keys(case: str) -> None:
+    """All of them, whatever the verdict, and only finite numbers."""
+    for mismatch in (ALL[case], broken(ALL[case])):
+        form = mismatch_form(mismatch, "plants/abc")
+        assert KEYS - set(form) == set()
+        json.dumps(form, allow_nan=False)
+
+
+def test_machine_form_of_a_named_effect() -> None:
+    """Place, region, parameters and errors as agreed."""
+    form: dict[str, Any] = mismatch_form(NAMED, "plants/abc")
+    [location], [effect] = form["locations"], form["effects"]
+    assert ("A", "Q_gap", 0.83) == tuple(location[k] for k in ("module", "place", "share"))
+    region = {"variable": "A.T", "from": 45.0, "to": None, "unit": "degC", "share": 0.97}
+    assert [region] == location["region"]
+    assert "warm-gap" == effect["effect"]
+    b = effect["parameters"]["b"]
+    assert (0.0231, 0.0011, "1/K") == (b["value"], b["u"], b["unit"])
+    assert [("age", 0.05), ("odd", 0.002)] == [
+        (a["effect"], a["probability"]) for a in effect["alternatives"]
+    ]
+    assert {"shipped", "recalibrated", "repaired"} <= set(form["fit"]["estimation"])
+    heldout = form["fit"]["heldout"]
+    assert (0.93, 0.9, [0.71, 0.85]) == tuple(
+        heldout[k] for k in ("repaired", "noise", "gain_interval")
+    )
+    assert 0.97 == form["fit"]["closed"]
+
+
+def test_machine_form_carries_the_repair() -> None:
+    """What adopt needs: the candidate with its unknowns and fixed values, all parameters in SI."""
+    repair = mismatch_form(NAMED, "plants/abc/plant.yaml")["repair"]
+    assert {
+        "plant": "plants/abc/plant.yaml",
+        "joined": [
+            {
+                "id": "A.warm-gap@Q_gap",
+                "effect": "warm-gap",
+                "module": "A",
+                "place": "Q_gap",
+                "unknowns": {"A.warm-gap@Q_gap.b": 0.0231},
+                "fixed": {"A.warm-gap@Q_gap.T0": 318.35},
+            }
+        ],
+        "parameters": ["A.C2", "A.warm-gap@Q_gap.b"],
+        "values": [5.6e-17, 0.0231],
+        "covariance": [[1e-36, -9e-22], [-9e-22, 1.2e-6]],
+        "misfit": {"A.pump": 2.5e-7},
+    } == repair
+
+
+def test_periods_of_a_fault_are_in_the_machine_form() -> None:
+    """All of them, also those that the story leaves out."""
+    [effect] = mismatch_form(FAULT, "x")["effects"]
+    assert 6 == len(effect["periods"])
+    assert {"since": 0.0, "until": 25.0, "degree": 0.05, "u": 0.004} == effect["periods"][0]
+
+
+def test_course_is_a_table_beside_the_json() -> None:
+    """The machine form names the file; without one it is null. Unknown values are empty cells."""
+    assert UNNAMED.hidden is not None
+    named = mismatch_form(UNNAMED, "x", "m.hidden.csv")["hidden_driver"]
+    assert "m.hidden.csv" == named["series"]
+    assert mismatch_form(UNNAMED, "x")["hidden_driver"]["series"] is None
+    rows = hidden_csv(UNNAMED.hidden).splitlines()
+    assert ["time [s],course [l/h]", "0,0"] == rows[:2]
+    assert "35," == rows[8]
+    assert 81 == len(rows)
+
+
+def test_same_comparison_same_text() -> None:
+    """No date, no order by chance."""
+    assert story(NAMED) == story(NAMED)
+    first, second = (json.dumps(mismatch_form(NAMED, "x")) for _ in range(2))
+    assert first == second
+
+
+def test_many_of_everything_is_cut() -> None:
+    """Findings, places, notes: the first ones, and how many there are besides."""
+    many = dataclasses.replace(
+        NAMED,
+        findings=(NAMED.findings[0],) * 5,
+        locations=NAMED.locations * 4,
+        notes=tuple(f"note {i}" for i in range(9)),
+    )
+    text = words(many)
+    for expected in ("and 2 other findings", "and 6 other notes"):
+        assert expected in text
+    assert "and 1 other place" in words(dataclasses.replace(many, findings=()))
+
+
+def test_open_periods_are_told() -> None:
+    """A period without an end is no reason to fail."""
+    finding = dataclasses.replace(FAULT.findings[0], periods=(Period(5.0, NAN, 0.1, NAN),))
+    assert "5 to – s: degree 0.100 ± –" in words(dataclasses.replace(FAULT, findings=(finding,)))
+
+
+@pytest.mark.parametrize("module", [wording, sparklines])
+def test_examples_of_docstrings_hold(module: Any) -> None:
+    assert 0 == doctest.testmod(module).failed

@@ -1,0 +1,347 @@
+"""What a mismatch found, taken over into a plant folder that is used like any other."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from rulec.cli import main
+from rulec.differentiate import Models
+from rulec.language.document import parse_document, read_document
+from rulec.language.yaml_text import flow, lines
+from rulec.lower import Lowering, lower_module
+from rulec.pipeline import compile_plant, run_passes, up_to
+from rulec.places import parameter_values
+from rulec.workshop import PlantWorkshop, open_workshop
+from runtime.plan import Array
+from tests.conftest import ROOT
+
+SLIP = "slip-temperature"
+Found = Sequence[tuple[str, Mapping[str, float]]]
+
+
+def plant_path(name: str) -> Path:
+    return ROOT / "plants" / name
+
+
+@functools.cache
+def opened(plant: Path) -> PlantWorkshop:
+    """The workshop of a plant, opened once."""
+    return open_workshop(plant)[1]
+
+
+def mismatch(plant: Path, found: Found, **extra: Any) -> tuple[dict[str, Any], PlantWorkshop]:
+    """What `rulec mismatch` writes, as far as it is adopted; values by local names, SI.
+
+    All uncertain parameters of the plain plant are moved by a tenth of their uncertainty.
+    """
+    workshop = opened(plant)
+    base, by_id = workshop.parameters, {c.id: c for c in workshop.candidates}
+    joined, ids, values = [], [], []
+    for name, given in found:
+        candidate = by_id[name]
+        unknowns = {u.id: given[u.name] for u in candidate.unknowns if not u.fixed}
+        fixed = {u.id: given[u.name] for u in candidate.unknowns if u.fixed}
+        joined.append({"id": name, "effect": candidate.name, "unknowns": unknowns, "fixed": fixed})
+        ids += unknowns
+        values += unknowns.values()
+    n, m = len(base.ids), len(ids)
+    covariance = np.zeros((n + m, n + m))
+    covariance[:n, :n] = base.covariance
+    covariance[n:, n:] = np.diag([(0.1 * v) ** 2 for v in values])
+    moved = base.values + 0.1 * np.sqrt(np.diag(base.covariance))
+    repair = {
+        "plant": str(plant),
+        "joined": joined,
+        "parameters": [*base.ids, *ids],
+        "values": [*moved.tolist(), *values],
+        "covariance": covariance.tolist(),
+        **extra,
+    }
+    return {"recording": "day.csv", "repair": repair}, workshop
+
+
+def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
+    """Run the command; the new plant."""
+    file = folder / "mismatch.json"
+    file.write_text(json.dumps(data), encoding="utf-8")
+    assert 0 == main(["adopt", str(file), "-o", str(folder / "new")])
+    return folder / "new"
+
+
+def models_of(plant: Path) -> Models:
+    models: Models = run_passes(plant, up_to("differentiate"))
+    return models
+
+
+def assert_same_flows(
+    plant: Path, data: Mapping[str, Any], workshop: PlantWorkshop, module: str
+) -> None:
+    """The new plant, read from its files, gives what the analysis had: to 1e-12."""
+    repair = data["repair"]
+    names = tuple(entry["id"] for entry in repair["joined"])
+    random = np.random.default_rng(7)
+    readings: dict[str, Array | float] = {
+        name: value * (1.0 + 0.02 * random.standard_normal(20))
+        for name, value in workshop._readings.items()
+    }
+    values = {**workshop.parameters.constants}
+    values |= dict(zip(repair["parameters"], repair["values"], strict=True))
+    values |= {k: v for entry in repair["joined"] for k, v in entry["fixed"].items()}
+    expected = workshop.plan(module, names).run({**readings, **values})
+    network = models_of(plant).residuals.network
+    read = parameter_values(network.plant)
+    found = lower_module(Lowering(network, {}), module).run({**read, **readings})
+    flows = [name for name in expected if name.startswith("q:")]
+    assert flows
+    for name in flows:
+        # Values pass through a file in display units with 15 digits, some of them through
+        # differences that nearly vanish.
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-12)
+
+
+def test_one_effect_in_the_only_instance(tmp_path: Path) -> None:
+    """Same type, next version, with the law, its parameters and where they come from."""
+    plant = plant_path("zema-hydraulic/without-temperature.yaml")
+    found = [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})]
+    extra = {"misfit": {"main.pump": 2e-7}, "range": {"main.T": [308.15, 331.15]}}
+    data, workshop = mismatch(plant, found, **extra)
+    new = adopted(tmp_path, data)
+    kind = models_of(new).residuals.network.plant.modules["main"].type
+    assert ("pump-set", 2) == (kind.name, kind.version)
+    assert "Q0 - (Q0 - Q_law_plain)*exp(b*(T - T0))" == kind.definitions["Q_law"].expression.text
+    assert "Q0 - C1*dp" == kind.definitions["Q_law_plain"].expression.text
+    assert "fitted to day.csv" in kind.parameters["b"].origin.source
+    assert not kind.parameters["T0"].fit
+    module = models_of(new).residuals.network.plant.modules["main"]
+    assert 0.0021 == pytest.approx(module.parameters["b"].u)
+    assert 2e-7 == pytest.approx(module.misfit["pump"])
+    assert (308.15, 331.15) == pytest.approx(module.valid["T"])
+    assert_same_flows(new, data, workshop, "main")
+
+
+def test_calibration_keeps_what_belongs_together(tmp_path: Path) -> None:
+    """Covariances of the plain parameters with the effect's stand in one block."""
+    plant = plant_path("zema-hydraulic/without-temperature.yaml")
+    data, _ = mismatch(plant, [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})])
+    repair = data["repair"]
+    first, last = repair["parameters"].index("main.C1"), len(repair["parameters"]) - 1
+    both = 0.05 * np.sqrt(repair["covariance"][first][first] * repair["covariance"][last][last])
+    repair["covariance"][first][last] = repair["covariance"][last][first] = both
+    new = adopted(tmp_path, data)
+    module = models_of(new).residuals.network.plant.modules["main"]
+    (block,) = module.blocks
+    factor = np.array(block.factor)
+    covariance = factor @ factor.T
+    i, j = block.parameters.index("C1"), block.parameters.index("b")
+    np.testing.assert_allclose(covariance[i, j], both, rtol=1e-6)
+
+
+def test_instances_that_differ_get_types_of_their_own(tmp_path: Path) -> None:
+    """Who stays as he was keeps the type; each other way is named after its first module."""
+    found = [
+        (f"A.{SLIP}@Q_geo", {"b": 0.02, "T0": 293.0}),
+        (f"B.{SLIP}@Q_geo", {"b": 0.03, "T0": 294.0}),
+        ("B.line-laminar@plant", {"a": 1e-6}),
+    ]
+    data, workshop = mismatch(plant_path("mixing-rig"), found)
+    new = adopted(tmp_path, data)
+    modules = models_of(new).residuals.network.plant.modules
+    names = {name: modules[name].type.name for name in "ABC"}
+    assert {"A": "dosing-pcp-A", "B": "dosing-pcp-B", "C": "dosing-pcp"} == names
+    assert 1 == modules["C"].type.version
+    assert 2 == modules["A"].type.version
+    for module in ("A", "B", "C", "M1"):
+        assert_same_flows(new, data, workshop, module)
+
+
+def test_instances_amended_alike_share_the_type(tmp_path: Path) -> None:
+    """Their values differ: those stand in the calibration."""
+    found = [(f"{m}.{SLIP}@Q_geo", {"b": b, "T0": 293.0}) for m, b in (("A", 0.02), ("B", 0.03))]
+    data, _ = mismatch(plant_path("abc"), found)
+    modules = models_of(adopted(tmp_path, data)).residuals.network.plant.modules
+    assert modules["A"].type is modules["B"].type
+    assert ("dosing-pcp", 2) == (modules["A"].type.name, modules["A"].type.version)
+    assert (0.02, 0.03) == (modules["A"].parameters["b"].value, modules["B"].parameters["b"].value)
+    assert 293.0 == pytest.approx(modules["A"].reference["T"])
+
+
+def test_a_reading_from_downstream_is_provided(tmp_path: Path) -> None:
+    """A law driven by a signal of the module behind: it provides the name, the law gathers it."""
+    flow = 0.9
+    found = [(f"P{i}.shared-riser@head", {"h_s": 1.5, "Qs0": flow}) for i in (11, 12)]
+    extra = {"range": {"channel.Q": [0.5, 1.3]}}
+    data, workshop = mismatch(plant_path("hsy-pumping"), found, **extra)
+    new = adopted(tmp_path, data)
+    network = models_of(new).residuals.network
+    kind = network.plant.modules["P11"].type
+    assert "downstream(Q_channel)" in kind.definitions["head"].expression.text
+    assert {"l_suction": "l", "Q_channel": "Q"} == network.plant.modules["channel"].type.provides
+    assert (("channel", "Q"),) == network.gathers["P11", "Q_channel"]
+    assert "grundfos-s3-145-P12" == network.plant.modules["P12"].type.name
+    assert "grundfos-s3-145" == network.plant.modules["P13"].type.name
+    for module in ("P11", "P12", "P13"):
+        assert_same_flows(new, data, workshop, module)
+
+
+def test_physics_at_a_signal_is_written_too(tmp_path: Path) -> None:
+    """A speed that falls under load: the law stands wherever the reading stood."""
+    found = [("A.speed-loss@n", {"s": 0.02, "dp0": 1.8e5})]
+    data, workshop = mismatch(plant_path("abc"), found)
+    new = adopted(tmp_path, data)
+    kind = models_of(new).residuals.network.plant.modules["A"].type
+    assert "n_true" == next(iter(kind.definitions))
+    assert "n_true*V - Q_slip" == kind.definitions["Q_geo"].expression.text
+    assert_same_flows(new, data, workshop, "A")
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "reason"),
+    [
+        ("main.leakage", {"x": 0.1}, "a fault is to be mended"),
+        ("main.offset-pressure@dp", {"z": 1e5}, "a sensor is to be mended"),
+        ("main.wear-slip@Q_law", {"w": 1e-6}, "what changes with time"),
+        ("main.warm-up-slip@Q_law", {"a": 0.1, "tau": 600.0}, "a module type knows no time"),
+    ],
+)
+def test_what_is_no_physics_of_the_module_is_left_out(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    given: Mapping[str, float],
+    reason: str,
+) -> None:
+    """It is told why; the values that were fitted with it are taken over all the same."""
+    plant = plant_path("zema-hydraulic/without-temperature.yaml")
+    data, _ = mismatch(plant, [(name, given)])
+    new = adopted(tmp_path, data)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert reason in printed
+    assert "no equation was changed" in printed
+    module = models_of(new).residuals.network.plant.modules["main"]
+    assert 1 == module.type.version
+    place = data["repair"]["parameters"].index("main.C1")
+    assert data["repair"]["values"][place] == pytest.approx(module.parameters["C1"].value)
+
+
+def test_a_driver_of_a_neighbour_cannot_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mixer without thermometer, driven by that of a module upstream of it."""
+    plant = plant_path("abc")
+    workshop = opened(plant)
+    name = next(
+        c.id
+        for c in workshop.candidates
+        if c.module == "C" and c.sort == "physics" and "A.T" in c.drivers.values()
+    )
+    given = dict.fromkeys((u.name for u in workshop._of(name).candidate.unknowns), 0.1)
+    data, _ = mismatch(plant, [(name, given)])
+    adopted(tmp_path, data)
+    assert "A.T is neither for C" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_free_form_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No physics stands behind it."""
+    data, _ = mismatch(plant_path("abc"), [])
+    name = "definition:A.Q_geo[A.T]"
+    data["repair"]["joined"] = [{"id": name, "unknowns": {f"{name}.c1": 1e-6}, "fixed": {}}]
+    adopted(tmp_path, data)
+    assert "no physics stands behind it" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
+    """Its files are checked like any others, and it can be adopted into again."""
+    plant = plant_path("zema-hydraulic/without-temperature.yaml")
+    data, _ = mismatch(plant, [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})])
+    new = adopted(tmp_path, data)
+    assert 0 == main(["check", str(new)])
+    valve = next(c.id for c in opened(new).candidates if c.name == "relief-valve")
+    again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
+    (tmp_path / "second").mkdir()
+    second = adopted(tmp_path / "second", again)
+    kind = models_of(second).residuals.network.plant.modules["main"].type
+    assert 3 == kind.version
+    assert compile_plant(second).observers == compile_plant(second).observers
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("no json", "this is not JSON"),
+        ("{}", "there is no repair in this file"),
+        ('{"repair": {"plant": "nowhere"}}', "broken (KeyError: 'parameters')"),
+        (
+            '{"repair": {"plant": "nowhere", "joined": [], "parameters": [], "values": [], '
+            '"covariance": []}}',
+            "there is no plant 'nowhere'",
+        ),
+        (
+            '{"repair": {"plant": "nowhere", "joined": [], "parameters": ["A.k2"], "values": [], '
+            '"covariance": []}}',
+            "1 parameters, but other numbers",
+        ),
+    ],
+)
+def test_a_broken_file_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, expected: str
+) -> None:
+    """A message with the reason, no traceback."""
+    file = tmp_path / "mismatch.json"
+    file.write_text(text, encoding="utf-8")
+    assert 1 == main(["adopt", str(file), "-o", str(tmp_path / "new")])
+    assert expected in capsys.readouterr().err
+
+
+def test_a_plant_that_has_changed_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A candidate that no longer fits."""
+    data, _ = mismatch(plant_path("abc"), [])
+    data["repair"]["joined"] = [{"id": "A.gone@Q_geo", "unknowns": {}, "fixed": {}}]
+    file = tmp_path / "mismatch.json"
+    file.write_text(json.dumps(data), encoding="utf-8")
+    assert 1 == main(["adopt", str(file), "-o", str(tmp_path / "new")])
+    assert "'A.gone@Q_geo' does not fit abc; has it changed since?" in capsys.readouterr().err
+
+
+def test_a_folder_in_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing is overwritten."""
+    data, _ = mismatch(plant_path("abc"), [])
+    file = tmp_path / "mismatch.json"
+    file.write_text(json.dumps(data), encoding="utf-8")
+    assert 1 == main(["adopt", str(file), "-o", str(tmp_path)])
+    assert "is not empty; name a new folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "kb" / "modules").glob("*.yaml")), ids=str)
+def test_shipped_types_survive_being_written(file: Path) -> None:
+    """Written and read again, every module type holds the same data."""
+    document, _ = read_document(file)
+    assert document is not None
+    again, mistakes = parse_document("again.yaml", "\n".join(lines(document.data)))
+    assert [] == mistakes
+    assert again is not None
+    assert document.data == again.data
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["yes", "no", "~", "", " x", "a: b", "a #b", "- a", "1e-3", "0x1", "[a]", "{a}", "a, b", "'",
+     '"', "a\nb", "100 %", "1.5", 1.5, 1e-30, 3, True, None, ["a, b", 1], {"k": "v: w"}, "µ·²"],
+)  # fmt: skip
+def test_text_that_means_something_to_yaml_is_quoted(value: Any) -> None:
+    """Our reader and YAML's own read back what was written."""
+    text = f"key: {flow(value)}"
+    document, mistakes = parse_document("x.yaml", text)
+    assert [] == mistakes
+    assert document is not None
+    assert {"key": value} == document.data
+    assert {"key": value} == yaml.safe_load(text) or isinstance(value, float)
