@@ -14,7 +14,6 @@ from tests.rig.mismatch.case import Case
 TITLES = (
     "case",
     "verdict",
-    "named: effect, place (probability)",
     "signal",
     "estimation",
     "held out",
@@ -34,15 +33,17 @@ def show_answers(out: Console, answers: Sequence[tuple[Case, Answer | str]]) -> 
         if isinstance(answer, str):
             table.add_row(case.name, "[red]failed[/]", answer)
         else:
-            table.add_row(case.name, answer.verdict, _named(answer), *_fit(answer))
+            table.add_row(case.name, answer.verdict, *_fit(answer))
     out.print(table)
-    for case, _ in answers:
+    for case, answer in answers:
+        if not isinstance(answer, str):
+            show_lines(out, f"{case.name}: named", _named(answer))
         if case.by_hand:
-            out.print(f"  [dim]{case.name}, by hand: {case.by_hand}[/]")
-    out.print()
+            out.print(f"  by hand: {case.by_hand}\n", style="dim", markup=False)
 
 
-def _named(answer: Answer) -> str:
+def _named(answer: Answer) -> list[str]:
+    """Effect, place, probability, parameters and other explanations, one line each."""
     lines = []
     for effect in answer.form["effects"]:
         name, place = effect["effect"], f"{effect['module']}.{effect['place']}"
@@ -52,7 +53,7 @@ def _named(answer: Answer) -> str:
         shown = ", ".join(f"{k} {_value(v)}" for k, v in effect["parameters"].items())
         line = f"{name}, {place} ({_number(effect['probability'])}): {shown}"
         lines.append(f"{line}; or {others}" if others else line)
-    return "\n".join(lines)
+    return lines
 
 
 def _value(parameter: Mapping[str, Any]) -> str:
