@@ -9,19 +9,18 @@ import numpy as np
 
 from runtime.mismatch.candidate import Workshop
 from runtime.mismatch.fit import Fitted
-from runtime.mismatch.hidden import Reconstruction, described
+from runtime.mismatch.hidden import Reconstruction, described, reconstruct
 from runtime.mismatch.interval import confounded
 from runtime.mismatch.locate import noise_scale, region_of, variables_of
 from runtime.mismatch.predict import Predictor, predictor_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
 from runtime.mismatch.prove import Proof, prove
-from runtime.mismatch.rest import rest_of
 from runtime.mismatch.result import Changed, Curves, Finding, HiddenDriver, Location, Mismatch
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
 from runtime.mismatch.setting import ERROR, Setting
 from runtime.mismatch.system import System
-from runtime.mismatch.tell import findings_of, location_of
+from runtime.mismatch.tell import findings_of, location_of, term_of
 from runtime.mismatch.verdict import headline_of, next_step, verdict_of
 from runtime.plan import Array
 from runtime.recording import Recording
@@ -63,14 +62,19 @@ def analyse(
         why = "no two estimates of one flow can be compared with the readings of this recording"
         return _cannot(recording, ruleset, data, why, begin)
     found = search(rows, tell)
-    tell("looking at what is left")
-    found, hidden = rest_of(found)
+    hidden = _hidden(found)
     tell("working out uncertainties")
     findings = findings_of(found.best, found.accepted)
     tell("opening the held-out blocks")
     predictors = _predictors(system, findings, hidden)
     proofs = [prove(p, found.best.fitted) for p in predictors]
     return _answer(recording, found, findings, predictors, proofs, hidden, begin)
+
+
+def _hidden(found: Search) -> Reconstruction | None:
+    """The first driver that nobody recorded."""
+    spots = found.best.fitted.setting.spots
+    return reconstruct(found.best.fitted, spots[0]) if spots else None
 
 
 def _predictors(
@@ -87,7 +91,7 @@ def _predictors(
             drivers = frozenset(candidate.drivers.values())
             places.append((candidate.observers, drivers, spot.unit if spot else ""))
     if hidden is not None:
-        spot = hidden.suspect.spot
+        spot = hidden.spot
         places.append((spot.observers, frozenset(), spot.unit))
     places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
     found = {p.signal.id: p for place in places if (p := predictor_for(system, *place))}
@@ -109,7 +113,7 @@ def _answer(
     locations = tuple(location_of(found.best, f) for f in findings)
     driver = _driver(system, hidden) if hidden is not None else None
     if hidden is not None:
-        locations = (*locations, _location(system, hidden))
+        locations = (*locations, _location(fitted, hidden, 1.0 - sum(f.closed for f in findings)))
     verdict = verdict_of(findings, hidden is not None)
     parameters = system.workshop.parameters.ids
     names = [n for n in fitted.prior.names if n in parameters or not n.startswith(ERROR)]
@@ -142,7 +146,7 @@ def _answer(
 
 
 def _driver(system: System, hidden: Reconstruction) -> HiddenDriver:
-    spot = hidden.suspect.spot
+    spot = hidden.spot
     lacking = [
         m for m in system.workshop.missing if (m.module, m.place) == (spot.module, spot.place)
     ]
@@ -163,15 +167,17 @@ def _driver(system: System, hidden: Reconstruction) -> HiddenDriver:
     )
 
 
-def _location(system: System, hidden: Reconstruction) -> Location:
-    suspect = hidden.suspect
-    contribution = suspect.course**2 * suspect.weight
+def _location(fitted: Fitted, hidden: Reconstruction, share: float) -> Location:
+    system = fitted.rows.system
+    joined = next(c for c in fitted.setting.joined if c.id == hidden.spot.id)
+    contribution = np.where(fitted.used, term_of(fitted, joined), np.nan)
+    variables = variables_of(system, hidden.spot.module)
     return Location(
-        suspect.spot.module,
-        suspect.spot.place,
-        suspect.spot.title,
-        suspect.share,
-        region_of(system, contribution, variables_of(system, suspect.spot.module)),
+        hidden.spot.module,
+        hidden.spot.place,
+        hidden.spot.title,
+        share,
+        region_of(system, contribution, variables),
         (),
     )
 

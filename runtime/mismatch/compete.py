@@ -15,13 +15,10 @@ import numpy as np
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.prepare import ESTIMATION, SELECTION
 from runtime.mismatch.screen import Trial, looks_at
-from runtime.mismatch.setting import Setting
+from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
-WINDOWS = 40
-"""Values of a course that is free in time."""
-
-ROUGH = 5
+ROUGH = 10
 """Steps of a refit that starts near its end."""
 
 
@@ -82,14 +79,19 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
     return Contestant(trial, fitted, blocks)
 
 
-def entered(fitted: Fitted, trial: Trial, steps: int = 8) -> Contestant:
+def entered(fitted: Fitted, trial: Trial) -> Contestant:
     """Refit everything with a trial in it, and judge it."""
+    return contest(*refit(fitted, trial))
+
+
+def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
+    """Refit everything with a trial in it."""
     candidate = trial.candidate
     setting = fitted.setting.joining(candidate, trial.values, trial.fixed, trial.course)
-    if candidate.sort in ("physics", "ageing"):
+    if candidate.sort in ("physics", "ageing", HIDDEN):
         # A calibration under a law that left something out says little of the repaired one.
         setting = replace(setting, released=setting.released | {candidate.module})
-    return contest(fit(fitted.rows, setting, fitted.used, steps, None, fitted.temper), trial)
+    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper), trial
 
 
 def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tuple[float, Array]:
@@ -156,18 +158,3 @@ def placebo_gains(fitted: Fitted, trial: Trial, columns: Sequence[Array], seed: 
             table = np.stack(waves, axis=1)
             gains.append(max(look.best(table, -wide, wide)[1] for look in looks))
     return np.array(gains)
-
-
-def free_course_gain(fitted: Fitted, columns: Sequence[Array]) -> float:
-    """Gain of a course that is free in time at a place, less the price of its values."""
-    rows = fitted.rows
-    window = np.arange(len(rows.system.data)) * WINDOWS // max(len(rows.system.data), 1)
-    gains = [0.0]
-    for column in columns:
-        inside = window[rows.point][:, None] == np.arange(WINDOWS)
-        table = column[:, None] * inside
-        table = table[:, np.any(table[fitted.used[rows.point]], axis=0)]
-        wide = np.full(table.shape[1], np.inf)
-        price = 0.5 * table.shape[1] * float(np.log(max(rows.groups, 2)))
-        gains += [look.best(table, -wide, wide)[1] - price for look in looks_at(fitted)]
-    return max(gains)

@@ -22,7 +22,7 @@ from runtime.plan import Array
 FREEDOM = 4.0
 """Degrees of freedom of the Student distribution [usual choice]."""
 
-STEPS = 12
+STEPS = 20
 
 BATCHES = 40
 """Batches of time over which neighbours are found to be alike."""
@@ -80,7 +80,8 @@ def prior_of(system: System, setting: Setting) -> Prior:
     limits = setting.limits()
     for i, name in enumerate(unknowns, start=k + len(errors)):
         lowest[i], highest[i] = limits[name]
-        scale[i] = max(abs(setting.values[name]), 1e-3 * (highest[i] - lowest[i]))
+        width = highest[i] - lowest[i]
+        scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
     return Prior((*names, *errors, *unknowns), mean, precision, lowest, highest, scale)
 
 
@@ -91,9 +92,9 @@ class Fitted:
     `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
     of rows say as much as one alone would (they are alike where something is left out).
     `predicted` are the readings as reconciled by the model, `maps` how changes of estimates show
-    in the rows. `likelihood` shape (groups,): log likelihood of every group of rows, also of those that were
-    not used. `normal` is the normal matrix of the values with their prior; `jacobian` the table
-    of slopes at the end.
+    in the rows. `likelihood` shape (groups,): log likelihood of every group of rows, also of those
+    that were not used. `normal` is the normal matrix of the values with their prior; `jacobian`
+    the table of slopes at the end.
     """
 
     setting: Setting
@@ -206,11 +207,17 @@ def _evaluated(
     )
     errors, predicted = rows.errors(rows.system.flows(placed))
     residual = _sound(errors)
-    flows = rows.system.flows(placed, prior.names, at=predicted)
+    stems = list(dict.fromkeys(name.partition("#")[0] for name in prior.names))
+    flows = rows.system.flows(placed, stems, at=predicted)
     maps = rows.maps(flows)
+    columns = {name: rows.column(maps, flows.by_value[name]) for name in stems}
+    segments = {course.unknown: course.segment[rows.point] for course in setting.courses}
     jacobian = np.empty((len(rows), len(at)))
     for j, name in enumerate(prior.names):
-        jacobian[:, j] = rows.column(maps, flows.by_value[name])
+        stem, _, number = name.partition("#")
+        jacobian[:, j] = (
+            columns[stem] * (segments[stem] == int(number)) if number else columns[stem]
+        )
     use = used[rows.point]
     scale = _scale(rows, residual, use, scale)
     likelihood = _likelihood(rows, residual, scale)

@@ -3,74 +3,113 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from runtime.mismatch.candidate import Candidate, Spot, Unknown
 from runtime.mismatch.fit import Fitted
-from runtime.mismatch.locate import Suspect, noise_scale, suspects
+from runtime.mismatch.locate import Suspect, spot_column, suspects
+from runtime.mismatch.periods import degree_course
+from runtime.mismatch.screen import Trial
+from runtime.mismatch.setting import HIDDEN, Course, Span
 from runtime.plan import Array
 
-STRUCTURED = 0.3
-"""Share of what is left that a smooth course in time holds, for it to be told."""
+WINDOWS = 40
+"""Values of a course that is free in time."""
 
-PART = 0.15
-"""Gain by the course, as share of what all explanations together gain, for it to be told."""
+LOOKED_AT = 2
+"""Most suspect places at which such a course is tried."""
 
-WINDOWS = 60
-"""Smoothing windows per recording."""
+
+def hidden_trials(fitted: Fitted) -> list[Trial]:
+    """An error with a course that is free in time, at the most suspect places."""
+    data = fitted.rows.system.data
+    if data.of_rows:
+        return []
+    places = [s for s in suspects(fitted) if s.spot.id not in fitted.setting.spots]
+    return [_trial(fitted, s) for s in places[:LOOKED_AT]]
+
+
+def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
+    data = fitted.rows.system.data
+    spot = suspect.spot
+    known = np.flatnonzero((suspect.weight > 0) & fitted.used)
+    window = np.full(len(data), -1)
+    edges = np.linspace(0, len(known), min(WINDOWS, len(known)) + 1).astype(int)
+    periods, values = [], {}
+    for i, (low, high) in enumerate(pairwise(edges)):
+        inside = known[low:high]
+        last = known[high] if high < len(known) else len(data)
+        window[inside[0] : last] = i
+        periods.append(Span(float(data.time[inside[0]]), float(data.time[inside[-1]]), i))
+        middle = float(np.median(suspect.course[inside]))
+        values[f"{spot.unknown}#{i}"] = middle
+    course = Course(spot.unknown, window, tuple(periods))
+    return Trial(_candidate(spot), values, {}, 0.0, course)
+
+
+def _candidate(spot: Spot) -> Candidate:
+    unknown = Unknown(
+        spot.unknown, "e", "error", spot.unit, spot.factor, 0.0, 0.0, -np.inf, np.inf,
+        (), (), None, False,
+    )  # fmt: skip
+    return Candidate(
+        spot.id,
+        HIDDEN,
+        HIDDEN,
+        "Something that is not recorded",
+        spot.module,
+        spot.place,
+        spot.observers,
+        (unknown,),
+        {},
+        "",
+        f"{spot.module}.{spot.place} follows something that is not recorded",
+        "",
+        "",
+    )
 
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """A smooth course at a place, shape (points,), SI, and the times of it."""
+    """A course at a place, shape (points,), SI, and the times of it."""
 
-    suspect: Suspect
+    spot: Spot
     time: Array
     course: Array
-    share: float
 
 
-def reconstruct(fitted: Fitted, explained: float) -> Reconstruction | None:
-    """The course of an error at the most suspect place, if it is one smooth course in time.
+def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
+    """The course of a hidden driver, at every point that speaks of it.
 
-    Parameters
-    ----------
-    explained : gain in log likelihood of what was explained so far: small change beside it is
-        not worth telling.
+    What is left of each point is added to the value of its window, and smoothed.
     """
-    data = fitted.rows.system.data
-    if data.of_rows:
-        return None
-    noise = noise_scale(fitted.rows, fitted.residual)
-    for suspect in suspects(fitted)[:3]:
-        known = np.flatnonzero(np.isfinite(suspect.course) & (suspect.weight > 0))
-        if len(known) < 4 * WINDOWS:
-            continue
-        values, weight = suspect.course[known], suspect.weight[known]
-        smooth = _smoothed(values, weight, len(known) // WINDOWS)
-        open_ = fitted.used[known]
-        left = float(np.average(_clipped(values)[open_] ** 2, weights=weight[open_]))
-        held = float(np.average(smooth[open_] ** 2, weights=weight[open_]))
-        mere = noise**2 * float(open_.sum() / weight[open_].sum())
-        share = held / max(left - mere, 1e-300) if left > 1.05 * mere else 0.0
-        gain = -0.5 * float(open_.sum()) * float(np.log1p(-min(held / left, 0.999)))
-        price = 2.0 * WINDOWS * float(np.log(len(known)))
-        if share > STRUCTURED and gain > price + PART * explained:
-            return Reconstruction(suspect, data.time[known], smooth, min(share, 1.0))
-    return None
+    system = fitted.rows.system
+    spot = next(s for s in system.workshop.spots if s.id == name)
+    course = next(c for c in fitted.setting.courses if c.unknown == spot.unknown)
+    column = spot_column(fitted, spot)
+    level = course.degrees(fitted.setting.values)
+    if column is None:
+        return Reconstruction(spot, system.data.time, level)
+    rest, weight = degree_course(fitted, column)
+    known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
+    values = level[known] + _clipped(rest[known])
+    smooth = _smoothed(values, weight[known], len(known) // (6 * WINDOWS))
+    return Reconstruction(spot, system.data.time[known], smooth)
 
 
 def _clipped(values: Array) -> Array:
+    """One odd point is no course."""
     middle = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values))
-    clipped: Array = np.clip(values, middle - 4.0 * spread, middle + 4.0 * spread)
+    clipped: Array = np.clip(values, middle - 3.0 * spread, middle + 3.0 * spread)
     return clipped
 
 
 def _smoothed(values: Array, weight: Array, width: int) -> Array:
-    """Weighted running mean of clipped values: one odd point is no course."""
     kernel = np.hanning(2 * max(width, 1) + 3)[1:-1]
-    top = np.convolve(_clipped(values) * weight, kernel, mode="same")
+    top = np.convolve(values * weight, kernel, mode="same")
     smooth: Array = top / np.convolve(weight, kernel, mode="same")
     return smooth
 

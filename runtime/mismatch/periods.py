@@ -9,15 +9,16 @@ levels by Otsu 1979.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.mismatch.candidate import Candidate
-from runtime.mismatch.fit import Fitted
-from runtime.mismatch.screen import Trial, columns_of
-from runtime.mismatch.setting import Course
+from runtime.mismatch.candidate import Candidate, Unknown
+from runtime.mismatch.fit import Fitted, student_weights
+from runtime.mismatch.screen import Trial, columns_of, looks_at
+from runtime.mismatch.setting import Course, Span
 from runtime.plan import Array
 
 LONGEST_COURSE = 1500
@@ -25,6 +26,9 @@ LONGEST_COURSE = 1500
 
 PENALTY = 4.0
 """Price of a step, in log(means): its time and its level."""
+
+STEPS = 3.0
+"""Price of a period in half log(points): its ends, and that it is there at all."""
 
 APART = 0.75
 """Share of the scatter of all levels that two states explain, if there are two: an even spread of
@@ -36,6 +40,19 @@ swings slowly is no fault that comes and goes."""
 
 ALIKE = 0.25
 """Levels that follow each other and differ by less than this share are one period."""
+
+ODD = (0.0, 0.02, 0.05, 0.1)
+"""Shares of the time that extreme levels on either side may take without being a state, tried in
+turn: something else may be wrong at times, which is no degree of this fault."""
+
+FAINT = 0.01
+"""A point says nothing of a degree if it says less than this share of what others say."""
+
+MOST_LEVELS = 3
+"""Degrees that a fault comes at."""
+
+TELLING = 0.15
+"""Share of the scatter of degrees that a few levels may leave."""
 
 SHORTEST = 3
 """Means that a period has at least."""
@@ -69,28 +86,90 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     means = np.add.reduceat(weights * degree[known], edges[:-1]) / sums
     noise = _noise(means)
     segments = cut(means / noise, PENALTY * float(np.log(len(means))))
-    on = apart(segments)
-    if not on.any():
-        return None
-    segment = np.full(len(degree), -1)
-    rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * noise
-    periods: list[tuple[float, float]] = []
-    levels: list[float] = []
+    tried = {tuple(np.flatnonzero(on)): on for on in (apart(segments, odd) for odd in ODD)}
+    means_ = _Means(known, edges, means, sums, noise)
+    trials = [
+        _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on)
+        for on in tried.values()
+        if on.any()
+    ]
+    return max((t for t in trials if t is not None), key=lambda t: t.gain, default=None)
+
+
+@dataclass(frozen=True)
+class _Means:
+    """A course in means: means over points ``known[edges[i] : edges[i + 1]]``, their weights."""
+
+    known: NDArray[np.intp]
+    edges: NDArray[np.intp]
+    value: Array
+    weight: Array
+    noise: float
+
+
+def _trial(
+    fitted: Fitted,
+    candidate: Candidate,
+    unknown: Unknown,
+    column: Array,
+    means: _Means,
+    segments: Segments,
+    on: np.ndarray,
+) -> Trial | None:
+    """The fault with a degree for each period; None where none is left that lasts."""
+    null = unknown.null or 0.0
+    rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
+    runs, levels = [], []
     for first, last in _runs(segments, on):
-        inside = known[edges[first] : edges[last]]
-        level = float(np.average(means[first:last], weights=sums[first:last])) - rest
-        level = float(np.clip(unknown.null + level, unknown.lowest, unknown.highest))
-        if level == unknown.null or last - first < SHORTEST:
-            continue
-        segment[inside[0] : inside[-1] + 1] = len(periods)
-        time = fitted.rows.system.data.time
-        periods.append((float(time[inside[0]]), float(time[inside[-1]])))
-        levels.append(level)
-    if not periods:
+        level = float(np.average(means.value[first:last], weights=means.weight[first:last])) - rest
+        level = float(np.clip(null + level, unknown.lowest, unknown.highest))
+        if level != null and last - first >= SHORTEST:
+            runs.append((first, last))
+            levels.append(level)
+    if not runs:
         return None
+    number, centres = few_levels(np.array(levels), np.array([b - a for a, b in runs]))
+    segment = np.full(len(fitted.rows.system.data), -1)
+    time = fitted.rows.system.data.time
+    periods = []
+    for (first, last), i in zip(runs, number, strict=True):
+        inside = means.known[means.edges[first] : means.edges[last]]
+        segment[inside[0] : inside[-1] + 1] = i
+        periods.append(Span(float(time[inside[0]]), float(time[inside[-1]]), int(i)))
     course = Course(unknown.id, segment, tuple(periods))
-    values = dict(zip(course.names(), levels, strict=True))
-    return Trial(candidate, values, {}, 0.0, course)
+    values = dict(zip(course.names(), centres.tolist(), strict=True))
+    term = column * (course.degrees(values) - null)[fitted.rows.point]
+    wide = np.array([np.inf])
+    gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks_at(fitted))
+    return Trial(candidate, values, {}, gain, course)
+
+
+def few_levels(levels: Array, lengths: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
+    """Number of the level of each period, and the levels: as few as tell most, at most three.
+
+    A fault that comes and goes has a few degrees; one that has another each time is no fault.
+
+    >>> number, centres = few_levels(np.array([0.2, 0.21, 0.4]), np.array([5, 5, 5]))
+    >>> number.tolist(), centres.round(3).tolist()
+    ([0, 0, 1], [0.205, 0.4])
+    """
+    order = np.argsort(levels)
+    whole = _scatter(levels, lengths)
+    best = np.zeros(len(levels), dtype=int)
+    for count in range(1, min(MOST_LEVELS, len(levels)) + 1):
+        splits = itertools.combinations(range(1, len(levels)), count - 1)
+        parts = [np.split(order, split) for split in itertools.islice(splits, 5000)]
+        scatters = [sum(_scatter(levels[p], lengths[p]) for p in part) for part in parts]
+        chosen = parts[int(np.argmin(scatters))]
+        for i, part in enumerate(chosen):
+            best[part] = i
+        if min(scatters) <= TELLING * whole or whole <= 0:
+            break
+    centres = [
+        float(np.average(levels[best == i], weights=lengths[best == i]))
+        for i in range(int(best.max()) + 1)
+    ]
+    return best, np.array(centres)
 
 
 def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
@@ -100,10 +179,13 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
     """
     rows = fitted.rows
     n = len(rows.system.data)
-    weight = np.bincount(rows.point, column**2, minlength=n).astype(float)
-    moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
+    # What the model cannot explain at all counts little here as well.
+    sound = column * student_weights(rows, fitted.residual, fitted.scale)
+    weight = np.bincount(rows.point, column * sound, minlength=n).astype(float)
+    moment = np.bincount(rows.point, sound * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        degree: Array = np.where(weight > 0, -moment / weight, np.nan)
+        least = FAINT * float(np.median(weight[weight > 0])) if np.any(weight > 0) else 0.0
+        degree: Array = np.where(weight > least, -moment / weight, np.nan)
     return degree, weight
 
 
@@ -145,17 +227,40 @@ def cut(course: Array, penalty: float) -> Segments:
     return Segments(first, level, length)
 
 
-def apart(segments: Segments) -> np.ndarray:
+def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
     """Which levels are a state of their own, away from those at rest.
 
     The split that leaves least scatter within both classes; at rest is the longer class, or the
-    lower one of a degree that cannot be negative.
+    lower one of a degree that cannot be negative. What is at rest is split again, as long as it
+    is two states: a fault may come at several degrees.
     """
+    on = np.zeros(len(segments.level), dtype=bool)
+    segments = replace(segments, level=_without_odd_ones(segments, odd))
+    rest = np.flatnonzero(segments.length >= SHORTEST)
+    while True:
+        found = _split(segments, rest)
+        if found is None:
+            return on
+        middle, rest_is_low = found
+        on |= segments.level > middle if rest_is_low else segments.level < middle
+        rest = rest[~on[rest]]
+
+
+def _without_odd_ones(segments: Segments, odd: float) -> Array:
+    """Levels, the few far-off ones drawn in: they are no state."""
+    order = np.argsort(segments.level)
+    share = np.cumsum(segments.length[order]) / segments.length.sum()
+    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
+    low, high = segments.level[order][ends]
+    clipped: Array = np.clip(segments.level, low, high)
+    return clipped
+
+
+def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] | None:
+    """The level between two states, and whether rest is the lower one; None for one state."""
     level, length = segments.level, segments.length
-    flags = np.zeros(len(level), dtype=bool)
-    lasting = np.flatnonzero(length >= SHORTEST)
     if len(lasting) < 2:
-        return flags
+        return None
     order = lasting[np.argsort(level[lasting])]
     scatter = [
         _scatter(level[order[:i]], length[order[:i]])
@@ -166,14 +271,11 @@ def apart(segments: Segments) -> np.ndarray:
     whole = _scatter(level[order], length[order])
     low, high = order[:split], order[split:]
     if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
-        return flags
+        return None
     middle = 0.5 * float(level[low].max() + level[high].min())
-    one_sided = _one_sided(level[order])
-    rest_is_low = one_sided or length[low].sum() >= length[high].sum()
-    above: np.ndarray = level > middle
-    if not _changes_at_once(level, lasting, above):
-        return flags
-    return above if rest_is_low else ~above
+    if not _changes_at_once(level, lasting, level > middle):
+        return None
+    return middle, _one_sided(level[order]) or length[low].sum() >= length[high].sum()
 
 
 def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:

@@ -31,7 +31,7 @@ BLOCKS = 25
 SMALLEST = 4
 """Points that a block needs at least."""
 
-BUDGET = 20_000
+BUDGET = 9_000
 """Points times observers at most; more samples are averaged into one point."""
 
 STATISTICAL = 0.3

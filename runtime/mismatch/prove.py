@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from runtime.mismatch.predict import Predictor
 from runtime.mismatch.prepare import HELDOUT
 from runtime.mismatch.result import Errors, Fit
 from runtime.mismatch.rows import Rows
-from runtime.mismatch.setting import Setting
+from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
 DRAWS = 1000
@@ -40,7 +40,7 @@ def prove(predictor: Predictor, repaired: Fitted) -> Proof:
     """Open the held-out blocks, once."""
     rows = repaired.rows
     data = rows.system.data
-    faults = [c for c in repaired.setting.joined if c.sort in ("fault", "sensor")]
+    faults = [c for c in repaired.setting.joined if c.sort in ("fault", "sensor", HIDDEN)]
     only_faults = repaired.setting
     for candidate in repaired.setting.joined:
         if candidate not in faults:
@@ -83,11 +83,13 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
     data = rows.system.data
     faulty = np.zeros(len(data), dtype=bool)
     for course in repaired.setting.courses:
-        faulty |= (course.segment >= 0) & data.open
         candidate = next(
             c for c in repaired.setting.joined if course.unknown in {u.id for u in c.unknowns}
         )
-        bare = replace(repaired.setting.leaving(candidate.id))
+        if candidate.sort == HIDDEN:
+            continue
+        faulty |= (course.segment >= 0) & data.open
+        bare = repaired.setting.leaving(candidate.id)
         seen = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)
         trial = in_periods(seen, candidate)
         if trial is not None and trial.course is not None:

@@ -29,6 +29,9 @@ TINY = 1e-6
 SINGULAR = 1e10
 """Condition from which on a system of outputs has no solution."""
 
+HUGE = 1e100
+"""A slope beyond this is none."""
+
 FARTHEST = 0.5
 """Share of an output by which its predicted value may differ where slopes are taken."""
 
@@ -120,6 +123,7 @@ class Rows:
         noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
         scaled = slopes * noise[:, None, :]
         size = np.abs(scaled).max(axis=(1, 2), initial=0.0)[:, None, None]
+        size = np.where(size < HUGE, size, 0.0)
         diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
         weight = _solved(scaled @ np.swapaxes(scaled, 1, 2) + diagonal, combined[:, :, None])
         shift = (np.swapaxes(scaled, 1, 2) @ weight)[:, :, 0] * noise

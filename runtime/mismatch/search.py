@@ -12,27 +12,37 @@ from runtime.mismatch.compete import (
     Contestant,
     contest,
     entered,
-    free_course_gain,
     placebo_gains,
+    refit,
     shuffled_gains,
 )
-from runtime.mismatch.fit import Fitted, fit, temper_of
+from runtime.mismatch.fit import Fitted, fit, student_weights, temper_of
+from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.locate import spot_column
-from runtime.mismatch.periods import PENALTY, in_periods
+from runtime.mismatch.periods import STEPS, in_periods
 from runtime.mismatch.result import Rival
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import Trial, screen
-from runtime.mismatch.setting import Setting
+from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
-MOST_TERMS = 5
+MOST_TERMS = 7
 """Explanations of one recording."""
 
-FINALISTS = 6
+FINALISTS = 5
 """Trials of each round that are refitted in full."""
 
-PAIRED = 4
-"""Trials of which pairs are tried where none alone is worth it."""
+COMING = 4
+"""Faults that come and go among them."""
+
+CONTESTED = 4
+"""Refitted trials of each round that are judged on blocks they were not fitted to."""
+
+FLICKERING = 2.0
+"""How much less expected a sensor is that errs in some periods only, in log odds [assumed]."""
+
+PART = 0.15
+"""A hidden driver is told if it gains more than this share of what else was explained."""
 
 NEEDED = 6.0
 """Gain in log likelihood that an explanation needs beyond the logarithm of those tried."""
@@ -43,12 +53,12 @@ WORTH = 0.005
 SURE = 3.0
 """Standard deviations, robust over blocks, by which a gain differs from none."""
 
-RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 1.5, "free": 3.0}
+RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 1.5, "free": 3.0, "hidden": 0.0}
 """How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
 sensors leave their class."""
 
-MOSTLY = 0.7
-"""Share of the gain of a course free in time that an effect which only follows time must have."""
+ALIKE = 0.5
+"""Cosine of the changes that two explanations make, from which on they explain the same."""
 
 SHUFFLES = 20
 SEED = 20_240_117
@@ -91,7 +101,7 @@ def search(rows: Rows, progress: Progress) -> Search:
     candidates = rows.system.workshop.candidates
     while len(accepted) < MOST_TERMS:
         progress(f"looking for explanation {len(accepted) + 1} among {len(candidates)}")
-        step = _round(now, candidates, tried)
+        step = _round(now, candidates, tried, sum(r.gain for r in accepted))
         tried += step.tried
         if step.winner is None:
             break
@@ -118,31 +128,74 @@ class _Step:
     tried: int
 
 
-def _round(now: Contestant, candidates: Sequence[Candidate], tried: int) -> _Step:
-    """The best explanation to add that beats all rivals, if there is one."""
-    joined = set(now.fitted.setting.ids)
+def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explained: float) -> _Step:
+    """The best explanation to add that beats all rivals, if there is one.
+
+    What has a driver that is recorded, or is there all the time, comes first; faults that come and
+    go, and drivers that nobody recorded, are free enough to imitate it.
+    """
+    joined = {c.id for c in now.fitted.setting.joined}
     free = [c for c in candidates if c.id not in joined]
     trials = screen(now.fitted, free)
-    finalists = [entered(now.fitted, t) for t in trials[:FINALISTS]]
-    finalists += [entered(now.fitted, t) for t in _coming_and_going(now.fitted, free)]
-    ranked = sorted(finalists, key=lambda c: -_net(c, now))
+    tried += len(trials)
+    lasting = _contested([refit(now.fitted, t) for t in trials[:FINALISTS]], now)
+    hidden = _hidden(now)
+    step = _first(now, lasting, hidden, tried)
+    if step is None:
+        coming = _coming_and_going(now.fitted, free)
+        step = _first(now, _contested([refit(now.fitted, t) for t in coming], now), hidden, tried)
+    worth = _needed(now, tried) + PART * explained
+    if step is None and hidden is not None and _net(hidden, now) > worth:
+        step = _Step(hidden, _recorded(hidden, now, [], ()), 0)
+    return replace(step or _Step(None, None, 0), tried=len(trials))
+
+
+def _first(
+    now: Contestant, ranked: Sequence[Contestant], hidden: Contestant | None, tried: int
+) -> _Step | None:
+    """The first that beats all rivals; or the calibration let go, where that does as well."""
     easing = _released(now, ranked)
     for contestant in ranked:
-        trial = contestant.trial
-        assert trial is not None
         if easing is not None and not _beats(contestant, easing, now):
-            return _Step(easing, None, len(trials))
-        rivals = _defeated(contestant, now, easing, tried + len(trials))
+            return _Step(easing, None, 0)
+        if hidden is not None and not _as_good(contestant, hidden, now):
+            continue
+        rivals = _defeated(contestant, now, easing, tried)
         if rivals is not None:
-            return _Step(contestant, _recorded(contestant, now, ranked, rivals), len(trials))
-    return _Step(None, None, len(trials))
+            return _Step(contestant, _recorded(contestant, now, ranked, rivals), 0)
+    return None
+
+
+def _contested(refitted: Sequence[tuple[Fitted, Trial]], now: Contestant) -> list[Contestant]:
+    """Those that fit best in the sample, judged on blocks they were not fitted to, best first."""
+    by_fit = sorted(refitted, key=lambda f: f[0].objective)
+    chosen = [contest(fitted, trial) for fitted, trial in by_fit[:CONTESTED]]
+    return sorted(chosen, key=lambda c: -_net(c, now))
+
+
+def _hidden(now: Contestant) -> Contestant | None:
+    """The best course that is free in time at a suspect place."""
+    found = [contest(*refit(now.fitted, t)) for t in hidden_trials(now.fitted)]
+    return max(found, key=lambda c: _net(c, now), default=None)
+
+
+def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> bool:
+    """Does an explanation do what a course that is free in time would do?
+
+    One whose driver is recorded may leave a part to others. What follows only the clock, or comes
+    and goes, is itself no more than a course, and must be the better one.
+    """
+    trial = contestant.trial
+    assert trial is not None
+    mere_course = trial.course is not None or set(trial.candidate.drivers.values()) == {TIME}
+    return not mere_course or _net(contestant, now) > _net(hidden, now)
 
 
 def _recorded(
     winner: Contestant, now: Contestant, ranked: Sequence[Contestant], rivals: tuple[Rival, ...]
 ) -> Accepted:
     assert winner.trial is not None
-    others = [c for c in _instead(winner, ranked) if _net(c, now) > 0]
+    others = [c for c in _instead(winner, ranked, now) if _net(c, now) > 0]
     return Accepted(
         winner.trial,
         _net(winner, now),
@@ -152,17 +205,22 @@ def _recorded(
     )
 
 
-def _instead(winner: Contestant, ranked: Sequence[Contestant]) -> list[Contestant]:
-    """Explanations of the same thing: what they explained is gone once the winner has its place."""
-    before = {c.trial.candidate.id: c for c in ranked if c is not winner and c.trial is not None}
-    rest = screen(winner.fitted, [c.trial.candidate for c in before.values() if c.trial])
-    left = {t.candidate.id: t.gain for t in rest}
+def _instead(winner: Contestant, ranked: Sequence[Contestant], now: Contestant) -> list[Contestant]:
+    """Explanations of the same thing: they change the residuals alike."""
+    rows = now.fitted.rows
+    weight = student_weights(rows, now.fitted.residual, now.fitted.scale)
+    weight = weight * now.fitted.used[rows.point]
+
+    def change(contestant: Contestant) -> Array:
+        return now.fitted.residual - contestant.fitted.residual
+
+    own = change(winner)
     found = []
-    for name, contestant in before.items():
-        assert contestant.trial is not None
-        alone = contestant.trial.gain
-        if contestant.trial.course is not None or left.get(name, 0.0) < 0.5 * alone:
-            found.append(contestant)
+    for other in ranked:
+        course = change(other)
+        size = float(np.sqrt(np.sum(weight * own**2) * np.sum(weight * course**2)))
+        if other is not winner and float(np.sum(weight * own * course)) > ALIKE * size:
+            found.append(other)
     return found
 
 
@@ -189,7 +247,7 @@ def _beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
     assert contestant.trial is not None
     lead = _net(contestant, now) - _net(easing, now)
     physics = contestant.trial.candidate.sort in ("physics", "ageing")
-    return lead > (NEEDED if physics else -NEEDED)
+    return lead > (_needed(now, 1) if physics else -NEEDED)
 
 
 def _needed(now: Contestant, tried: int) -> float:
@@ -200,8 +258,8 @@ def _needed(now: Contestant, tried: int) -> float:
 def _coming_and_going(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
     """Faults as ones that come and go, the more telling first."""
     trials = [in_periods(fitted, c) for c in candidates if c.sort == "fault"]
-    found = [t for t in trials if t is not None and t.course is not None]
-    return found[:FINALISTS]
+    found = [t for t in trials if t is not None]
+    return sorted(found, key=lambda t: -t.gain)[:COMING]
 
 
 def price_of(contestant: Contestant) -> float:
@@ -210,9 +268,17 @@ def price_of(contestant: Contestant) -> float:
     Blocks held apart cannot judge periods, so each pays for its ends and its degree.
     """
     setting = contestant.fitted.setting
-    periods = sum(len(c.periods) for c in setting.courses)
-    each = 0.5 * PENALTY * float(np.log(max(contestant.fitted.rows.groups, 2)))
-    return each * periods + sum(RARITY[c.sort] for c in setting.joined)
+    each = 0.5 * float(np.log(max(contestant.fitted.rows.groups, 2)))
+    hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
+    steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
+    levels = sum(c.levels for c in setting.courses)
+    signals = contestant.fitted.rows.system.ruleset.signal_by_id
+    rare = sum(RARITY[c.sort] for c in setting.joined)
+    coming = {course.unknown for course in setting.courses}
+    for candidate in setting.joined:
+        if coming & {u.id for u in candidate.unknowns}:
+            rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
+    return each * (steps + levels) + rare
 
 
 def _net(contestant: Contestant, now: Contestant) -> float:
@@ -236,20 +302,31 @@ def _defeated(
         return None
     trial = contestant.trial
     assert trial is not None
+    if _at_an_end(contestant):
+        return None
     own, shuffled = shuffled_gains(now.fitted, contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)
     if trial.course is None and (own <= shuffled.max() or net <= placebo):
         return None
-    if set(trial.candidate.drivers.values()) == {TIME}:
-        # What only follows the clock explains a course in time, or the driver is another one.
-        course = free_course_gain(now.fitted, _columns(now.fitted, trial))
-        if trial.gain < MOSTLY * course:
-            return None
     return (
         Rival("the plain model, recalibrated", 0.0 if easing is None else _net(easing, now)),
         Rival("as many parameters without physics", placebo),
         Rival("its own course, shuffled by blocks", float(shuffled.max())),
     )
+
+
+def _at_an_end(contestant: Contestant) -> bool:
+    """Did a search run to the end of a range? Then the law fits for another reason."""
+    assert contestant.trial is not None
+    values = contestant.fitted.setting.values
+    for unknown in contestant.trial.candidate.unknowns:
+        value = values.get(unknown.id)
+        if value is None or value == unknown.null:
+            continue
+        for end in (unknown.lowest, unknown.highest):
+            if np.isfinite(end) and abs(value - end) <= 1e-6 * (unknown.highest - unknown.lowest):
+                return True
+    return False
 
 
 def _placebo(fitted: Fitted, trial: Trial) -> float:
@@ -275,6 +352,8 @@ def recut(now: Contestant) -> Contestant:
         candidate = next(
             c for c in now.fitted.setting.joined if course.unknown in {u.id for u in c.unknowns}
         )
+        if candidate.sort == HIDDEN:
+            continue
         # A fit without it would be bent by the fault: periods are cut from what the full model
         # leaves without the fault.
         without = fit(

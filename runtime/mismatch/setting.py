@@ -14,24 +14,41 @@ ERROR = "error:"
 """Mark before a signal's id: its systematic error, in standard uncertainties of its class."""
 
 
+HIDDEN = "hidden"
+"""Sort of what stands for a driver that is not recorded: an error at a place, free in time."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A period, s, and the number of the level it has."""
+
+    since: float
+    until: float
+    level: int
+
+
 @dataclass(frozen=True)
 class Course:
-    """A degree that is there in some periods only.
+    """An unknown that has one of a few levels in some periods, and none outside.
 
-    `segment` has shape (n,): the number of the period of each point, -1 outside. `periods` are
-    their ends in s.
+    `segment` has shape (n,): the number of the level at each point, -1 outside.
     """
 
     unknown: str
     segment: np.ndarray
-    periods: tuple[tuple[float, float], ...]
+    periods: tuple[Span, ...]
+
+    @property
+    def levels(self) -> int:
+        """How many levels there are."""
+        return 1 + max((p.level for p in self.periods), default=-1)
 
     def names(self) -> tuple[str, ...]:
-        """Names of the degrees, one per period."""
-        return tuple(f"{self.unknown}#{i}" for i in range(len(self.periods)))
+        """Names of the values, one per level."""
+        return tuple(f"{self.unknown}#{i}" for i in range(self.levels))
 
     def degrees(self, values: Mapping[str, float]) -> Array:
-        """Degree at each point, shape (n,)."""
+        """The unknown at each point, shape (n,)."""
         levels = np.array([*(values[name] for name in self.names()), 0.0])
         course: Array = levels[self.segment]
         return course
@@ -54,7 +71,13 @@ class Setting:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        return tuple(c.id for c in self.joined)
+        """Ids of what is built into module types."""
+        return tuple(c.id for c in self.joined if c.sort != HIDDEN)
+
+    @property
+    def spots(self) -> tuple[str, ...]:
+        """Ids of places with an error whose course is free in time."""
+        return tuple(c.id for c in self.joined if c.sort == HIDDEN)
 
     @property
     def in_periods(self) -> frozenset[str]:

@@ -103,52 +103,45 @@ class System:
 
         Parameters
         ----------
-        by : names of free values to differentiate by; degrees of periods and sensor errors too.
+        by : names of free values to differentiate by; sensor errors too.
         spots : ids of places with an unknown error, which counts as 0 (a name for `by`).
         at : readings other than those recorded.
         """
         inputs = self.corrected(setting, at)
-        seeds = list(dict.fromkeys(name.partition("#")[0] for name in by))
         n = len(self.data)
         values = np.full((len(self.observers), n), np.nan)
         by_reading: Slopes = {}
         raw: Slopes = {}
         own_spots = {s.id: s for s in self.workshop.spots}
+        spots = (*spots, *(s for s in setting.spots if s not in spots))
         for module in self.modules if modules is None else modules:
             plan = self.workshop.plan(module, setting.ids, tuple(spots))
-            zero = {own_spots[s].unknown: 0.0 for s in spots}
+            zero = {own_spots[s].unknown: 0.0 for s in spots if s not in setting.spots}
             signals = [name for name in plan.inputs if name in self.shared]
             names = [o for o in self.observers if o.module == module]
             wanted = plan.select([f"q:{o.id}" for o in names])
-            out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*seeds, *signals])
+            out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*by, *signals])
             for observer in names:
                 i, key = self.number[observer.id], f"q:{observer.id}"
                 values[i] = out[key]
                 for name, slope in slopes[key].items():
                     table = by_reading if name in self.shared else raw
                     table.setdefault(name, {})[i] = slope
-        return Flows(values, by_reading, self._of_values(setting, by, raw, by_reading))
+        return Flows(values, by_reading, self._of_values(by, raw, by_reading))
 
     def reached(self, observers: Sequence[str]) -> tuple[str, ...]:
         """Modules of some observers, in order."""
         touched = {o.rpartition(".")[0] for o in observers}
         return tuple(m for m in self.modules if m in touched)
 
-    def _of_values(
-        self, setting: Setting, by: Sequence[str], raw: Slopes, by_reading: Slopes
-    ) -> Slopes:
-        """Slopes by free values: degrees of periods and sensor errors from what they act on."""
-        segments = {c.unknown: c.segment for c in setting.courses}
+    def _of_values(self, by: Sequence[str], raw: Slopes, by_reading: Slopes) -> Slopes:
+        """Slopes by free values; those by sensor errors follow from the readings they act on."""
         result: Slopes = {}
         for name in by:
-            stem, _, number = name.partition("#")
-            if number:
-                inside = segments[stem] == int(number)
-                result[name] = {i: s * inside for i, s in raw.get(stem, {}).items()}
-            elif name.startswith(ERROR):
-                signal = name.removeprefix(ERROR)
+            signal = name.removeprefix(ERROR)
+            if signal == name:
+                result[name] = raw.get(name, {})
+            else:
                 u = self.shared[signal]
                 result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
-            else:
-                result[name] = raw.get(name, {})
         return result

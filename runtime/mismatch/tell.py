@@ -14,6 +14,7 @@ from runtime.mismatch.interval import profile
 from runtime.mismatch.locate import periods_of, region_of, variables_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from runtime.mismatch.search import Accepted
+from runtime.mismatch.setting import HIDDEN
 from runtime.mismatch.system import System
 from runtime.plan import Array
 
@@ -22,9 +23,10 @@ TOLD = 0.02
 
 
 def findings_of(best: Contestant, accepted: tuple[Accepted, ...]) -> tuple[Finding, ...]:
-    """What was accepted, in the order of what it explains."""
+    """What was accepted and has a name, in the order of what it explains."""
     total = sum(r.gain for r in accepted) or 1.0
-    found = [_finding(best, record, record.gain / total) for record in accepted]
+    named = (r for r in accepted if r.trial.candidate.sort != HIDDEN)
+    found = [_finding(best, record, record.gain / total) for record in named]
     return tuple(sorted(found, key=lambda f: -f.closed))
 
 
@@ -88,9 +90,10 @@ def _periods(fitted: Fitted, candidate: Candidate) -> tuple[Period, ...]:
     for course in fitted.setting.courses:
         if course.unknown not in unknowns:
             continue
-        for name, (since, until) in zip(course.names(), course.periods, strict=True):
+        for span in course.periods:
+            name = course.names()[span.level]
             degree = fitted.setting.values[name]
-            found.append(Period(since, until, degree, fitted.u(name)))
+            found.append(Period(span.since, span.until, degree, fitted.u(name)))
     return tuple(found)
 
 
