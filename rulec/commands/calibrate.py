@@ -19,6 +19,7 @@ from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Module
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
+from runtime.point_table import NOTE, each_row, is_point_table
 from runtime.recording import read_recording
 from runtime.ruleset import Ruleset
 from runtime.stationary import find_stretches, noise_at_work, systematic_u
@@ -32,7 +33,8 @@ def run(options: argparse.Namespace) -> int:
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     recording = read_recording(Path(options.recording), ruleset)
     noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
+    table = is_point_table(recording, ruleset)
+    stretches = each_row(recording) if table else find_stretches(recording, ruleset, noise)
     if not len(stretches):
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
     points = points_of_stretches(recording, ruleset, stretches, noise)
@@ -44,7 +46,10 @@ def run(options: argparse.Namespace) -> int:
     left = _left_out(models, fits)
     if left:
         out.print(f"no true flow in this recording, left as they were: {', '.join(left)}")
-    out.print(f"[green]✓[/] {options.output}: from {len(stretches)} settled stretches")
+    if table:
+        out.print(f"note: {NOTE}")
+    what = "operating points" if table else "settled stretches"
+    out.print(f"[green]✓[/] {options.output}: from {len(stretches)} {what}")
     write_json(options, data)
     return 0
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
+from runtime.point_table import each_row, is_point_table
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
-from runtime.stationary import Stretches, find_stretches, noise_at_work, noise_of, systematic_u
+from runtime.stationary import Stretches, find_stretches, noise_at_work, systematic_u
 
 ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
 
@@ -32,10 +33,6 @@ SMALLEST = 4
 
 BUDGET = 15_000
 """Points times observers at most; more samples are averaged into one point."""
-
-UNRELATED = 0.35
-"""Second differences as large as this share of what independent rows would show: rows of a table
-of settled points, not a course in time."""
 
 STATISTICAL = 0.3
 """Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
@@ -78,10 +75,9 @@ def prepare(
 ) -> Data | None:
     """Find the settled points; None where there are none."""
     noise = noise_at_work(recording, ruleset)
-    of_rows = rows_are_unrelated(recording, ruleset)
+    of_rows = is_point_table(recording, ruleset)
     if of_rows:
-        first = np.arange(len(recording))
-        stretches = Stretches(first, first + 1)
+        stretches = each_row(recording)
         noise = dict.fromkeys(noise, 0.0)
     else:
         stretches = _pieces(find_stretches(recording, ruleset, noise), len(ruleset.observers))
@@ -103,23 +99,6 @@ def prepare(
         np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
     ).hexdigest()[:16]
     return Data(points, points.time, statistical, block, part, of_rows, text, digest)
-
-
-def rows_are_unrelated(recording: Recording, ruleset: Ruleset) -> bool:
-    """Is the recording a table of operating points rather than a course in time?
-
-    Second differences of independent rows are as large as the spread of the column. Only columns
-    that vary say anything; the median of them decides.
-    """
-    used = {s for o in ruleset.observers for s in o.signals}
-    shares = []
-    for name in used & set(recording.values):
-        values = recording.values[name]
-        values = values[np.isfinite(values)]
-        spread = float(np.std(values)) if len(values) else 0.0
-        if len(values) > SMALLEST and spread > 0:
-            shares.append(noise_of(values) / spread)
-    return bool(shares) and float(np.median(shares)) > UNRELATED
 
 
 def _pieces(stretches: Stretches, observers: int) -> Stretches:

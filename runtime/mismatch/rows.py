@@ -26,6 +26,9 @@ RARE = 0.01
 TINY = 1e-6
 """Share of an output's size below which noise counts as this much: nothing is exact."""
 
+SINGULAR = 1e10
+"""Condition from which on a system of outputs has no solution."""
+
 HUGE = 1e100
 """A slope beyond this is none."""
 
@@ -255,15 +258,28 @@ def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[
 
 
 def _solved(matrices: Array, right: Array) -> Array:
-    """Solve k small systems; NaN where one has no solution."""
+    """Solve k small systems; NaN where one has no solution.
+
+    Outputs have units of their own: rows and columns are brought to one size before a system
+    counts as singular.
+    """
     sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    size = np.abs(matrices).max(axis=(1, 2), initial=0.0)
-    safe = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
-    with np.errstate(all="ignore"):
-        sound &= np.abs(np.linalg.det(safe / np.maximum(size, 1e-300)[:, None, None])) > 1e-12
-    safe = np.where(sound[:, None, None], safe, np.eye(matrices.shape[1]))
-    result: Array = np.where(sound[:, None, None], np.linalg.solve(safe, right), np.nan)
+    one = np.eye(matrices.shape[1])
+    safe = np.where(sound[:, None, None], matrices, one)
+    rows = _size(safe, 2)
+    columns = _size(safe / rows, 1)
+    scaled = safe / rows / columns
+    sound &= np.linalg.cond(scaled) < SINGULAR
+    scaled = np.where(sound[:, None, None], scaled, one)
+    solution = np.linalg.solve(scaled, right / rows) / np.swapaxes(columns, 1, 2)
+    result: Array = np.where(sound[:, None, None], solution, np.nan)
     return result
+
+
+def _size(matrices: Array, axis: int) -> Array:
+    """Largest entry along an axis, 1 where there is none."""
+    sizes = np.abs(matrices).max(axis=axis, initial=0.0, keepdims=True)
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _blocks(system: System) -> list[NDArray[np.intp]]:

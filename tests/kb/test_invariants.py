@@ -23,6 +23,7 @@ PLANTS = {
     "warm pump set": {"A": "pump-set-warm"},
     "waste water": {"A": "grundfos-s3-145", "B": "grundfos-s3-120", "C": "discharge-channel"},
     "oil pump set": {"A": "pump-set-oil"},
+    "multistage": {"A": "multistage-centrifugal"},
     "warm": {"A": "dosing-pcp-warm", "B": "dosing-pcp-warm", "C": "straight-pipe"},
 }
 

@@ -1,0 +1,89 @@
+"""Tables of operating points are told from recordings, in order or shuffled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from runtime.point_table import each_row, is_point_table
+from runtime.recording import Recording, read_recording
+from runtime.ruleset import Ruleset
+from tests.conftest import ROOT, compiled
+from tests.truth import abc as abc_rig
+from tests.truth import calibration_run, record, write_csv
+
+HELD = 6
+"""Rows for which a recording stays at a point, where a table has one."""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """Settled points of the independent truth, each held, with noise."""
+    file: Path = tmp_path_factory.mktemp("points") / "run.csv"
+    write_csv(file, record(calibration_run(abc_rig()), seed=3).readings)
+    return read_recording(file, compiled("abc"))
+
+
+def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
+    """Some rows, in a new order, one second apart."""
+    values = {name: readings[rows] for name, readings in recording.values.items()}
+    segment = np.zeros(len(rows), dtype=int)
+    return Recording(np.arange(len(rows), dtype=float), values, segment, (), ())
+
+
+def _points(recording: Recording) -> NDArray[np.intp]:
+    """One row of each point: the middle between two changes of a set value."""
+    speed = recording.values["A.n"]
+    changes = np.flatnonzero(np.abs(np.diff(speed)) > 0.02 * np.ptp(speed)) + 1
+    edges = np.concatenate([[0], changes, [len(speed)]])
+    middles: NDArray[np.intp] = (edges[1:] + edges[:-1]) // 2
+    return middles[np.diff(edges) > HELD]
+
+
+def test_a_run_is_no_table(run: Recording, abc: Ruleset) -> None:
+    """Points that are held change by their noise from row to row."""
+    assert not is_point_table(run, abc)
+
+
+def test_one_row_per_point_is_a_table(run: Recording, abc: Ruleset) -> None:
+    """The same points with one row each, in the order of the run."""
+    assert is_point_table(_rows(run, _points(run)), abc)
+
+
+def test_order_does_not_matter(run: Recording, abc: Ruleset) -> None:
+    """The same points shuffled."""
+    shuffled = np.random.default_rng(5).permutation(_points(run))
+    assert is_point_table(_rows(run, shuffled), abc)
+
+
+def test_a_few_rows_of_each_point_are_no_table(run: Recording, abc: Ruleset) -> None:
+    """Three rows of each point are settled stretches."""
+    rows = (_points(run)[:, None] + np.arange(3)).ravel()
+    assert not is_point_table(_rows(run, rows), abc)
+
+
+def test_one_noisy_sensor_makes_no_table(run: Recording, abc: Ruleset) -> None:
+    """A single reading that jumps at every row is a bad sensor."""
+    held = _rows(run, np.full(40, _points(run)[0]))
+    noisy = held.values["A.dp"] * np.random.default_rng(5).uniform(0.5, 1.5, 40)
+    assert not is_point_table(
+        Recording(held.time, {**held.values, "A.dp": noisy}, held.segment, (), ()), abc
+    )
+
+
+def test_examples_are_runs(abc: Ruleset) -> None:
+    """The shipped recordings are no tables."""
+    folder = ROOT / "plants" / "abc" / "examples"
+    for name in ("calibration.csv", "healthy.csv", "leakage_A.csv"):
+        assert not is_point_table(read_recording(folder / name, abc), abc), name
+
+
+def test_every_row_is_a_stretch(run: Recording) -> None:
+    """Stretches of a table have one row each."""
+    table = _rows(run, _points(run))
+    stretches = each_row(table)
+    assert len(table) == len(stretches)
+    assert {1} == set(stretches.lengths.tolist())
