@@ -236,11 +236,11 @@ def _released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | Non
     """The model with the parameters of the suspected module free; None if that gains nothing."""
     if not ranked or ranked[0].trial is None:
         return None
-    module = ranked[0].trial.candidate.module
+    modules = ranked[0].trial.candidate.modules
     setting = now.fitted.setting
-    if module in setting.released:
+    if setting.released.issuperset(modules):
         return None
-    freed = replace(setting, released=setting.released | {module})
+    freed = replace(setting, released=setting.released.union(modules))
     easing = contest(
         fit(now.fitted.rows, freed, now.fitted.used, 25, None, now.fitted.temper), now.trial
     )
