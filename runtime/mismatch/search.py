@@ -60,6 +60,9 @@ sensors leave their class."""
 ALIKE = 0.5
 """Cosine of the changes that two explanations make, from which on they explain the same."""
 
+COMMON = 6.0
+"""What a claim about several modules must gain more than one about a single module."""
+
 SHUFFLES = 20
 SEED = 20_240_117
 """Rivals are drawn from one fixed seed, so that the same recording gives the same answer."""
@@ -281,7 +284,7 @@ def price_of(contestant: Contestant) -> float:
     steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
     levels = sum(c.levels for c in setting.courses)
     signals = contestant.fitted.rows.system.ruleset.signal_by_id
-    rare = sum(RARITY[c.sort] for c in setting.joined)
+    rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in setting.joined)
     coming = {course.unknown for course in setting.courses}
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
