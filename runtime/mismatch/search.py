@@ -332,6 +332,9 @@ def _at_an_end(contestant: Contestant) -> bool:
         if value is None or value == unknown.null:
             continue
         for end in (unknown.lowest, unknown.highest):
+            # A range that begins at the null may be so wide that what is small lies near it.
+            if end == unknown.null:
+                continue
             if np.isfinite(end) and abs(value - end) <= 1e-6 * (unknown.highest - unknown.lowest):
                 return True
     return False
