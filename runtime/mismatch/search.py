@@ -250,6 +250,18 @@ def _released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | Non
     return easing if _net(easing, now) > _needed(now, 1) else None
 
 
+def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
+    """The model without an explanation, its calibration let go where the explanation lets it go.
+
+    Under a calibration that holds, a term shows little that base values must make room for.
+    """
+    fitted, released = now.fitted, contestant.fitted.setting.released
+    if released == fitted.setting.released:
+        return fitted
+    setting = replace(fitted.setting, released=released)
+    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+
+
 def _beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
     """Is an explanation worth more than letting the calibration go?
 
@@ -315,7 +327,7 @@ def _defeated(
     assert trial is not None
     if _at_an_end(contestant):
         return None
-    own, shuffled = shuffled_gains(now.fitted, contestant.fitted, SHUFFLES, SEED)
+    own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)
     if trial.course is None and (own <= shuffled.max() or net <= placebo):
         return None
@@ -335,6 +347,9 @@ def _at_an_end(contestant: Contestant) -> bool:
         if value is None or value == unknown.null:
             continue
         for end in (unknown.lowest, unknown.highest):
+            # A range that begins at the null may be so wide that what is small lies near it.
+            if end == unknown.null:
+                continue
             if np.isfinite(end) and abs(value - end) <= 1e-6 * (unknown.highest - unknown.lowest):
                 return True
     return False
