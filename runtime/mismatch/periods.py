@@ -184,8 +184,10 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
     weight = np.bincount(rows.point, column * sound, minlength=n).astype(float)
     moment = np.bincount(rows.point, sound * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        least = FAINT * float(np.median(weight[weight > 0])) if np.any(weight > 0) else 0.0
-        degree: Array = np.where(weight > least, -moment / weight, np.nan)
+        # Whether a point speaks of the degree is no matter of how far out it lies.
+        spoken = np.bincount(rows.point, column**2, minlength=n)
+        least = FAINT * float(np.median(spoken[spoken > 0])) if np.any(spoken > 0) else 0.0
+        degree: Array = np.where(spoken > least, -moment / weight, np.nan)
     return degree, weight
 
 
