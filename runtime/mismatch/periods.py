@@ -274,6 +274,9 @@ def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] 
     low, high = order[:split], order[split:]
     if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
         return None
+    # Levels at rest that others separate differ by noise: two states pay for themselves as steps do.
+    if whole - scatter[split - 1] < PENALTY * float(np.log(length.sum())):
+        return None
     middle = 0.5 * float(level[low].max() + level[high].min())
     if not _changes_at_once(level, lasting, level > middle):
         return None
