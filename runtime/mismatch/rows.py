@@ -32,8 +32,11 @@ SINGULAR = 1e10
 HUGE = 1e100
 """A slope beyond this is none."""
 
-FARTHEST = 0.5
-"""Share of an output by which its predicted value may differ where slopes are taken."""
+NOISY = 3.0
+"""Errors beyond this many standard uncertainties are no mere noise."""
+
+SMALLEST, LARGEST = 0.95, 20.0
+"""Share of a reading by which it may be moved towards zero, and away from it."""
 
 Maps = tuple[Array, ...]
 """Per cell the map from changes of estimates to whitened errors, (points, rank, observers)."""
@@ -91,28 +94,41 @@ class Rows:
         return len(self.point)
 
     def errors(self, flows: Flows) -> tuple[Array, dict[str, Array]]:
-        """Whitened errors of the outputs, shape (rows,), and all readings as reconciled, SI.
+        """Whitened errors of the outputs, shape (rows,), and readings that obey the relations, SI.
 
-        Errors are exact where estimates are linear in the outputs, as they mostly are. Reconciled
-        readings are the nearest, in units of their noise, that obey the relations: slopes taken at
-        noisy readings would be correlated with the errors, and parameters biased.
+        Errors are exact where estimates are linear in the outputs, as they mostly are. Where they
+        are no more than noise, the readings are reconciled: the nearest, in units of their noise,
+        that obey. Slopes taken at noisy readings would be correlated with the errors, and
+        parameters biased. Where errors are larger, the outputs alone are moved: something is left
+        out, and the other readings have no part in it.
 
         Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
         n = len(self.system.data)
         table = np.full(len(self), np.nan)
         values = dict(enumerate(flows.values))
-        reconciled: dict[str, Array] = {}
+        obeying: dict[str, Array] = {}
         for cell in self.cells:
             combined = cell.combined(values, n)
             off = _solved(cell.slopes(flows.by_reading, n), combined[:, :, None])
-            table[cell.rows] = (cell.whitener @ off)[:, :, 0].ravel()
+            whitened = (cell.whitener @ off)[:, :, 0]
+            table[cell.rows] = whitened.ravel()
+            large = np.sqrt(np.mean(whitened**2, axis=1)) > NOISY
             for name, shift in self._shifts(cell, flows, combined).items():
-                measured = self.system.data.values[name]
-                course = reconciled.setdefault(name, measured.copy())
-                reach = FARTHEST * np.abs(measured[cell.points])
-                course[cell.points] -= np.clip(np.nan_to_num(shift), -reach, reach)
-        return table, reconciled
+                alone = off[:, cell.outputs.index(name), 0] if name in cell.outputs else 0.0
+                self._move(obeying, name, cell.points, np.where(large, alone, shift))
+        return table, obeying
+
+    def _move(
+        self, obeying: dict[str, Array], name: str, points: NDArray[np.intp], shift: Array
+    ) -> None:
+        """Take a shift off a reading, its sign kept."""
+        measured = self.system.data.values[name]
+        course = obeying.setdefault(name, measured.copy())
+        size = np.abs(measured[points])
+        towards_zero = np.sign(measured[points]) * np.nan_to_num(shift)
+        kept = np.clip(towards_zero, -LARGEST * size, SMALLEST * size)
+        course[points] -= np.sign(measured[points]) * kept
 
     def _shifts(self, cell: Cell, flows: Flows, combined: Array) -> dict[str, Array]:
         """What each reading of a cell is off the nearest ones that obey, shape (points,)."""
