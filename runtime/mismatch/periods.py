@@ -51,7 +51,7 @@ FAINT = 0.01
 MOST_LEVELS = 3
 """Degrees that a fault comes at."""
 
-TELLING = 0.15
+TELLING = 0.05
 """Share of the scatter of degrees that a few levels may leave."""
 
 SHORTEST = 3
