@@ -69,7 +69,9 @@ def test_every_operation(name: str) -> None:
         _, slopes = run_with_slopes(plan, {"x": x, "y": y}, ("x", "y"))
         for seed in plan.used_inputs:
             at = {"x": x, "y": y}
-            up, down = (float(plan.run({**at, seed: at[seed] + h})["out"][0]) for h in (1e-6, -1e-6))
+            up, down = (
+                float(plan.run({**at, seed: at[seed] + h})["out"][0]) for h in (1e-6, -1e-6)
+            )
             expected = (up - down) / 2e-6
             assert expected == pytest.approx(float(slopes["out"].get(seed, 0.0)), abs=1e-8)
 

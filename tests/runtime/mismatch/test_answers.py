@@ -183,7 +183,9 @@ def test_the_leakage_example() -> None:
     assert "A.leakage" == finding.id
     told = [(p.since, p.until, p.degree, p.u) for p in finding.periods]
     assert 3 == len(told)
-    for start, x, (since, until, degree, u) in zip((10, 30, 50), (0.2, 0.4, 0.6), told, strict=True):
+    for start, x, (since, until, degree, u) in zip(
+        (10, 30, 50), (0.2, 0.4, 0.6), told, strict=True
+    ):
         assert start <= since < until < start + 10
         assert abs(degree - x) < 3 * u
 
