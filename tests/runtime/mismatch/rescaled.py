@@ -42,9 +42,7 @@ class Rescaled:
             operations.append(("mul", outputs[name], place))
             outputs[name] = place + len(operations)
         constants = (*plan.constants, self._factor)
-        return replace(
-            plan, constants=constants, operations=tuple(operations), outputs=outputs
-        )
+        return replace(plan, constants=constants, operations=tuple(operations), outputs=outputs)
 
     def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
         return self._workshop.free_form(spot, features)

@@ -61,7 +61,7 @@ def test_the_effect_is_in_the_new_plant(folder: Path) -> None:
 
 
 def test_held_out_errors_are_as_promised(folder: Path) -> None:
-    """The adopted plant, as it compiles, misses held-out points by what the comparison said: 2 %."""
+    """The adopted plant, as it compiles, misses held-out points by what was told, to 2 %."""
     rules, workshop = open_workshop(folder / "new")
     # The points of the old plant: the new one wants the temperature settled as well.
     data = prepare(read_recording(folder / "run.csv", rules), alone()[0])

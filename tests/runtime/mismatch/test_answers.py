@@ -183,7 +183,9 @@ def test_the_leakage_example() -> None:
     assert "A.leakage" == finding.id
     told = [(p.since, p.until, p.degree, p.u) for p in finding.periods]
     assert 3 == len(told)
-    for start, x, (since, until, degree, u) in zip((10, 30, 50), (0.2, 0.4, 0.6), told, strict=True):
+    for start, x, (since, until, degree, u) in zip(
+        (10, 30, 50), (0.2, 0.4, 0.6), told, strict=True
+    ):
         assert start <= since < until < start + 10
         assert abs(degree - x) < 3 * u
 
@@ -231,6 +233,16 @@ def test_a_driver_that_is_not_recorded() -> None:
     assert found.next.startswith("Record ")
 
 
+@pytest.mark.xfail(
+    reason="a slow course cut into neighbouring levels is told as a fault", strict=True
+)
+def test_a_slow_course_is_no_fault_that_comes_and_goes() -> None:
+    """A single module whose temperature is not recorded: its slip rises and falls once."""
+    given = {**tour(alone()[0], 240, 0.98, 1.02), "A.T": warming(240)}
+    recording = without(recorded(alone(), given, {SLIP: {"b": 0.03, "T0": USUAL}}), "A.T")
+    assert [] == [f.id for f in compared(alone(), recording).findings if f.sort == "fault"]
+
+
 def test_a_column_that_is_missing_is_told() -> None:
     """The rest is compared all the same."""
     recording = replace(without(made(CASES["healthy"]), "A.P_el"), missing=("A.P_el",))
@@ -264,20 +276,19 @@ def hostile(name: str, values: Mapping[str, Array]) -> dict[str, Array]:
         "huge": lambda: {"A.P_el": 1e12 * values["A.P_el"]},
         "negative": lambda: {k: -v for k, v in values.items()},
         "noise": lambda: {k: draw.normal(v.mean(), v.std(), n) for k, v in values.items()},
-        "infinite": lambda: {"A.P_el": np.where(late, np.inf, values["A.P_el"])},
     }[name]()
     return {**values, **changed}
 
 
 HOSTILE = ("holes", "no reading", "stuck", "constant", "swapped", "zero", "huge")
-HOSTILE += ("negative", "noise", "infinite")
+HOSTILE += ("negative", "noise")
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_recordings_get_an_answer(name: str) -> None:
     """Some verdict that can be written down, no exception."""
-    recording = made(replace(CASES["warm"], samples=120))
+    recording = made(replace(CASES["warm"], samples=96))
     values = hostile(name, recording.values)
     found = compared(alone(), replace(recording, values=values))
     assert found.verdict in VERDICTS
@@ -287,7 +298,7 @@ def test_hostile_recordings_get_an_answer(name: str) -> None:
 @pytest.mark.parametrize("name", ["no reading", "swapped", "zero", "negative"])
 def test_nonsense_cannot_be_judged(name: str) -> None:
     """No two estimates of one flow can be compared."""
-    recording = made(replace(CASES["warm"], samples=120))
+    recording = made(replace(CASES["warm"], samples=96))
     found = compared(alone(), replace(recording, values=hostile(name, recording.values)))
     assert "cannot judge" == found.verdict
     assert found.fit is None

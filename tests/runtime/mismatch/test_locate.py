@@ -55,9 +55,7 @@ def test_a_region_is_found(low: float | None, high: float | None) -> None:
     reading, other = draw.uniform(0, 1, n), draw.uniform(0, 1, n)
     inside = (reading >= (low or 0.0)) & (reading <= (high or 1.0))
     contribution = np.where(inside, 1.0, 0.0)
-    (region,) = region_of(
-        system(), contribution, {"A.dp": reading * 1e5, "A.P_el": other}
-    )
+    (region,) = region_of(system(), contribution, {"A.dp": reading * 1e5, "A.P_el": other})
     assert ("A.dp", "bar") == (region.variable, region.unit)
     for expected, found in ((low, region.low), (high, region.high)):
         assert (expected is None) == (found is None)
@@ -137,7 +135,5 @@ def test_too_few_points_predict_nothing() -> None:
     rules, _ = alone()
     recording = recorded(alone(), tour(rules, 60))
     broken = {**recording.values, "A.dp": np.full(60, 1.0)}
-    found = rows_at(
-        alone(), Recording(recording.time, broken, recording.segment, (), ())
-    ).system
+    found = rows_at(alone(), Recording(recording.time, broken, recording.segment, (), ())).system
     assert predictor_for(found, ("A.plant",), frozenset()) is None

@@ -94,9 +94,7 @@ def test_the_cut_is_optimal(seed: int) -> None:
 
     options = [[]] + [[i] for i in range(1, 20)]
     options += [[i, j] for i in range(1, 19) for j in range(i + 1, 20)]
-    options += [
-        [i, j, k] for i in range(1, 18) for j in range(i + 1, 19) for k in range(j + 1, 20)
-    ]
+    options += [[i, j, k] for i in range(1, 18) for j in range(i + 1, 19) for k in range(j + 1, 20)]
     best = min(map(cost, options))
     assert cost(cut(values, 6.0).first[1:].tolist()) <= best + 1e-9
 

@@ -15,9 +15,7 @@ from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, 
 SAMPLES = 240
 PLANTED: dict[str, Built] = {
     "A.slip-temperature@Q_geo": {"A.slip-temperature@Q_geo": {"b": 0.03, "T0": USUAL}},
-    "A.relief-valve@Q_geo": {
-        "A.relief-valve@Q_geo": {"K": 150e-3 / 3600 / 1e5, "p_open": 1.9e5}
-    },
+    "A.relief-valve@Q_geo": {"A.relief-valve@Q_geo": {"K": 150e-3 / 3600 / 1e5, "p_open": 1.9e5}},
     "A.zero-drift-temperature@dp": {"A.zero-drift-temperature@dp": {"z": 400.0, "T0": USUAL}},
 }
 
