@@ -78,9 +78,7 @@ def _stranger(name: str, values: Array) -> SignalSpec:
 def _graph(ruleset: Ruleset, workshop: PlantWorkshop, built: Built) -> Graph:
     """All observers in one graph, with numbers for all that does not vary."""
     ids = tuple(c.id for c in built.joined)
-    plans = [
-        workshop.plan(m, ids) for m in dict.fromkeys(o.module for o in ruleset.observers)
-    ]
+    plans = [workshop.plan(m, ids) for m in dict.fromkeys(o.module for o in ruleset.observers)]
     names = dict.fromkeys(name for plan in plans for name in plan.inputs)
     varying = [n for n in names if n in ruleset.signal_by_id or n in built.given]
     graph = Graph(varying)
@@ -130,7 +128,9 @@ def with_term(
         low, high = unknown.lowest, unknown.highest
         # The end of a range belongs to another law.
         value = unknown.null + sign * size
-        value = float(np.clip(value, *(unknown.null + 0.9 * (e - unknown.null) for e in (low, high))))
+        value = float(
+            np.clip(value, *(unknown.null + 0.9 * (e - unknown.null) for e in (low, high)))
+        )
         values = {**built.values, **shapes, unknown.id: value}
         now = replace(built, joined=(*built.joined, candidate), values=values)
         reached = _shown(built.plant, plain, now.readings(every))
@@ -196,9 +196,7 @@ def _shown(plant: str, plain: Mapping[str, Array], other: Mapping[str, Array]) -
     return largest
 
 
-def recorded(
-    built: Built, random: np.random.Generator, without: Sequence[str] = ()
-) -> Recording:
+def recorded(built: Built, random: np.random.Generator, without: Sequence[str] = ()) -> Recording:
     """The plant as its sensors show it; samples without solution are left out."""
     ruleset = opened(built.plant)[0]
     values = built.readings()

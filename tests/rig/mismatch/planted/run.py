@@ -21,9 +21,7 @@ EVERY = 20
 """Cases between two lines of progress."""
 
 
-def run(
-    out: Console, workers: int, quick: bool = False, kinds: Sequence[str] = ()
-) -> list[Judged]:
+def run(out: Console, workers: int, quick: bool = False, kinds: Sequence[str] = ()) -> list[Judged]:
     """Judge and print; the order of the results is that of the cases."""
     begin = time.perf_counter()
     asked = cases(quick, kinds)
