@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.mismatch.setting import Setting
+from runtime.mismatch.small_systems import inverses
 from runtime.mismatch.system import Flows, Slopes, System
 from runtime.plan import Array
 from runtime.redundancy import blocks_of, patterns_of, residual_basis
@@ -25,9 +26,6 @@ RARE = 0.01
 
 TINY = 1e-6
 """Share of an output's size below which noise counts as this much: nothing is exact."""
-
-SINGULAR = 1e10
-"""Condition from which on a system of outputs has no solution."""
 
 HUGE = 1e100
 """A slope beyond this is none."""
@@ -39,7 +37,7 @@ SMALLEST, LARGEST = 0.95, 20.0
 """Share of a reading by which it may be moved towards zero, and away from it."""
 
 Maps = tuple[Array, ...]
-"""Per cell the map from changes of estimates to whitened errors, (points, rank, observers)."""
+"""Per cell the map from changes of estimates to whitened errors, (observers, rank, points)."""
 
 
 @dataclass(frozen=True)
@@ -67,18 +65,22 @@ class Cell:
         """Its rows in the table; those of one point follow each other."""
         return slice(self.first, self.first + len(self.points) * self.rank)
 
-    def combined(self, of_observer: Mapping[int, Array], n: int) -> Array:
+    def combined(self, of_observer: Mapping[int, Array]) -> Array:
         """Combinations of observers' values that vanish, shape (points, rank)."""
-        result = np.zeros((len(self.points), self.rank))
-        for j, i in enumerate(self.observers):
-            if int(i) in of_observer:
-                values = np.broadcast_to(of_observer[int(i)], (n,))[self.points]
-                result += values[:, None] * self.basis[:, j]
+        known = [j for j, i in enumerate(self.observers.tolist()) if i in of_observer]
+        table = np.empty((len(known), len(self.points)))
+        for row, j in zip(table, known, strict=True):
+            row[:] = self.at_points(of_observer[int(self.observers[j])])
+        result: Array = (self.basis[:, known] @ table).T
         return result
 
-    def slopes(self, by_reading: Slopes, n: int) -> Array:
+    def at_points(self, values: Array) -> Array:
+        """Values at its points, shape (points,), or one number for all."""
+        return values[self.points] if values.ndim else values
+
+    def slopes(self, by_reading: Slopes) -> Array:
         """Derivatives of the combinations by the outputs, shape (points, rank, rank)."""
-        columns = [self.combined(by_reading.get(name, {}), n) for name in self.outputs]
+        columns = [self.combined(by_reading.get(name, {})) for name in self.outputs]
         return np.stack(columns, axis=2)
 
 
@@ -104,18 +106,17 @@ class Rows:
 
         Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
-        n = len(self.system.data)
         table = np.full(len(self), np.nan)
         values = dict(enumerate(flows.values))
         obeying: dict[str, Array] = {}
         for cell in self.cells:
-            combined = cell.combined(values, n)
-            off = _solved(cell.slopes(flows.by_reading, n), combined[:, :, None])
-            whitened = (cell.whitener @ off)[:, :, 0]
+            combined = cell.combined(values)
+            off = _product(inverses(cell.slopes(flows.by_reading)), combined)
+            whitened = _product(cell.whitener, off)
             table[cell.rows] = whitened.ravel()
-            large = np.sqrt(np.mean(whitened**2, axis=1)) > NOISY
+            large = np.einsum("nr,nr->n", whitened, whitened) > NOISY**2 * cell.rank
             for name, shift in self._shifts(cell, flows, combined).items():
-                alone = off[:, cell.outputs.index(name), 0] if name in cell.outputs else 0.0
+                alone = off[:, cell.outputs.index(name)] if name in cell.outputs else 0.0
                 self._move(obeying, name, cell.points, np.where(large, alone, shift))
         return table, obeying
 
@@ -132,41 +133,50 @@ class Rows:
 
     def _shifts(self, cell: Cell, flows: Flows, combined: Array) -> dict[str, Array]:
         """What each reading of a cell is off the nearest ones that obey, shape (points,)."""
-        n = len(self.system.data)
-        reached = {int(i) for i in cell.observers}
+        reached = set(cell.observers.tolist())
         names = [name for name, by in flows.by_reading.items() if reached & set(by)]
-        slopes = np.stack([cell.combined(flows.by_reading[x], n) for x in names], axis=2)
         noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
-        scaled = slopes * noise[:, None, :]
-        size = np.abs(scaled).max(axis=(1, 2), initial=0.0)[:, None, None]
-        size = np.where(size < HUGE, size, 0.0)
+        scaled = np.stack([cell.combined(flows.by_reading[x]) for x in names], axis=2)
+        scaled *= noise[:, None, :]
+        size = np.abs(scaled.reshape(len(scaled), -1)).max(axis=1, initial=0.0)
+        size = np.where(size < HUGE, size, 0.0)[:, None, None]
         diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
-        weight = _solved(scaled @ np.swapaxes(scaled, 1, 2) + diagonal, combined[:, :, None])
-        shift = (np.swapaxes(scaled, 1, 2) @ weight)[:, :, 0] * noise
-        return {name: shift[:, j] for j, name in enumerate(names)}
+        weight = _product(inverses(scaled @ np.swapaxes(scaled, 1, 2) + diagonal), combined)
+        return {
+            name: np.einsum("nr,nr->n", scaled[:, :, j], weight) * noise[:, j]
+            for j, name in enumerate(names)
+        }
 
     def maps(self, flows: Flows) -> Maps:
         """How changes of the estimates show in the rows, at the readings of `flows`."""
-        n = len(self.system.data)
         result = []
         for cell in self.cells:
-            slopes = cell.slopes(flows.by_reading, n)
-            wide = np.broadcast_to(cell.basis, (len(slopes), *cell.basis.shape))
-            result.append(np.nan_to_num(cell.whitener @ _solved(slopes, wide)))
+            whitened = cell.whitener @ inverses(cell.slopes(flows.by_reading))
+            map_ = np.nan_to_num(whitened @ cell.basis)
+            result.append(np.ascontiguousarray(np.moveaxis(map_, 0, 2).swapaxes(0, 1)))
         return tuple(result)
 
     def column(self, maps: Maps, slopes: Mapping[int, Array]) -> Array:
-        """Rows of a change of some observers, each shape (n,)."""
+        """Rows of a change of some observers, each shape (n,) or a number for all points."""
         table = np.zeros(len(self))
-        n = len(self.system.data)
-        for cell, map_ in zip(self.cells, maps, strict=True):
-            part = np.zeros((len(cell.points), cell.rank))
-            for j, i in enumerate(cell.observers):
-                if int(i) in slopes:
-                    values = np.broadcast_to(slopes[int(i)], (n,))[cell.points]
-                    part += map_[:, :, j] * np.nan_to_num(values)[:, None]
-            table[cell.rows] = part.ravel()
+        for i, change in slopes.items():
+            for number, j in self._places.get(i, ()):
+                cell = self.cells[number]
+                values = cell.at_points(change)
+                if not np.isfinite(values).all():
+                    values = np.nan_to_num(values)
+                part = table[cell.rows].reshape(len(cell.points), cell.rank)
+                part += (maps[number][j] * values).T
         return table
+
+    @cached_property
+    def _places(self) -> Mapping[int, tuple[tuple[int, int], ...]]:
+        """Where an observer stands: numbers of cells, and its place in each."""
+        places: dict[int, tuple[tuple[int, int], ...]] = {}
+        for number, cell in enumerate(self.cells):
+            for j, i in enumerate(cell.observers.tolist()):
+                places[i] = (*places.get(i, ()), (number, j))
+        return places
 
     @cached_property
     def group(self) -> NDArray[np.intp]:
@@ -229,9 +239,8 @@ def _cell(
     """Choose outputs, and whiten their errors; None where no reading follows from others."""
     points = points[np.isfinite(flows.values[np.ix_(observers, points)]).all(axis=0)]
     bare = Cell(points, observers, basis, (), np.zeros(0), first)
-    n = len(system.data)
     by_noise = {
-        name: bare.combined(slopes, n) * system.data.noise[name][points][:, None]
+        name: bare.combined(slopes) * system.data.noise[name][points][:, None]
         for name, slopes in flows.by_reading.items()
         if any(int(i) in slopes for i in observers)
     }
@@ -239,9 +248,9 @@ def _cell(
     outputs = _outputs(system, by_noise, len(basis))
     if outputs is None or not len(points):
         return None
-    slopes = Cell(points, observers, basis, outputs, np.zeros(0), first).slopes(flows.by_reading, n)
+    slopes = Cell(points, observers, basis, outputs, np.zeros(0), first).slopes(flows.by_reading)
     every = np.stack(list(by_noise.values()), axis=2)
-    noise = _solved(slopes, every)
+    noise = inverses(slopes) @ every
     covariance = noise @ np.swapaxes(noise, 1, 2)
     size = np.stack([np.abs(system.data.values[name][points]) for name in outputs], axis=1)
     diagonal = np.arange(len(basis))
@@ -250,6 +259,12 @@ def _cell(
     factor = np.linalg.cholesky(covariance[sound])
     whitener = np.linalg.inv(factor)
     return Cell(points[sound], observers, basis, outputs, whitener, first)
+
+
+def _product(matrices: Array, vectors: Array) -> Array:
+    """One matrix times one vector per point, shapes (n, r, r) and (n, r)."""
+    product: Array = (matrices @ vectors[:, :, None])[:, :, 0]
+    return product
 
 
 def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[str, ...] | None:
@@ -271,31 +286,6 @@ def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[
         table = table - np.outer(direction, direction @ table)
         table[:, best] = 0.0
     return tuple(chosen)
-
-
-def _solved(matrices: Array, right: Array) -> Array:
-    """Solve k small systems; NaN where one has no solution.
-
-    Outputs have units of their own: rows and columns are brought to one size before a system
-    counts as singular.
-    """
-    sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    one = np.eye(matrices.shape[1])
-    safe = np.where(sound[:, None, None], matrices, one)
-    rows = _size(safe, 2)
-    columns = _size(safe / rows, 1)
-    scaled = safe / rows / columns
-    sound &= np.linalg.cond(scaled) < SINGULAR
-    scaled = np.where(sound[:, None, None], scaled, one)
-    solution = np.linalg.solve(scaled, right / rows) / np.swapaxes(columns, 1, 2)
-    result: Array = np.where(sound[:, None, None], solution, np.nan)
-    return result
-
-
-def _size(matrices: Array, axis: int) -> Array:
-    """Largest entry along an axis, 1 where there is none."""
-    sizes = np.abs(matrices).max(axis=axis, initial=0.0, keepdims=True)
-    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _blocks(system: System) -> list[NDArray[np.intp]]:
