@@ -55,7 +55,7 @@ def _size(matrices: Array, axis: int) -> Array:
 
 
 def _of_two(matrices: Array) -> tuple[Array, Array]:
-    """Inverses, and conditions: ratios of the singular values, from their squares' sum and product."""
+    """Inverses, and conditions, by the sum and the product of the squares of singular values."""
     a, b = matrices[:, 0, 0], matrices[:, 0, 1]
     c, d = matrices[:, 1, 0], matrices[:, 1, 1]
     inverse = np.empty_like(matrices)
@@ -72,12 +72,13 @@ def _of_two(matrices: Array) -> tuple[Array, Array]:
 def _of_many(matrices: Array, sound: np.ndarray) -> Array:
     """Inverses; clears `sound` where there is none."""
     try:
-        inverse = np.linalg.inv(matrices)
+        inverse = np.asarray(np.linalg.inv(matrices), dtype=float)
     except np.linalg.LinAlgError:
         sound &= np.linalg.cond(matrices) < SINGULAR
-        return np.linalg.inv(np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1])))
+        matrices = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+        return np.asarray(np.linalg.inv(matrices), dtype=float)
     # The product of Frobenius norms is at least the condition, and at most r times as much.
-    bound = np.sqrt(_square(matrices) * _square(inverse))
+    bound = np.sqrt(_square(matrices)) * np.sqrt(_square(inverse))
     doubtful = ~(bound < SINGULAR)
     if doubtful.any():
         sound[doubtful] &= np.linalg.cond(matrices[doubtful]) < SINGULAR
