@@ -266,7 +266,7 @@ def temper_of(fitted: Fitted) -> float:
     rows = fitted.rows
     factors = []
     for cell in rows.cells:
-        table = fitted.residual[cell.rows].reshape(len(cell.points), cell.rank) / fitted.scale
+        table = cell.table(fitted.residual).T / fitted.scale
         table = np.clip(table[fitted.used[cell.points]], -4.0, 4.0)
         count = len(table) // BATCHES
         if count < 2:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.mismatch.setting import Setting
-from runtime.mismatch.small_systems import inverses
+from runtime.mismatch.small_systems import inverses, inverses_of
 from runtime.mismatch.system import Flows, Slopes, System
 from runtime.plan import Array
 from runtime.redundancy import blocks_of, patterns_of, residual_basis
@@ -62,26 +62,57 @@ class Cell:
 
     @property
     def rows(self) -> slice:
-        """Its rows in the table; those of one point follow each other."""
+        """Its rows in the table; those of one combination follow each other."""
         return slice(self.first, self.first + len(self.points) * self.rank)
 
-    def combined(self, of_observer: Mapping[int, Array]) -> Array:
-        """Combinations of observers' values that vanish, shape (points, rank)."""
-        known = [j for j, i in enumerate(self.observers.tolist()) if i in of_observer]
-        table = np.empty((len(known), len(self.points)))
-        for row, j in zip(table, known, strict=True):
-            row[:] = self.at_points(of_observer[int(self.observers[j])])
-        result: Array = (self.basis[:, known] @ table).T
-        return result
+    def table(self, rows: Array) -> Array:
+        """Its part of all rows, shape (rank, points)."""
+        return rows[self.rows].reshape(self.rank, len(self.points))
 
     def at_points(self, values: Array) -> Array:
         """Values at its points, shape (points,), or one number for all."""
         return values[self.points] if values.ndim else values
 
-    def slopes(self, by_reading: Slopes) -> Array:
-        """Derivatives of the combinations by the outputs, shape (points, rank, rank)."""
-        columns = [self.combined(by_reading.get(name, {})) for name in self.outputs]
-        return np.stack(columns, axis=2)
+    def combined(self, values: Array) -> Array:
+        """Combinations of the estimates of all observers, shape (points, rank)."""
+        result: Array = (self.basis @ values[np.ix_(self.observers, self.points)]).T
+        return result
+
+    def readings(self, by_reading: Slopes) -> tuple[str, ...]:
+        """Readings that its estimates depend on."""
+        reached = set(self.observers.tolist())
+        return tuple(name for name, by in by_reading.items() if not reached.isdisjoint(by))
+
+    def slopes(self, by_reading: Slopes, names: Sequence[str]) -> Array:
+        """Derivatives of the combinations by readings, shape (points, rank, readings)."""
+        table = np.zeros((len(self.observers), len(names), len(self.points)))
+        for j, i in enumerate(self.observers.tolist()):
+            for row, name in zip(table[j], names, strict=True):
+                slope = by_reading.get(name, {}).get(i)
+                if slope is not None:
+                    row[:] = self.at_points(slope)
+        combined = self.basis @ table.reshape(len(table), -1)
+        combined = combined.reshape(self.rank, len(names), len(self.points))
+        return np.ascontiguousarray(np.moveaxis(combined, 2, 0))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The relations of a cell, linearised by its readings.
+
+    `combined` shape (points, rank) is what does not vanish, `slopes` shape (points, rank,
+    readings) its derivatives, `normal` shape (points, rank, rank) its covariance.
+    """
+
+    names: tuple[str, ...]
+    combined: Array
+    slopes: Array
+    scaled: Array
+    normal: Array
+
+    def of_outputs(self, cell: Cell) -> Array:
+        """Derivatives by the outputs, shape (points, rank, rank)."""
+        return self.slopes[:, :, [self.names.index(name) for name in cell.outputs]]
 
 
 @dataclass(frozen=True)
@@ -107,53 +138,58 @@ class Rows:
         Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
         table = np.full(len(self), np.nan)
-        values = dict(enumerate(flows.values))
         obeying: dict[str, Array] = {}
-        for cell in self.cells:
-            combined = cell.combined(values)
-            off = _product(inverses(cell.slopes(flows.by_reading)), combined)
+        linear = [self._linear(cell, flows) for cell in self.cells]
+        of_outputs = [part.of_outputs(cell) for part, cell in zip(linear, self.cells, strict=True)]
+        inverse = inverses_of([*of_outputs, *(part.normal for part in linear)])
+        for number, (cell, part) in enumerate(zip(self.cells, linear, strict=True)):
+            off = _product(inverse[number], part.combined)
             whitened = _product(cell.whitener, off)
-            table[cell.rows] = whitened.ravel()
+            table[cell.rows] = whitened.T.ravel()
+            weight = _product(inverse[len(self.cells) + number], part.combined)
+            shifts = np.einsum("nrm,nr->nm", part.scaled, weight)
+            shifts *= self._noise(cell, part.names)
             large = np.einsum("nr,nr->n", whitened, whitened) > NOISY**2 * cell.rank
-            for name, shift in self._shifts(cell, flows, combined).items():
-                alone = off[:, cell.outputs.index(name)] if name in cell.outputs else 0.0
-                self._move(obeying, name, cell.points, np.where(large, alone, shift))
+            alone = np.zeros_like(shifts)
+            alone[:, [part.names.index(name) for name in cell.outputs]] = off
+            self._move(obeying, cell, part.names, np.where(large[:, None], alone, shifts))
         return table, obeying
 
     def _move(
-        self, obeying: dict[str, Array], name: str, points: NDArray[np.intp], shift: Array
+        self, obeying: dict[str, Array], cell: Cell, names: Sequence[str], shifts: Array
     ) -> None:
-        """Take a shift off a reading, its sign kept."""
-        measured = self.system.data.values[name]
-        course = obeying.setdefault(name, measured.copy())
-        size = np.abs(measured[points])
-        towards_zero = np.sign(measured[points]) * np.nan_to_num(shift)
-        kept = np.clip(towards_zero, -LARGEST * size, SMALLEST * size)
-        course[points] -= np.sign(measured[points]) * kept
+        """Take shifts, shape (points, readings), off readings, their signs kept."""
+        values = self.system.data.values
+        measured = np.stack([values[name][cell.points] for name in names], axis=1)
+        sign, size = np.sign(measured), np.abs(measured)
+        towards_zero = sign * np.nan_to_num(shifts)
+        kept = sign * np.minimum(np.maximum(towards_zero, -LARGEST * size), SMALLEST * size)
+        for name, shift in zip(names, kept.T, strict=True):
+            if name not in obeying:
+                obeying[name] = values[name].copy()
+            obeying[name][cell.points] -= shift
 
-    def _shifts(self, cell: Cell, flows: Flows, combined: Array) -> dict[str, Array]:
-        """What each reading of a cell is off the nearest ones that obey, shape (points,)."""
-        reached = set(cell.observers.tolist())
-        names = [name for name, by in flows.by_reading.items() if reached & set(by)]
-        noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
-        scaled = np.stack([cell.combined(flows.by_reading[x]) for x in names], axis=2)
-        scaled *= noise[:, None, :]
+    def _linear(self, cell: Cell, flows: Flows) -> Linear:
+        """The relations of a cell at the readings of `flows`."""
+        names = cell.readings(flows.by_reading)
+        slopes = cell.slopes(flows.by_reading, names)
+        scaled = slopes * self._noise(cell, names)[:, None, :]
         size = np.abs(scaled.reshape(len(scaled), -1)).max(axis=1, initial=0.0)
         size = np.where(size < HUGE, size, 0.0)[:, None, None]
-        diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
-        weight = _product(inverses(scaled @ np.swapaxes(scaled, 1, 2) + diagonal), combined)
-        return {
-            name: np.einsum("nr,nr->n", scaled[:, :, j], weight) * noise[:, j]
-            for j, name in enumerate(names)
-        }
+        normal = scaled @ np.swapaxes(scaled, 1, 2) + (1e-6 * size) ** 2 * np.eye(cell.rank)
+        return Linear(names, cell.combined(flows.values), slopes, scaled, normal)
+
+    def _noise(self, cell: Cell, names: Sequence[str]) -> Array:
+        noise = self.system.data.noise
+        return np.stack([noise[name][cell.points] for name in names], axis=1)
 
     def maps(self, flows: Flows) -> Maps:
         """How changes of the estimates show in the rows, at the readings of `flows`."""
+        slopes = [cell.slopes(flows.by_reading, cell.outputs) for cell in self.cells]
         result = []
-        for cell in self.cells:
-            whitened = cell.whitener @ inverses(cell.slopes(flows.by_reading))
-            map_ = np.nan_to_num(whitened @ cell.basis)
-            result.append(np.ascontiguousarray(np.moveaxis(map_, 0, 2).swapaxes(0, 1)))
+        for cell, inverse in zip(self.cells, inverses_of(slopes), strict=True):
+            map_ = np.nan_to_num((cell.whitener @ inverse) @ cell.basis)
+            result.append(np.ascontiguousarray(map_.transpose(2, 1, 0)))
         return tuple(result)
 
     def column(self, maps: Maps, slopes: Mapping[int, Array]) -> Array:
@@ -165,8 +201,8 @@ class Rows:
                 values = cell.at_points(change)
                 if not np.isfinite(values).all():
                     values = np.nan_to_num(values)
-                part = table[cell.rows].reshape(len(cell.points), cell.rank)
-                part += (maps[number][j] * values).T
+                part = cell.table(table)
+                part += maps[number][j] * values
         return table
 
     @cached_property
@@ -183,7 +219,7 @@ class Rows:
         """Number of the (cell, point) of each row: rows that are judged together."""
         groups, start = [np.zeros(0, dtype=int)], 0
         for cell in self.cells:
-            groups.append(start + np.repeat(np.arange(len(cell.points)), cell.rank))
+            groups.append(start + np.tile(np.arange(len(cell.points)), cell.rank))
             start += len(cell.points)
         return np.concatenate(groups)
 
@@ -224,7 +260,7 @@ def rows_of(system: System, setting: Setting) -> Rows:
             if cell is not None:
                 cells.append(cell)
                 start += len(cell.points) * cell.rank
-    places = [np.repeat(cell.points, cell.rank) for cell in cells]
+    places = [np.tile(cell.points, cell.rank) for cell in cells]
     return Rows(system, tuple(cells), np.concatenate([*places, np.zeros(0, dtype=int)]))
 
 
@@ -239,16 +275,17 @@ def _cell(
     """Choose outputs, and whiten their errors; None where no reading follows from others."""
     points = points[np.isfinite(flows.values[np.ix_(observers, points)]).all(axis=0)]
     bare = Cell(points, observers, basis, (), np.zeros(0), first)
+    names = bare.readings(flows.by_reading)
+    table = bare.slopes(flows.by_reading, names)
     by_noise = {
-        name: bare.combined(slopes) * system.data.noise[name][points][:, None]
-        for name, slopes in flows.by_reading.items()
-        if any(int(i) in slopes for i in observers)
+        name: table[:, :, j] * system.data.noise[name][points][:, None]
+        for j, name in enumerate(names)
     }
     by_noise = {name: part for name, part in by_noise.items() if np.isfinite(part).all()}
     outputs = _outputs(system, by_noise, len(basis))
     if outputs is None or not len(points):
         return None
-    slopes = Cell(points, observers, basis, outputs, np.zeros(0), first).slopes(flows.by_reading)
+    slopes = bare.slopes(flows.by_reading, outputs)
     every = np.stack(list(by_noise.values()), axis=2)
     noise = inverses(slopes) @ every
     covariance = noise @ np.swapaxes(noise, 1, 2)

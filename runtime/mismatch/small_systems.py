@@ -6,12 +6,26 @@ bounds of its condition; singular values, which cost ten times as much, are for 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from runtime.plan import Array
 
 SINGULAR = 1e10
 """Condition from which on a system has no solution."""
+
+
+def inverses_of(tables: Sequence[Array]) -> list[Array]:
+    """Invert several tables of matrices, those of one size together: calls of numpy are dear."""
+    result = list(tables)
+    for size in dict.fromkeys(table.shape[1] for table in tables):
+        chosen = [i for i, table in enumerate(tables) if table.shape[1] == size]
+        together = inverses(np.concatenate([tables[i] for i in chosen]))
+        ends = np.cumsum([len(tables[i]) for i in chosen])
+        for i, part in zip(chosen, np.split(together, ends[:-1]), strict=True):
+            result[i] = part
+    return result
 
 
 def inverses(matrices: Array) -> Array:
