@@ -101,7 +101,8 @@ class Linear:
     """The relations of a cell, linearised by its readings.
 
     `combined` shape (points, rank) is what does not vanish, `slopes` shape (points, rank,
-    readings) its derivatives, `normal` shape (points, rank, rank) its covariance.
+    readings) its derivatives, `scaled` those per unit of noise, and `normal` shape (points, rank,
+    rank) the covariance that noise gives it.
     """
 
     names: tuple[str, ...]
