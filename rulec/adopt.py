@@ -14,7 +14,7 @@ import numpy as np
 
 from rulec.amend import Amended
 from rulec.gathering import Gathering
-from rulec.knowledge import ModuleType, Origin, Parameter
+from rulec.knowledge import ModuleType, Origin, Parameter, Signal
 from rulec.language.units import BASES, Dimension, Unit
 from rulec.link import Network
 from rulec.plant import Module, Plant
@@ -138,8 +138,28 @@ def _instance(
             unit=_shown_in(plant, known, unknown),
             origin=Origin(known.origin.file, known.origin.line, source),
         )
-    kind = replace(amended.type, parameters={**amended.type.parameters, **brought})
+    kind = replace(
+        amended.type,
+        parameters={**amended.type.parameters, **brought},
+        signals=_given(module.type, amended.type),
+    )
     return Adopted(module, kind, brought, amended.inputs)
+
+
+def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
+    """Signals; those that only the new physics reads drive it: they are given, not results."""
+    before, after = _read(plain), _read(amended)
+    return {
+        name: replace(signal, is_input=signal.is_input or name in after - before)
+        for name, signal in amended.signals.items()
+    }
+
+
+def _read(kind: ModuleType) -> set[str]:
+    """Signals that some observer depends on."""
+    equations = (o.expression for o in kind.observers.values())
+    parts = (part for equation in equations for part in kind.with_definitions(equation))
+    return {name for part in parts for name, _ in part.names() if name in kind.signals}
 
 
 def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:

@@ -49,7 +49,10 @@ def _data(
         "module": kind.name,
         "version": kind.version,
         "title": kind.title,
-        "signals": old["signals"],
+        "signals": {
+            name: {**entry, "input": True} if kind.signals[name].is_input else entry
+            for name, entry in old["signals"].items()
+        },
         "provides": dict(kind.provides),
         "parameters": {
             **old.get("parameters", {}),

@@ -12,9 +12,9 @@ from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, reconstruct
 from runtime.mismatch.interval import confounded
 from runtime.mismatch.locate import noise_scale, region_of, variables_of
-from runtime.mismatch.predict import Predictor, predictor_for
+from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
-from runtime.mismatch.prove import Proof, prove
+from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
 from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
@@ -29,6 +29,9 @@ from runtime.ruleset import Ruleset
 
 FEWEST = 12
 """Settled points below which nothing can be compared."""
+
+TRIED = 5
+"""Readings per finding among which the one that shows it best is chosen."""
 
 Progress = Callable[[str], None]
 
@@ -67,9 +70,10 @@ def analyse(
     tell("working out uncertainties")
     findings = findings_of(found.best, found.accepted)
     tell("opening the held-out blocks")
-    predictors = _predictors(system, findings, hidden)
     settled = with_sensors_as_they_are(found.best.fitted)
-    proofs = [prove(p, settled) for p in predictors]
+    models = models_of(settled)
+    predictors = _predictors(system, findings, hidden, models)
+    proofs = [prove(p, models) for p in predictors]
     repair = repair_of(settled)
     return _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
 
@@ -81,9 +85,15 @@ def _hidden(found: Search) -> Reconstruction | None:
 
 
 def _predictors(
-    system: System, findings: Sequence[Finding], hidden: Reconstruction | None
+    system: System,
+    findings: Sequence[Finding],
+    hidden: Reconstruction | None,
+    models: Models,
 ) -> list[Predictor]:
-    """The readings in whose units errors are told: those that findings move, flows first."""
+    """The readings in whose units errors are told: for each finding that which shows it best.
+
+    That is the flow meter, where there is one; flows come first.
+    """
     candidates = {c.id: c for c in system.workshop.candidates}
     spots = {(s.module, s.place): s for s in system.workshop.spots}
     places: list[tuple[tuple[str, ...], frozenset[str], str]] = []
@@ -97,7 +107,12 @@ def _predictors(
         spot = hidden.spot
         places.append((spot.observers, frozenset(), spot.unit))
     places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
-    found = {p.signal.id: p for place in places if (p := predictor_for(system, *place))}
+    found: dict[str, Predictor] = {}
+    for place in places:
+        natural = predictors_for(system, *place)[:TRIED]
+        if natural and not natural[0].of_flow:
+            natural.sort(key=lambda p: -round(gain_shown(p, models), 3))
+        found.update({p.signal.id: p for p in natural[:1]})
     return sorted(found.values(), key=lambda p: not p.of_flow)
 
 

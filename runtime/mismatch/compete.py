@@ -97,7 +97,7 @@ def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
     setting = fitted.setting.joining(candidate, trial.values, trial.fixed, trial.course)
     if candidate.sort in ("physics", "ageing", HIDDEN):
         # A calibration under a law that left something out says little of the repaired one.
-        setting = replace(setting, released=setting.released | {candidate.module})
+        setting = replace(setting, released=setting.released.union(candidate.modules))
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper), trial
 
 

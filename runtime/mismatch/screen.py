@@ -30,13 +30,17 @@ FAR = 2.5
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised."""
+    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
+
+    `along` are others that must be joined with it.
+    """
 
     candidate: Candidate
     values: Mapping[str, float]
     fixed: Mapping[str, float]
     gain: float
     course: Course | None = None
+    along: tuple[Trial, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -156,8 +160,16 @@ def _has_drivers(system: System, candidate: Candidate) -> bool:
 
 
 def references(system: System, candidate: Candidate) -> dict[str, float]:
-    """Fixed parameters: the median reading of their driver, where the recording is open."""
-    return {u.id: _readings(system, u)[0] for u in candidate.unknowns if u.fixed}
+    """Fixed parameters, where the recording is open: the median reading of their driver, or half
+    the distance between two quantiles."""
+    found = {}
+    for unknown in candidate.unknowns:
+        if unknown.fixed and len(unknown.quantiles) == 2:
+            low, high = _readings(system, unknown, unknown.quantiles)
+            found[unknown.id] = 0.5 * (high - low) or 1.0
+        elif unknown.fixed:
+            found[unknown.id] = _readings(system, unknown)[0]
+    return found
 
 
 def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:

@@ -47,7 +47,7 @@ def repair_of(settled: Fitted) -> Repair:
     """What to write into a plant of the repaired model."""
     setting, system = settled.setting, settled.rows.system
     repairing = [c for c in setting.joined if c.sort in REPAIRING]
-    touched = {c.module for c in repairing}
+    touched = {m for c in repairing for m in c.modules}
     unknowns = {u.id for c in repairing for u in c.unknowns if not u.fixed}
     base = set(system.workshop.parameters.ids)
     names = [

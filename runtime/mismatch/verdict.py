@@ -28,7 +28,9 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
 def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
     """The finding in one sentence."""
     names = [
-        f"{f.title[0].lower()}{f.title[1:]} in {f.module}" for f in findings if f.sort != "free"
+        f"{f.title[0].lower()}{f.title[1:]} in {', '.join(f.members) or f.module}"
+        for f in findings
+        if f.sort != "free"
     ]
     if verdict == "none":
         return "Nothing is missing: what recalibration leaves is noise."
