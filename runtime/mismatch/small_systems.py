@@ -38,8 +38,9 @@ def inverses(matrices: Array) -> Array:
         one = np.where(np.isfinite(matrices) & (matrices != 0.0), matrices, np.nan)
         reciprocal: Array = 1.0 / one
         return reciprocal
-    sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    if not sound.all():
+    sound = np.ones(len(matrices), dtype=bool)
+    if not np.isfinite(matrices).all():
+        sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
         matrices = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
     rows = _size(matrices, 2)
     scaled = matrices / rows
