@@ -7,7 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.mismatch.compete import Contestant, contest, placebo_gains, shuffled_gains
+from runtime.mismatch.compete import (
+    Contestant,
+    amplifies_noise,
+    contest,
+    placebo_gains,
+    shuffled_gains,
+)
 from runtime.mismatch.fit import Fitted, fit, student_weights
 from runtime.mismatch.locate import spot_column
 from runtime.mismatch.price import NEEDED, needed, net_gain
@@ -61,7 +67,7 @@ def defeated(
         return None
     trial = contestant.trial
     assert trial is not None
-    if _at_an_end(contestant):
+    if _at_an_end(contestant) or amplifies_noise(now.fitted, contestant.fitted):
         return None
     own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)

@@ -24,6 +24,9 @@ from runtime.plan import Array
 MOST_STARTS = 12
 """Combinations of shapes that are tried of one candidate."""
 
+VARYING = 3.0
+"""A driver varies by this many times the noise of its settled readings."""
+
 FAR = 2.5
 """Residuals beyond this many scales count less, in the second of two looks."""
 
@@ -151,12 +154,20 @@ def columns_of(
 
 
 def _has_drivers(system: System, candidate: Candidate) -> bool:
-    values = system.data.values
-    known = all(
-        d == TIME or (d in values and np.isfinite(values[d]).any())
-        for d in candidate.drivers.values()
-    )
-    return known and any(o in system.number for o in candidate.observers)
+    """Is everything recorded that drives it, and does it vary by more than its noise?
+
+    A law that bends where a reading is at rest would only fit the noise of that reading.
+    """
+    data = system.data
+    for name in candidate.drivers.values():
+        if name == TIME:
+            continue
+        values = data.values.get(name)
+        if values is None or not np.isfinite(values[data.open]).any():
+            return False
+        if np.nanstd(values[data.open]) < VARYING * np.nanmedian(data.noise[name]):
+            return False
+    return any(o in system.number for o in candidate.observers)
 
 
 def references(system: System, candidate: Candidate) -> dict[str, float]:
