@@ -51,7 +51,7 @@ def noise_scale(rows: Rows, residual: Array) -> float:
         return 1.0
     sizes = []
     for cell in rows.cells:
-        table = residual[cell.rows].reshape(len(cell.points), cell.rank)
+        table = cell.table(residual).T
         if len(table) > 8:
             second = np.diff(table, 2, axis=0)
             sizes.append((len(table), 1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)))
