@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from runtime.mismatch.candidate import Workshop
+from runtime.mismatch.candidate import Spot, Workshop
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, reconstruct
 from runtime.mismatch.interval import confounded
-from runtime.mismatch.locate import noise_scale, region_of, variables_of
+from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, variables_of
 from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
 from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
@@ -29,6 +29,9 @@ from runtime.ruleset import Ruleset
 
 FEWEST = 12
 """Settled points below which nothing can be compared."""
+
+FAR_MOVED = 5.0
+"""Stated uncertainties by which a parameter may move before it is worth a remark."""
 
 TRIED = 5
 """Readings per finding among which the one that shows it best is chosen."""
@@ -152,7 +155,7 @@ def _answer(
         system.data.digest,
         _noise_told(fitted),
         found.tried,
-        _notes(recording, proofs),
+        _notes(recording, proofs, fitted),
         fitted.setting.ids,
         repair.parameters,
         repair.covariance,
@@ -198,7 +201,16 @@ def _location(fitted: Fitted, hidden: Reconstruction, share: float) -> Location:
         share,
         region_of(system, contribution, variables),
         (),
+        _also(fitted, hidden.spot),
     )
+
+
+def _also(fitted: Fitted, spot: Spot) -> tuple[str, ...]:
+    """Places whose errors look the same in all residuals."""
+    found = {s.spot.id: s for s in suspects(fitted)}
+    own = found.pop(spot.id, None)
+    others = (s for s in found.values() if own is not None and alike(own, s))
+    return tuple(f"{s.spot.module}.{s.spot.place}" for s in others)
 
 
 def _untested(system: System, findings: Sequence[Finding]) -> tuple[str, ...]:
@@ -232,14 +244,30 @@ def _noise_told(fitted: Fitted) -> str:
     )
 
 
-def _notes(recording: Recording, proofs: Sequence[Proof]) -> tuple[str, ...]:
-    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+def _notes(recording: Recording, proofs: Sequence[Proof], fitted: Fitted) -> tuple[str, ...]:
+    notes = list(_moved(fitted))
+    notes += [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
     if proofs and proofs[0].faulty:
         notes.append(
             f"{proofs[0].faulty} settled points lie in periods of faults; errors are those of the "
             "others (in held-out blocks periods are found by the finished model)"
         )
     return tuple(notes)
+
+
+def _moved(fitted: Fitted) -> Iterator[str]:
+    """A remark for each module whose calibration had to be let go, and by how much."""
+    known = fitted.rows.system.workshop.parameters
+    u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
+    for module in sorted(fitted.setting.released):
+        own = [
+            (abs(fitted.setting.values[n] - known.values[i]) / u[i], n)
+            for i, n in enumerate(known.ids)
+            if n.partition(".")[0] == module and u[i] > 0 and n in fitted.setting.values
+        ]
+        far, name = max(own, default=(0.0, ""))
+        if far > FAR_MOVED:
+            yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
 
 
 def _curves(

@@ -9,7 +9,7 @@ Jorgensen 2004, for static relations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -190,7 +190,3 @@ def periods_of(time: Array, contribution: Array, most: int = 8) -> tuple[tuple[f
     if len(runs) > most or sum(level[a:b].sum() for a, b in runs) < 0.8 * level.sum():
         return ()
     return tuple((float(time[pieces[a][0]]), float(time[pieces[b - 1][-1]])) for a, b in runs)
-
-
-def names(items: Sequence[Suspect]) -> tuple[str, ...]:
-    return tuple(f"{s.spot.module}.{s.spot.place}" for s in items)

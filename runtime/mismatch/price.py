@@ -26,9 +26,10 @@ FLICKERING = 2.0
 
 
 def price_of(contestant: Contestant) -> float:
-    """What a model costs before any data: rare explanations, and periods of faults.
+    """What a model costs before any data: rare explanations, periods, values let go.
 
-    Blocks held apart cannot judge periods, so each pays for its ends and its degree.
+    Blocks held apart cannot judge periods, so each pays for its ends and its degree. A calibration
+    that is let go pays for every value as a fit without one would.
     """
     setting = contestant.fitted.setting
     each = 0.5 * float(np.log(max(contestant.fitted.rows.groups, 2)))
@@ -41,7 +42,9 @@ def price_of(contestant: Contestant) -> float:
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
-    return each * (steps + levels) + rare
+    parameters = contestant.fitted.rows.system.workshop.parameters.ids
+    freed = sum(name.partition(".")[0] in setting.released for name in parameters)
+    return each * (steps + levels + freed) + rare
 
 
 def net_gain(contestant: Contestant, now: Contestant) -> float:

@@ -23,13 +23,13 @@ from runtime.mismatch.setting import HIDDEN, Setting
 MOST_TERMS = 7
 """Explanations of one recording."""
 
-FINALISTS = 5
+FINALISTS = 8
 """Trials of each round that are refitted in full."""
 
 COMING = 4
 """Faults that come and go among them."""
 
-CONTESTED = 4
+CONTESTED = 6
 """Refitted trials of each round that are judged on blocks they were not fitted to."""
 
 PART = 0.15

@@ -100,7 +100,7 @@ def _noise(
     variance = np.zeros(len(data))
     for name, slopes in by_reading.items():
         slope = slopes.get(first, np.zeros(1)) - slopes.get(second, np.zeros(1))
-        variance = variance + (slope * data.noise[name]) ** 2
+        variance = variance + np.nan_to_num(slope * data.noise[name]) ** 2
     noise: Array = np.sqrt(variance)
     return noise
 
