@@ -14,7 +14,7 @@ NEEDED = 6.0
 WORTH = 0.005
 """Gain per settled point that is worth naming: a term of about a tenth of the scatter."""
 
-RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 1.5, "free": 3.0, "hidden": 0.0}
+RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 3.0, "hidden": 0.0}
 """How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
 sensors leave their class."""
 
