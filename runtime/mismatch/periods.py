@@ -274,7 +274,7 @@ def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] 
     low, high = order[:split], order[split:]
     if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
         return None
-    # Levels at rest that others separate differ by noise: two states pay for themselves as steps do.
+    # Levels at rest that others separate differ by noise: two states must pay for themselves.
     if whole - scatter[split - 1] < PENALTY * float(np.log(length.sum())):
         return None
     middle = 0.5 * float(level[low].max() + level[high].min())

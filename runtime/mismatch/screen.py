@@ -48,26 +48,34 @@ class Trial:
 
 @dataclass(frozen=True)
 class Look:
-    """The weighted linear problem around a fit; what base values can mend is projected out."""
+    """The weighted linear problem around a fit; what base values can mend is projected out.
+
+    `pull` is the slope of the priors there, in units of the weighted squares, shape (values,).
+    """
 
     weights: Array
     residual: Array
     jacobian: Array
     inverse: Array
+    pull: Array
     total: float
     count: int
 
     def cleaned(self, columns: Array) -> Array:
         """Columns less what the values that are free anyway can imitate, shape (rows, k)."""
-        part = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
-        left: Array = columns - self.jacobian @ part
+        left: Array = columns - self.jacobian @ self._imitated(columns)
         return left
+
+    def _imitated(self, columns: Array) -> Array:
+        imitated: Array = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
+        return imitated
 
     def best(self, columns: Array, lowest: Array, highest: Array) -> tuple[Array, float]:
         """Amplitudes within bounds, and the gain in log likelihood with free scale."""
         clean = self.cleaned(columns)
         normal = columns.T @ (self.weights[:, None] * clean)
-        moment = clean.T @ (self.weights * self.residual)
+        # A sensor that errs beyond its class is held by its prior: what frees it gains that.
+        moment = clean.T @ (self.weights * self.residual) - self._imitated(columns).T @ self.pull
         size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         # What base values imitate all but wholly has no gain of its own.
         alone = np.einsum("nk,n,nk->k", columns, self.weights, columns)
@@ -101,10 +109,15 @@ def _look(fitted: Fitted, weights: Array) -> Look:
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
     inverse = inverse / np.outer(size, size) / (scale**2 * fitted.temper)
     # The weighted optimum need not be that of the fit: what is left must be free of base values.
-    part = inverse @ (jacobian.T @ (weights * fitted.residual))
+    at = np.array([fitted.setting.values[name] for name in fitted.prior.names])
+    unit = scale**2 * fitted.temper
+    pull = unit * fitted.prior.precision @ (at - fitted.prior.mean)
+    part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
     residual = fitted.residual - jacobian @ part
+    pull = pull - unit * fitted.prior.precision @ part
     total = float(np.sum(weights * residual**2))
-    return Look(weights, residual, jacobian, inverse, max(total, 1e-300), int(np.sum(weights > 0)))
+    count = int(np.sum(weights > 0))
+    return Look(weights, residual, jacobian, inverse, pull, max(total, 1e-300), count)
 
 
 def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:

@@ -27,7 +27,7 @@ def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
     """Symbolic derivatives of every estimate by every reading, to 1e-9."""
     rules = compiled(plant)
     at = readings(rules)
-    compiled = rules.plan.run(at)
+    derived = rules.plan.run(at)
     seeds = [s.id for s in rules.signals]
     for observer in rules.observers:
         key = f"q:{observer.id}"
@@ -35,7 +35,7 @@ def test_slopes_are_those_that_the_compiler_derived(plant: str) -> None:
         expected = {s for s in seeds if f"s:{observer.id}:{s}" in rules.plan.outputs}
         assert expected == set(slopes[key])
         for name, slope in slopes[key].items():
-            expected_slope = compiled[f"s:{observer.id}:{name}"]
+            expected_slope = derived[f"s:{observer.id}:{name}"]
             assert expected_slope == pytest.approx(np.broadcast_to(slope, 5), rel=1e-9)
 
 

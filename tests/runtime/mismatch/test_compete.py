@@ -1,4 +1,4 @@
-"""Rivals: what is planted wins on blocks it was not fitted to, shuffled and without physics lose."""
+"""Rivals: what is planted wins on blocks it was not fitted to; rivals lose."""
 
 from __future__ import annotations
 

@@ -66,8 +66,8 @@ def test_without_noise_the_value_is_exact() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_base_values_come_back(seed: int) -> None:
-    """Parameters moved by twice their uncertainty: predictions of the refit are as noise allows."""
-    rules, workshop = alone()
+    """True parameters are drawn from what is stated: the refit errs as its covariance says."""
+    _, workshop = alone()
     known = workshop.parameters
     found = fitted(recording(seed=seed))
     draw = np.random.default_rng(seed + 1000).multivariate_normal(

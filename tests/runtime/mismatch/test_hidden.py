@@ -26,7 +26,7 @@ PHASE = TIME / TIME[-1]
         ),
         (np.sin(np.pi * PHASE) ** 2, "slow, turns 1 time over 60 min"),
         (-(np.sin(np.pi * PHASE) ** 2), "slow, turns 1 time over 60 min"),
-        (np.sin(2 * np.pi * PHASE) ** 2, "slow, turns 3 times over 60 min"),
+        (np.sin(2 * np.pi * PHASE) ** 4, "slow, turns 3 times over 60 min"),
     ],
 )
 def test_a_course_in_words(course: Array, expected: str) -> None:

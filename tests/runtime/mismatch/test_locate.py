@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.mismatch.locate import alike, noise_scale, periods_of, region_of, suspects
-from runtime.mismatch.predict import predictor_for
+from runtime.mismatch.predict import predictors_for
 from runtime.mismatch.setting import Setting
 from runtime.mismatch.system import System
 from runtime.plan import Array
@@ -96,8 +96,7 @@ def test_predictions_solve_the_residual(plant: str) -> None:
     rules, _ = where
     recording = recorded(where, tour(rules, SAMPLES), seed=None)
     found = rows_at(where, recording).system
-    predictor = predictor_for(found, tuple(o.id for o in found.observers), frozenset())
-    assert predictor is not None
+    predictor = predictors_for(found, tuple(o.id for o in found.observers), frozenset())[0]
     assert not predictor.signal.is_input
     predicted = predictor.predicted(Setting())
     judged = predictor.points
@@ -110,8 +109,7 @@ def test_predictions_are_off_by_the_noise() -> None:
     rules, _ = alone()
     recording = recorded(alone(), tour(rules, 600, hold=60), moved=False)
     found = rows_at(alone(), recording).system
-    predictor = predictor_for(found, ("A.pump",), frozenset())
-    assert predictor is not None
+    predictor = predictors_for(found, ("A.pump",), frozenset())[0]
     off = (found.data.values[predictor.signal.id] - predictor.predicted(Setting()))[
         predictor.points
     ]
@@ -122,12 +120,11 @@ def test_predictions_are_off_by_the_noise() -> None:
 
 def test_a_place_of_flow_is_told_by_a_flow_meter_if_there_is_one() -> None:
     """Else by another reading of the residuals that the place moves; no set value is predicted."""
-    found = predictor_for(system(), ("A.pump", "A.power"), frozenset({"A.T"}), "l/h")
-    assert found is not None
+    found = predictors_for(system(), ("A.pump", "A.power"), frozenset({"A.T"}), "l/h")[0]
     assert {"A.pump", "A.power"} & {t.observer for t in found.residual.terms}
     assert found.signal.id in ("A.dp", "A.P_el")
     assert not found.of_flow
-    assert predictor_for(system(), (), frozenset()) is None
+    assert [] == predictors_for(system(), (), frozenset())
 
 
 def test_too_few_points_predict_nothing() -> None:
@@ -136,4 +133,4 @@ def test_too_few_points_predict_nothing() -> None:
     recording = recorded(alone(), tour(rules, 60))
     broken = {**recording.values, "A.dp": np.full(60, 1.0)}
     found = rows_at(alone(), Recording(recording.time, broken, recording.segment, (), ())).system
-    assert predictor_for(found, ("A.plant",), frozenset()) is None
+    assert [] == predictors_for(found, ("A.plant",), frozenset())
