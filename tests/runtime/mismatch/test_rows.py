@@ -66,7 +66,7 @@ def test_rows_have_unit_noise(seed: int) -> None:
     given = tour(rules, 600, hold=60)
     rows = rows_at(opened("abc"), recorded(opened("abc"), given, seed=seed, moved=False))
     (cell,) = rows.cells
-    table = errors(rows)[cell.rows].reshape(len(cell.points), cell.rank)
+    table = cell.table(errors(rows)).T
     assert np.ones(cell.rank) == pytest.approx(table.std(axis=0), rel=0.15)
 
 
