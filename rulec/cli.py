@@ -44,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             # A terminal that lacks a symbol shows a replacement, not a traceback.
             stream.reconfigure(errors="replace")
+    # Matrices are small here: threads of the linear algebra wait for each other, and on a machine
+    # that has other work to do they cost several times what they save.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     parser = _parser()
     options = parser.parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")

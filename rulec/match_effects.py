@@ -8,8 +8,8 @@ each candidate stands for.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import sympy
 
@@ -24,7 +24,7 @@ from rulec.language.invert import invert
 from rulec.language.units import NONE, Unit
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
-from runtime.mismatch.candidate import Candidate, Missing, Unknown
+from runtime.mismatch.candidate import TIME, Candidate, Missing, Unknown
 
 PERCENT = Unit("%", 0.01, NONE)
 
@@ -38,10 +38,19 @@ Equations = dict[tuple[object, ...], str | None]
 
 @dataclass(frozen=True)
 class Matched:
-    """A candidate, and the change of its module's type that it stands for."""
+    """A candidate, and the change of its module's type that it stands for.
+
+    One that acts alike in several modules has a change for each of them in `parts`.
+    """
 
     candidate: Candidate
     change: Change
+    parts: Mapping[str, Change] = field(default_factory=dict)
+
+    def change_of(self, module: str) -> Change | None:
+        """What it changes in a module; None where it has no part in it."""
+        own = self.change if module == self.candidate.module else None
+        return self.parts.get(module, own)
 
 
 @dataclass(frozen=True)
@@ -68,7 +77,52 @@ def match_effects(models: Models, readings: Mapping[str, float]) -> Matches:
         found += matcher.faults()
         for effect in network.plant.knowledge.effects.values():
             found += matcher.joined(effect, missing)
+    found += list(everywhere(found, network.plant))
     return Matches(models, sites, tuple(found), tuple(dict.fromkeys(missing)))
+
+
+def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
+    """Effects that several modules of a plant may have alike, with the same parameters.
+
+    What was left out of a module type is missing in all of its instances; a common header acts on
+    all that feed it. What follows the clock alone is each module's own.
+    """
+    groups: dict[tuple[object, ...], list[Matched]] = {}
+    for matched in found:
+        candidate, change = matched.candidate, matched.change
+        if candidate.sort == "physics" and set(candidate.drivers.values()) != {TIME}:
+            own = any(u.fixed and _is_own(u, candidate.module) for u in candidate.unknowns)
+            # A typical reading of its own that a parameter refers to makes a module comparable
+            # only to others of its type.
+            kind = plant.modules[candidate.module].type.key if own else ""
+            key = (candidate.name, kind, change.places, change.law.text, *change.drivers.items())
+            groups.setdefault(key, []).append(matched)
+    for alike in groups.values():
+        if len(alike) > 1:
+            yield _common(alike)
+
+
+def _is_own(unknown: Unknown, module: str) -> bool:
+    return unknown.driver is not None and unknown.driver.partition(".")[0] == module
+
+
+def _common(alike: Sequence[Matched]) -> Matched:
+    """One candidate for several modules; its parameters are those of the first one's."""
+    first = alike[0].candidate
+    id_ = f"{'+'.join(m.candidate.module for m in alike)}.{first.id.partition('.')[2]}"
+    members = tuple(m.candidate.module for m in alike)
+    observers = dict.fromkeys(o for m in alike for o in m.candidate.observers)
+    ids = {name: f"{id_}.{name}" for name in alike[0].change.ids}
+    candidate = replace(
+        first,
+        id=id_,
+        observers=tuple(observers),
+        unknowns=tuple(replace(u, id=f"{id_}.{u.name}") for u in first.unknowns),
+        text=f"in {', '.join(members)} alike: {first.text}",
+        members=members,
+    )
+    parts = {m.candidate.module: replace(m.change, ids=ids) for m in alike}
+    return Matched(candidate, parts[first.module], parts)
 
 
 class _Matcher:

@@ -98,7 +98,7 @@ class PlantWorkshop:
         key = module, joined, spots
         if key not in self._plans:
             shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
-            owners = dict.fromkeys(self._of(c).candidate.module for c in joined)
+            owners = dict.fromkeys(m for c in joined for m in self._of(c).candidate.modules)
             amended = {owner: self.amended(owner, joined) for owner in owners}
             what = Lowering(self.network, amended, shifts)
             self._plans[key] = lower_module(what, module)
@@ -107,10 +107,11 @@ class PlantWorkshop:
     def amended(self, module: str, joined: Iterable[str]) -> Amended:
         """The type of a module with its own candidates built in, in order."""
         result = Amended(self.network.plant.modules[module].type)
-        own = [m for m in map(self._of, joined) if m.candidate.module == module]
+        changes = (self._of(name).change_of(module) for name in joined)
+        own = [change for change in changes if change is not None]
         # What reshapes the plain law comes first: a term that was added is no part of that.
-        for matched in sorted(own, key=lambda m: not m.change.substitutes):
-            result = amend(result, matched.change)
+        for change in sorted(own, key=lambda c: not c.substitutes):
+            result = amend(result, change)
         return result
 
     def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:

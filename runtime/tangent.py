@@ -45,25 +45,27 @@ def run_with_slopes(
                 inner = slopes[a]
                 own = {}
                 if inner:
-                    factor = _UNARY[name](x, value)
-                    own = {j: factor * s for j, s in inner.items()}
+                    own = _times(_UNARY[name](x, value), inner)
             else:
                 x, y = numbers[a], numbers[b]
                 value = OPERATIONS[name](x, y)
-                own = _binary(name, x, y, value, slopes[a], slopes[b])
-            numbers.append(np.asarray(value))
+                left, right = slopes[a], slopes[b]
+                own = _binary(name, x, y, value, left, right) if left or right else {}
+            numbers.append(value)
             slopes.append(own)
     return (
-        {name: numbers[i] for name, i in plan.outputs.items()},
+        {name: np.asarray(numbers[i]) for name, i in plan.outputs.items()},
         {
-            name: {seeds[j]: slope for j, slope in slopes[i].items()}
+            name: {seeds[j]: np.asarray(slope) for j, slope in slopes[i].items()}
             for name, i in plan.outputs.items()
         },
     )
 
 
+MINUS_ONE = np.asarray(-1.0)
+
 _UNARY: Mapping[str, Callable[[Array, Array], Array]] = {
-    "neg": lambda x, v: np.asarray(-1.0),
+    "neg": lambda x, v: MINUS_ONE,
     "sqrt": lambda x, v: 0.5 / v,
     "abs": lambda x, v: np.sign(x),
     "sign": lambda x, v: np.asarray(0.0),
@@ -74,31 +76,36 @@ _UNARY: Mapping[str, Callable[[Array, Array], Array]] = {
 
 
 def _binary(name: str, x: Array, y: Array, value: Array, left: Slopes, right: Slopes) -> Slopes:
-    if not left and not right:
-        return {}
     if name == "add":
-        return _combined(left, right, None, None)
+        return _sum(left, right)
     if name == "sub":
-        return _combined(left, right, None, np.asarray(-1.0))
+        return _sum(left, _times(MINUS_ONE, right))
     if name == "mul":
-        return _combined(left, right, y, x)
+        return _sum(_times(y, left), _times(x, right))
     if name == "div":
         by = 1.0 / y
-        return _combined(left, right, by, -value * by if right else None)
+        return _sum(_times(by, left), _times(-value * by, right) if right else right)
     if name == "pow":
         # An exponent that is searched for stands over a positive base; log of others is not used.
-        by_base = y * np.power(x, y - 1.0) if left else None
-        return _combined(left, right, by_base, value * np.log(x) if right else None)
+        by_base = _times(y * np.power(x, y - 1.0), left) if left else left
+        return _sum(by_base, _times(value * np.log(x), right) if right else right)
     lower = (1.0 + np.sign(y - x)) / 2.0
     if name == "max":
         lower = 1.0 - lower
-    return _combined(left, right, lower, 1.0 - lower)
+    return _sum(_times(lower, left), _times(1.0 - lower, right))
 
 
-def _combined(left: Slopes, right: Slopes, a: Array | None, b: Array | None) -> Slopes:
-    """a * left + b * right, where None stands for 1."""
-    result = {j: s if a is None else a * s for j, s in left.items()}
+def _times(factor: Array, slopes: Slopes) -> Slopes:
+    return {j: factor * s for j, s in slopes.items()}
+
+
+def _sum(left: Slopes, right: Slopes) -> Slopes:
+    """Slopes of a sum; none is changed, so that those of one side alone are handed on."""
+    if not right:
+        return left
+    if not left:
+        return right
+    result = left.copy()
     for j, s in right.items():
-        part = s if b is None else b * s
-        result[j] = result[j] + part if j in result else part
+        result[j] = result[j] + s if j in result else s
     return result

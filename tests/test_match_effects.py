@@ -78,10 +78,11 @@ def test_every_reading_that_counts_may_be_off(rig: Opened) -> None:
 
 
 def test_a_driver_behind_the_module(station: Opened) -> None:
-    """Total flow of the channel drives the head of each of its feeders."""
+    """Total flow of the channel drives the head of each of its feeders, and of all alike."""
     found = [c for c in station[2].candidates if c.name == "shared-header"]
     assert {"head"} == {c.place for c in found}
-    assert 8 == len(found)
+    assert [8] == [len(c.members) for c in found if c.members]
+    assert 9 == len(found)
     assert {"channel.Q"} == {c.drivers["F"] for c in found}
     equation = "head = z - downstream(l_suction) + k*Q**2 + k_2*channel.Q**2"
     assert equation == found[0].equation
@@ -97,7 +98,7 @@ def test_a_driver_in_another_module(rig: Opened) -> None:
         parameters={"b": parameter(), "T0": parameter(None, of="T", fixed=True)},
     )
     own = PlantWorkshop(with_effects(models, cold), workshop._readings)
-    ids = [c.id for c in own.candidates if c.name == "cold-line"]
+    ids = [c.id for c in own.candidates if c.name == "cold-line" and not c.members]
     assert "A.cold-line@plant" in ids
     assert [f"M1.cold-line@resis(dp, {m}.T)" for m in "ABCDE"] == [i for i in ids if "M1" in i]
 
@@ -129,7 +130,7 @@ def test_an_effect_joins_a_place_once(rig: Opened) -> None:
         parameters={"a": parameter()},
     )
     own = PlantWorkshop(with_effects(models, twice), workshop._readings)
-    assert 5 == sum(c.name == "twice" for c in own.candidates)
+    assert 5 == sum(c.name == "twice" for c in own.candidates if not c.members)
     ids = [c.id for c in workshop.candidates]
     assert len(ids) == len(set(ids))
     unknowns = [u.id for c in workshop.candidates for u in c.unknowns]

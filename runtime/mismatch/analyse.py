@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from runtime.mismatch.candidate import Workshop
+from runtime.mismatch.candidate import Spot, Workshop
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, reconstruct
 from runtime.mismatch.interval import confounded
-from runtime.mismatch.locate import noise_scale, region_of, variables_of
-from runtime.mismatch.predict import Predictor, predictor_for
+from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, variables_of
+from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
-from runtime.mismatch.prove import Proof, prove
+from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
 from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
@@ -29,6 +29,12 @@ from runtime.ruleset import Ruleset
 
 FEWEST = 12
 """Settled points below which nothing can be compared."""
+
+FAR_MOVED = 5.0
+"""Stated uncertainties by which a parameter may move before it is worth a remark."""
+
+TRIED = 5
+"""Readings per finding among which the one that shows it best is chosen."""
 
 Progress = Callable[[str], None]
 
@@ -67,9 +73,10 @@ def analyse(
     tell("working out uncertainties")
     findings = findings_of(found.best, found.accepted)
     tell("opening the held-out blocks")
-    predictors = _predictors(system, findings, hidden)
     settled = with_sensors_as_they_are(found.best.fitted)
-    proofs = [prove(p, settled) for p in predictors]
+    models = models_of(settled)
+    predictors = _predictors(system, findings, hidden, models)
+    proofs = [prove(p, models) for p in predictors]
     repair = repair_of(settled)
     return _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
 
@@ -81,9 +88,15 @@ def _hidden(found: Search) -> Reconstruction | None:
 
 
 def _predictors(
-    system: System, findings: Sequence[Finding], hidden: Reconstruction | None
+    system: System,
+    findings: Sequence[Finding],
+    hidden: Reconstruction | None,
+    models: Models,
 ) -> list[Predictor]:
-    """The readings in whose units errors are told: those that findings move, flows first."""
+    """The readings in whose units errors are told: for each finding that which shows it best.
+
+    That is the flow meter, where there is one; flows come first.
+    """
     candidates = {c.id: c for c in system.workshop.candidates}
     spots = {(s.module, s.place): s for s in system.workshop.spots}
     places: list[tuple[tuple[str, ...], frozenset[str], str]] = []
@@ -97,7 +110,12 @@ def _predictors(
         spot = hidden.spot
         places.append((spot.observers, frozenset(), spot.unit))
     places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
-    found = {p.signal.id: p for place in places if (p := predictor_for(system, *place))}
+    found: dict[str, Predictor] = {}
+    for place in places:
+        natural = predictors_for(system, *place)[:TRIED]
+        if natural and not natural[0].of_flow:
+            natural.sort(key=lambda p: -round(gain_shown(p, models), 3))
+        found.update({p.signal.id: p for p in natural[:1]})
     return sorted(found.values(), key=lambda p: not p.of_flow)
 
 
@@ -137,7 +155,7 @@ def _answer(
         system.data.digest,
         _noise_told(fitted),
         found.tried,
-        _notes(recording, proofs),
+        _notes(recording, proofs, fitted),
         fitted.setting.ids,
         repair.parameters,
         repair.covariance,
@@ -183,7 +201,16 @@ def _location(fitted: Fitted, hidden: Reconstruction, share: float) -> Location:
         share,
         region_of(system, contribution, variables),
         (),
+        _also(fitted, hidden.spot),
     )
+
+
+def _also(fitted: Fitted, spot: Spot) -> tuple[str, ...]:
+    """Places whose errors look the same in all residuals."""
+    found = {s.spot.id: s for s in suspects(fitted)}
+    own = found.pop(spot.id, None)
+    others = (s for s in found.values() if own is not None and alike(own, s))
+    return tuple(f"{s.spot.module}.{s.spot.place}" for s in others)
 
 
 def _untested(system: System, findings: Sequence[Finding]) -> tuple[str, ...]:
@@ -217,14 +244,30 @@ def _noise_told(fitted: Fitted) -> str:
     )
 
 
-def _notes(recording: Recording, proofs: Sequence[Proof]) -> tuple[str, ...]:
-    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+def _notes(recording: Recording, proofs: Sequence[Proof], fitted: Fitted) -> tuple[str, ...]:
+    notes = list(_moved(fitted))
+    notes += [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
     if proofs and proofs[0].faulty:
         notes.append(
             f"{proofs[0].faulty} settled points lie in periods of faults; errors are those of the "
             "others (in held-out blocks periods are found by the finished model)"
         )
     return tuple(notes)
+
+
+def _moved(fitted: Fitted) -> Iterator[str]:
+    """A remark for each module whose calibration had to be let go, and by how much."""
+    known = fitted.rows.system.workshop.parameters
+    u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
+    for module in sorted(fitted.setting.released):
+        own = [
+            (abs(fitted.setting.values[n] - known.values[i]) / u[i], n)
+            for i, n in enumerate(known.ids)
+            if n.partition(".")[0] == module and u[i] > 0 and n in fitted.setting.values
+        ]
+        far, name = max(own, default=(0.0, ""))
+        if far > FAR_MOVED:
+            yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
 
 
 def _curves(

@@ -68,6 +68,12 @@ class Candidate:
     text: str
     action: str
     source: str
+    members: tuple[str, ...] = ()
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """All modules where it acts."""
+        return self.members or (self.module,)
 
 
 @dataclass(frozen=True)

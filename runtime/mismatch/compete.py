@@ -18,6 +18,9 @@ from runtime.mismatch.screen import Trial, looks_at
 from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
+LOUD = 3.0
+"""A term is at least this many times what it makes of the noise of readings."""
+
 LOOSE = 2.0
 """Standard uncertainties by which a value may move in a refit to half of the blocks."""
 
@@ -97,7 +100,7 @@ def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
     setting = fitted.setting.joining(candidate, trial.values, trial.fixed, trial.course)
     if candidate.sort in ("physics", "ageing", HIDDEN):
         # A calibration under a law that left something out says little of the repaired one.
-        setting = replace(setting, released=setting.released | {candidate.module})
+        setting = replace(setting, released=setting.released.union(candidate.modules))
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper), trial
 
 
@@ -132,6 +135,24 @@ def _aligned(before: Fitted, after: Fitted) -> Setting:
     own = before.setting
     kept = {n: after.setting.values.get(n, v) for n, v in own.values.items()}
     return replace(own, values=kept)
+
+
+def amplifies_noise(before: Fitted, after: Fitted) -> bool:
+    """Is the term that was found of the size of what it makes of the readings' noise?
+
+    A threshold within the noise of its driver, with a steep law behind it, follows the noise.
+    """
+    system, data = before.rows.system, before.rows.system.data
+    there, bare = system.flows(after.setting), system.flows(_aligned(before, after))
+    term = np.nan_to_num(there.values - bare.values)[:, before.used]
+    noise = 0.0
+    for name in {*there.by_reading, *bare.by_reading}:
+        for i in range(len(term)):
+            own = there.by_reading.get(name, {}).get(i, np.zeros(1))
+            slope = own - bare.by_reading.get(name, {}).get(i, np.zeros(1))
+            part = np.nan_to_num(slope * data.noise[name])[before.used]
+            noise += float(np.sum(np.minimum(np.abs(part), 1e100) ** 2))
+    return float(np.sum(term**2)) < LOUD**2 * noise
 
 
 def _shuffled(block: np.ndarray, order: np.random.Generator) -> np.ndarray:

@@ -99,10 +99,9 @@ class Fitted:
 
     `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
     of rows say as much as one alone would (they are alike where something is left out).
-    `predicted` are the readings as reconciled by the model, `maps` how changes of estimates show
-    in the rows. `likelihood` shape (groups,): log likelihood of every group of rows, also of those
-    that were not used. `normal` is the normal matrix of the values with their prior; `jacobian`
-    the table of slopes at the end.
+    `predicted` are the readings as reconciled by the model. `likelihood` shape (groups,): log
+    likelihood of every group of rows, also of those that were not used. Slopes are worked out when
+    they are asked for: a step that is not taken, and a fit that is only judged, need none.
     """
 
     setting: Setting
@@ -113,11 +112,51 @@ class Fitted:
     scale: float
     residual: Array
     predicted: Mapping[str, Array]
-    maps: Maps
     likelihood: Array
-    jacobian: Array
-    normal: Array
     objective: float
+
+    @property
+    def maps(self) -> Maps:
+        """How changes of estimates show in the rows."""
+        return self._slopes[0]
+
+    @property
+    def jacobian(self) -> Array:
+        """Slopes of the residuals by the values, shape (rows, values)."""
+        return self._slopes[1]
+
+    @cached_property
+    def _slopes(self) -> tuple[Maps, Array]:
+        rows, setting = self.rows, self.setting
+        stems = list(dict.fromkeys(name.partition("#")[0] for name in self.prior.names))
+        flows = rows.system.flows(setting, stems, at=self.predicted)
+        maps = rows.maps(flows)
+        columns = {name: rows.column(maps, flows.by_value[name]) for name in stems}
+        segments = {course.unknown: course.segment[rows.point] for course in setting.courses}
+        table = np.empty((len(self.prior.names), len(rows)))
+        for row, name in zip(table, self.prior.names, strict=True):
+            stem, _, number = name.partition("#")
+            row[:] = columns[stem]
+            if number:
+                row *= segments[stem] == int(number)
+        return maps, table.T
+
+    @cached_property
+    def normal(self) -> Array:
+        """The normal matrix of the values with their prior, shape (values, values)."""
+        weights = self.weights
+        half = self.jacobian * np.sqrt(weights)[:, None]
+        normal: Array = half.T @ half + self.prior.precision
+        normal[np.diag_indices(len(normal))] += 1e-12 / self.prior.size**2
+        return normal
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of the rows in the normal matrix, shape (rows,)."""
+        use = self.used[self.rows.point]
+        robust = student_weights(self.rows, self.residual, self.scale)
+        weights: Array = robust * use / (self.scale**2 * self.temper)
+        return weights
 
     @cached_property
     def covariance(self) -> Array:
@@ -163,7 +202,7 @@ def fit(
     current = _evaluated(rows, setting, prior, at, used, temper, None)
     damping = 1e-3
     for _ in range(steps):
-        step = _step(rows, current, prior, at, use, free, damping)
+        step = _step(current, prior, at, free, damping)
         trial_at = np.clip(at + step, prior.lowest, prior.highest)
         trial = _evaluated(rows, setting, prior, trial_at, used, temper, current.scale)
         gain = current.objective - trial.objective
@@ -178,18 +217,8 @@ def fit(
     return current
 
 
-def _step(
-    rows: Rows,
-    now: Fitted,
-    prior: Prior,
-    at: Array,
-    use: np.ndarray,
-    free: np.ndarray,
-    damping: float,
-) -> Array:
-    weights = student_weights(rows, now.residual, now.scale) * use
-    weights /= now.scale**2 * now.temper
-    gradient = now.jacobian.T @ (weights * now.residual) + prior.precision @ (at - prior.mean)
+def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float) -> Array:
+    gradient = now.jacobian.T @ (now.weights * now.residual) + prior.precision @ (at - prior.mean)
     # A value at its bound does not move further out.
     stopped = ((at <= prior.lowest) & (gradient > 0)) | ((at >= prior.highest) & (gradient < 0))
     moving = np.flatnonzero(free & ~stopped)
@@ -211,47 +240,21 @@ def _evaluated(
     temper: float,
     scale: float | None,
 ) -> Fitted:
-    """Residuals, slopes, scale and objective at some values."""
+    """Residuals, scale and objective at some values."""
     placed = replace(
         setting, values={**setting.values, **dict(zip(prior.names, at.tolist(), strict=True))}
     )
     errors, predicted = rows.errors(rows.system.flows(placed))
     residual = _sound(errors)
-    stems = list(dict.fromkeys(name.partition("#")[0] for name in prior.names))
-    flows = rows.system.flows(placed, stems, at=predicted)
-    maps = rows.maps(flows)
-    columns = {name: rows.column(maps, flows.by_value[name]) for name in stems}
-    segments = {course.unknown: course.segment[rows.point] for course in setting.courses}
-    jacobian = np.empty((len(rows), len(at)))
-    for j, name in enumerate(prior.names):
-        stem, _, number = name.partition("#")
-        jacobian[:, j] = (
-            columns[stem] * (segments[stem] == int(number)) if number else columns[stem]
-        )
     use = used[rows.point]
     scale = _scale(rows, residual, use, scale)
     likelihood = _likelihood(rows, residual, scale)
-    weights = student_weights(rows, residual, scale) * use / (scale**2 * temper)
-    normal = (jacobian * weights[:, None]).T @ jacobian + prior.precision
-    normal[np.diag_indices(len(at))] += 1e-12 / prior.size**2
     off = at - prior.mean
     objective = float(
         0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum() / temper
     )
     return Fitted(
-        placed,
-        rows,
-        prior,
-        used,
-        temper,
-        scale,
-        residual,
-        predicted,
-        maps,
-        likelihood,
-        jacobian,
-        normal,
-        objective,
+        placed, rows, prior, used, temper, scale, residual, predicted, likelihood, objective
     )
 
 
@@ -263,7 +266,7 @@ def temper_of(fitted: Fitted) -> float:
     rows = fitted.rows
     factors = []
     for cell in rows.cells:
-        table = fitted.residual[cell.rows].reshape(len(cell.points), cell.rank) / fitted.scale
+        table = cell.table(fitted.residual).T / fitted.scale
         table = np.clip(table[fitted.used[cell.points]], -4.0, 4.0)
         count = len(table) // BATCHES
         if count < 2:

@@ -9,7 +9,7 @@ Jorgensen 2004, for static relations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +51,7 @@ def noise_scale(rows: Rows, residual: Array) -> float:
         return 1.0
     sizes = []
     for cell in rows.cells:
-        table = residual[cell.rows].reshape(len(cell.points), cell.rank)
+        table = cell.table(residual).T
         if len(table) > 8:
             second = np.diff(table, 2, axis=0)
             sizes.append((len(table), 1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)))
@@ -190,7 +190,3 @@ def periods_of(time: Array, contribution: Array, most: int = 8) -> tuple[tuple[f
     if len(runs) > most or sum(level[a:b].sum() for a, b in runs) < 0.8 * level.sum():
         return ()
     return tuple((float(time[pieces[a][0]]), float(time[pieces[b - 1][-1]])) for a, b in runs)
-
-
-def names(items: Sequence[Suspect]) -> tuple[str, ...]:
-    return tuple(f"{s.spot.module}.{s.spot.place}" for s in items)

@@ -88,6 +88,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "sort": finding.sort,
         "title": finding.title,
         "module": finding.module,
+        "modules": list(finding.members or (finding.module,)),
         "place": finding.place,
         "parameters": {
             name: {

@@ -51,7 +51,7 @@ FAINT = 0.01
 MOST_LEVELS = 3
 """Degrees that a fault comes at."""
 
-TELLING = 0.15
+TELLING = 0.05
 """Share of the scatter of degrees that a few levels may leave."""
 
 SHORTEST = 3
@@ -184,8 +184,10 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
     weight = np.bincount(rows.point, column * sound, minlength=n).astype(float)
     moment = np.bincount(rows.point, sound * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
-        least = FAINT * float(np.median(weight[weight > 0])) if np.any(weight > 0) else 0.0
-        degree: Array = np.where(weight > least, -moment / weight, np.nan)
+        # Whether a point speaks of the degree is no matter of how far out it lies.
+        spoken = np.bincount(rows.point, column**2, minlength=n)
+        least = FAINT * float(np.median(spoken[spoken > 0])) if np.any(spoken > 0) else 0.0
+        degree: Array = np.where(spoken > least, -moment / weight, np.nan)
     return degree, weight
 
 
@@ -271,6 +273,9 @@ def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] 
     whole = _scatter(level[order], length[order])
     low, high = order[:split], order[split:]
     if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
+        return None
+    # Levels at rest that others separate differ by noise: two states must pay for themselves.
+    if whole - scatter[split - 1] < PENALTY * float(np.log(length.sum())):
         return None
     middle = 0.5 * float(level[low].max() + level[high].min())
     if not _changes_at_once(level, lasting, level > middle):

@@ -92,17 +92,17 @@ class Predictor:
         return result
 
 
-def predictor_for(
+def predictors_for(
     system: System, observers: tuple[str, ...], drivers: frozenset[str], unit: str = ""
-) -> Predictor | None:
-    """The residual and reading that show the error of some observers best.
+) -> list[Predictor]:
+    """Residuals and readings that show the error of some observers, the most natural first.
 
     A reading of the kind of the place (`unit`) is best, then one that only one side of the
     residual has, such as that of a flow meter.
     """
     kind = parse_unit(unit, system.ruleset.units)
     modules = {o.rpartition(".")[0] for o in observers}
-    best: tuple[tuple[float, ...], Predictor] | None = None
+    found: dict[str, tuple[tuple[float, ...], Predictor]] = {}
     for spec in system.ruleset.residuals:
         ids = [t.observer for t in spec.terms]
         touched = [o for o in ids if o in observers]
@@ -126,6 +126,7 @@ def predictor_for(
                 -float(len(system.ruleset.observer_by_id[readers[0]].signals)),
                 float(readers[0] not in observers),
             )
-            if best is None or rank > best[0]:
-                best = (rank, Predictor(system, spec, signal, points))
-    return best[1] if best else None
+            if name not in found or rank > found[name][0]:
+                found[name] = (rank, Predictor(system, spec, signal, points))
+    ranked = sorted(found.values(), key=lambda f: f[0], reverse=True)
+    return [predictor for _, predictor in ranked]

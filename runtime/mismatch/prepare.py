@@ -34,6 +34,9 @@ SMALLEST = 4
 BUDGET = 15_000
 """Points times observers at most; more samples are averaged into one point."""
 
+BRIDGED = 0.8
+"""Share of readings that must be there for gaps to be bridged."""
+
 STATISTICAL = 0.3
 """Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
 
@@ -85,6 +88,8 @@ def prepare(
         return None
     points = points_of_stretches(recording, ruleset, stretches, noise)
     assert points.time is not None
+    time = points.time
+    points = _bridged(points, {s for o in ruleset.observers for s in o.signals})
     statistical = {}
     for signal in ruleset.signals:
         if signal.id in points.values:
@@ -93,12 +98,23 @@ def prepare(
             # A reading that is constant by quantisation or filtering is not therefore exact.
             smallest = floor if of_rows else 0.1 * floor / np.sqrt(stretches.lengths)
             statistical[signal.id] = np.maximum(own, smallest)
-    block, part = _split(points.time, heldout)
-    text = _told(points.time, part, block, heldout)
+    block, part = _split(time, heldout)
+    text = _told(time, part, block, heldout)
     digest = hashlib.sha256(
         np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
     ).hexdigest()[:16]
-    return Data(points, points.time, statistical, block, part, of_rows, text, digest)
+    return Data(points, time, statistical, block, part, of_rows, text, digest)
+
+
+def _bridged(points: Points, read: set[str]) -> Points:
+    """Gaps in readings that no estimate needs, bridged: they may drive something all the same."""
+    assert points.time is not None
+    values = dict(points.values)
+    for name, course in points.values.items():
+        known = np.isfinite(course)
+        if name not in read and not known.all() and known.mean() > BRIDGED:
+            values[name] = np.interp(points.time, points.time[known], course[known])
+    return replace(points, values=values)
 
 
 def _pieces(stretches: Stretches, observers: int) -> Stretches:
@@ -152,10 +168,3 @@ def _told(
         f"{len(time)} settled points in {len(np.unique(block))} blocks of time: "
         f"{counts[0]} for estimation, {counts[1]} for selection, {counts[2]} held out ({chosen})"
     )
-
-
-def without(data: Data, signals: Sequence[str]) -> Data:
-    """The same points as if some readings had not been recorded."""
-    points = data.points
-    kept = {name: v for name, v in points.values.items() if name not in signals}
-    return replace(data, points=replace(points, values=kept))

@@ -37,23 +37,60 @@ class Proof:
     faulty: int
 
 
-def prove(predictor: Predictor, repaired: Fitted) -> Proof:
-    """Open the held-out blocks, once."""
-    rows = repaired.rows
-    data = rows.system.data
+@dataclass(frozen=True)
+class Models:
+    """The three models to compare, fitted to all points that are not held out.
+
+    `faulty` flags points in periods of faults, shape (n,).
+    """
+
+    shipped: Setting
+    recalibrated: Setting
+    repaired: Setting
+    fitted: Fitted
+    faulty: np.ndarray
+
+
+def models_of(repaired: Fitted) -> Models:
+    """The repaired model, and what it is compared with."""
     plain = without_physics(repaired.setting)
     for spot in repaired.setting.spots:
         plain = plain.leaving(spot)
     recalibrated = with_sensors_as_they_are(repaired, plain)
-    faulty = _faulty(rows, repaired)
-    settings = (Setting(), recalibrated.setting, repaired.setting)
-    predictions = [predictor.predicted(_without_periods(setting)) for setting in settings]
+    return Models(
+        Setting(),
+        _without_periods(recalibrated.setting),
+        _without_periods(repaired.setting),
+        repaired,
+        _faulty(repaired.rows, repaired),
+    )
+
+
+def gain_shown(predictor: Predictor, models: Models) -> float:
+    """By how much the repair lowers the error of a reading on points that are not held out."""
+    data = predictor.system.data
+    measured = data.values[predictor.signal.id]
+    part = predictor.points & data.open & ~models.faulty
+    off = [
+        (predictor.predicted(setting) - measured)[part]
+        for setting in (models.recalibrated, models.repaired)
+    ]
+    usable = np.isfinite(off[0]) & np.isfinite(off[1])
+    before, after = (_rms(o[usable]) for o in off)
+    return before / after if after > 0 and np.isfinite(before) else 0.0
+
+
+def prove(predictor: Predictor, models: Models) -> Proof:
+    """Open the held-out blocks, once."""
+    rows, faulty = models.fitted.rows, models.faulty
+    data = rows.system.data
+    settings = (models.shipped, models.recalibrated, models.repaired)
+    predictions = [predictor.predicted(setting) for setting in settings]
     measured = data.values[predictor.signal.id]
     judged = np.isfinite(measured) & predictor.points & ~faulty
     judged &= np.all([np.isfinite(p) for p in predictions], axis=0)
-    noise = predictor.noise(_without_periods(repaired.setting)) * noise_scale(
-        rows, repaired.residual
-    )
+    local = noise_scale(rows, models.fitted.residual)
+    noise = predictor.noise(models.repaired) * local
     factor = predictor.signal.factor
     errors = [(p - measured) / factor for p in predictions]
     parts = [judged & data.open, judged & (data.part == HELDOUT)]

@@ -90,6 +90,7 @@ class Finding:
 
     `id` is that of the candidate; `gain` its own gain in log likelihood on selection blocks, and
     `rivals` those that lost. `closed` is the share of the mismatch at its place that it explains.
+    `members` lists all modules where it acts alike, empty for one module alone.
     """
 
     id: str
@@ -109,6 +110,7 @@ class Finding:
     rivals: tuple[Rival, ...]
     periods: tuple[Period, ...]
     closed: float
+    members: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

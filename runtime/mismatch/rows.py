@@ -15,8 +15,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.mismatch.cell import Cell, Linear
 from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import Flows, Slopes, System
+from runtime.mismatch.small_systems import inverses, inverses_of
+from runtime.mismatch.system import Flows, System
 from runtime.plan import Array
 from runtime.redundancy import blocks_of, patterns_of, residual_basis
 
@@ -25,9 +27,6 @@ RARE = 0.01
 
 TINY = 1e-6
 """Share of an output's size below which noise counts as this much: nothing is exact."""
-
-SINGULAR = 1e10
-"""Condition from which on a system of outputs has no solution."""
 
 HUGE = 1e100
 """A slope beyond this is none."""
@@ -39,47 +38,7 @@ SMALLEST, LARGEST = 0.95, 20.0
 """Share of a reading by which it may be moved towards zero, and away from it."""
 
 Maps = tuple[Array, ...]
-"""Per cell the map from changes of estimates to whitened errors, (points, rank, observers)."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """Points at which the same estimates check each other.
-
-    `observers` are numbers in the system, `basis` shape (rank, observers) their combinations that
-    vanish, `outputs` as many readings that follow from the others. `whitener`, shape (points,
-    rank, rank), turns errors of the outputs into rows with unit noise; `first` is its first row.
-    """
-
-    points: NDArray[np.intp]
-    observers: NDArray[np.intp]
-    basis: Array
-    outputs: tuple[str, ...]
-    whitener: Array
-    first: int
-
-    @property
-    def rank(self) -> int:
-        return len(self.basis)
-
-    @property
-    def rows(self) -> slice:
-        """Its rows in the table; those of one point follow each other."""
-        return slice(self.first, self.first + len(self.points) * self.rank)
-
-    def combined(self, of_observer: Mapping[int, Array], n: int) -> Array:
-        """Combinations of observers' values that vanish, shape (points, rank)."""
-        result = np.zeros((len(self.points), self.rank))
-        for j, i in enumerate(self.observers):
-            if int(i) in of_observer:
-                values = np.broadcast_to(of_observer[int(i)], (n,))[self.points]
-                result += values[:, None] * self.basis[:, j]
-        return result
-
-    def slopes(self, by_reading: Slopes, n: int) -> Array:
-        """Derivatives of the combinations by the outputs, shape (points, rank, rank)."""
-        columns = [self.combined(by_reading.get(name, {}), n) for name in self.outputs]
-        return np.stack(columns, axis=2)
+"""Per cell the map from changes of estimates to whitened errors, (observers, rank, points)."""
 
 
 @dataclass(frozen=True)
@@ -104,76 +63,89 @@ class Rows:
 
         Source: Gauss-Helmert model (Mikhail and Ackermann 1976, chapter 9).
         """
-        n = len(self.system.data)
         table = np.full(len(self), np.nan)
-        values = dict(enumerate(flows.values))
         obeying: dict[str, Array] = {}
-        for cell in self.cells:
-            combined = cell.combined(values, n)
-            off = _solved(cell.slopes(flows.by_reading, n), combined[:, :, None])
-            whitened = (cell.whitener @ off)[:, :, 0]
-            table[cell.rows] = whitened.ravel()
-            large = np.sqrt(np.mean(whitened**2, axis=1)) > NOISY
-            for name, shift in self._shifts(cell, flows, combined).items():
-                alone = off[:, cell.outputs.index(name), 0] if name in cell.outputs else 0.0
-                self._move(obeying, name, cell.points, np.where(large, alone, shift))
+        linear = [self._linear(cell, flows) for cell in self.cells]
+        of_outputs = [part.of_outputs(cell) for part, cell in zip(linear, self.cells, strict=True)]
+        inverse = inverses_of([*of_outputs, *(part.normal for part in linear)])
+        for number, (cell, part) in enumerate(zip(self.cells, linear, strict=True)):
+            off = _product(inverse[number], part.combined)
+            whitened = _product(cell.whitener, off)
+            table[cell.rows] = whitened.T.ravel()
+            weight = _product(inverse[len(self.cells) + number], part.combined)
+            shifts = np.einsum("nrm,nr->nm", part.scaled, weight)
+            shifts *= self._noise(cell, part.names)
+            large = np.einsum("nr,nr->n", whitened, whitened) > NOISY**2 * cell.rank
+            alone = np.zeros_like(shifts)
+            alone[:, [part.names.index(name) for name in cell.outputs]] = off
+            self._move(obeying, cell, part.names, np.where(large[:, None], alone, shifts))
         return table, obeying
 
     def _move(
-        self, obeying: dict[str, Array], name: str, points: NDArray[np.intp], shift: Array
+        self, obeying: dict[str, Array], cell: Cell, names: Sequence[str], shifts: Array
     ) -> None:
-        """Take a shift off a reading, its sign kept."""
-        measured = self.system.data.values[name]
-        course = obeying.setdefault(name, measured.copy())
-        size = np.abs(measured[points])
-        towards_zero = np.sign(measured[points]) * np.nan_to_num(shift)
-        kept = np.clip(towards_zero, -LARGEST * size, SMALLEST * size)
-        course[points] -= np.sign(measured[points]) * kept
+        """Take shifts, shape (points, readings), off readings, their signs kept."""
+        values = self.system.data.values
+        measured = np.stack([values[name][cell.points] for name in names], axis=1)
+        sign, size = np.sign(measured), np.abs(measured)
+        towards_zero = sign * np.nan_to_num(shifts)
+        kept = sign * np.minimum(np.maximum(towards_zero, -LARGEST * size), SMALLEST * size)
+        for name, shift in zip(names, kept.T, strict=True):
+            if name not in obeying:
+                obeying[name] = values[name].copy()
+            obeying[name][cell.points] -= shift
 
-    def _shifts(self, cell: Cell, flows: Flows, combined: Array) -> dict[str, Array]:
-        """What each reading of a cell is off the nearest ones that obey, shape (points,)."""
-        n = len(self.system.data)
-        reached = {int(i) for i in cell.observers}
-        names = [name for name, by in flows.by_reading.items() if reached & set(by)]
-        slopes = np.stack([cell.combined(flows.by_reading[x], n) for x in names], axis=2)
-        noise = np.stack([self.system.data.noise[x][cell.points] for x in names], axis=1)
-        scaled = slopes * noise[:, None, :]
-        size = np.abs(scaled).max(axis=(1, 2), initial=0.0)[:, None, None]
-        size = np.where(size < HUGE, size, 0.0)
-        diagonal = (1e-6 * size) ** 2 * np.eye(cell.rank)
-        weight = _solved(scaled @ np.swapaxes(scaled, 1, 2) + diagonal, combined[:, :, None])
-        shift = (np.swapaxes(scaled, 1, 2) @ weight)[:, :, 0] * noise
-        return {name: shift[:, j] for j, name in enumerate(names)}
+    def _linear(self, cell: Cell, flows: Flows) -> Linear:
+        """The relations of a cell at the readings of `flows`."""
+        names = cell.readings(flows.by_reading)
+        slopes = cell.slopes(flows.by_reading, names)
+        scaled = slopes * self._noise(cell, names)[:, None, :]
+        size = np.abs(scaled.reshape(len(scaled), -1)).max(axis=1, initial=0.0)
+        size = np.where(size < HUGE, size, 0.0)[:, None, None]
+        normal = scaled @ np.swapaxes(scaled, 1, 2) + (1e-6 * size) ** 2 * np.eye(cell.rank)
+        return Linear(names, cell.combined(flows.values), slopes, scaled, normal)
+
+    def _noise(self, cell: Cell, names: Sequence[str]) -> Array:
+        noise = self.system.data.noise
+        return np.stack([noise[name][cell.points] for name in names], axis=1)
 
     def maps(self, flows: Flows) -> Maps:
         """How changes of the estimates show in the rows, at the readings of `flows`."""
-        n = len(self.system.data)
+        slopes = [cell.slopes(flows.by_reading, cell.outputs) for cell in self.cells]
         result = []
-        for cell in self.cells:
-            slopes = cell.slopes(flows.by_reading, n)
-            wide = np.broadcast_to(cell.basis, (len(slopes), *cell.basis.shape))
-            result.append(np.nan_to_num(cell.whitener @ _solved(slopes, wide)))
+        for cell, inverse in zip(self.cells, inverses_of(slopes), strict=True):
+            map_ = np.nan_to_num((cell.whitener @ inverse) @ cell.basis)
+            result.append(np.ascontiguousarray(map_.transpose(2, 1, 0)))
         return tuple(result)
 
     def column(self, maps: Maps, slopes: Mapping[int, Array]) -> Array:
-        """Rows of a change of some observers, each shape (n,)."""
+        """Rows of a change of some observers, each shape (n,) or a number for all points."""
         table = np.zeros(len(self))
-        n = len(self.system.data)
-        for cell, map_ in zip(self.cells, maps, strict=True):
-            part = np.zeros((len(cell.points), cell.rank))
-            for j, i in enumerate(cell.observers):
-                if int(i) in slopes:
-                    values = np.broadcast_to(slopes[int(i)], (n,))[cell.points]
-                    part += map_[:, :, j] * np.nan_to_num(values)[:, None]
-            table[cell.rows] = part.ravel()
+        for i, change in slopes.items():
+            for number, j in self._places.get(i, ()):
+                cell = self.cells[number]
+                values = cell.at_points(change)
+                if not np.isfinite(values).all():
+                    values = np.nan_to_num(values)
+                part = cell.table(table)
+                part += maps[number][j] * values
         return table
+
+    @cached_property
+    def _places(self) -> Mapping[int, tuple[tuple[int, int], ...]]:
+        """Where an observer stands: numbers of cells, and its place in each."""
+        places: dict[int, tuple[tuple[int, int], ...]] = {}
+        for number, cell in enumerate(self.cells):
+            for j, i in enumerate(cell.observers.tolist()):
+                places[i] = (*places.get(i, ()), (number, j))
+        return places
 
     @cached_property
     def group(self) -> NDArray[np.intp]:
         """Number of the (cell, point) of each row: rows that are judged together."""
         groups, start = [np.zeros(0, dtype=int)], 0
         for cell in self.cells:
-            groups.append(start + np.repeat(np.arange(len(cell.points)), cell.rank))
+            groups.append(start + np.tile(np.arange(len(cell.points)), cell.rank))
             start += len(cell.points)
         return np.concatenate(groups)
 
@@ -214,7 +186,7 @@ def rows_of(system: System, setting: Setting) -> Rows:
             if cell is not None:
                 cells.append(cell)
                 start += len(cell.points) * cell.rank
-    places = [np.repeat(cell.points, cell.rank) for cell in cells]
+    places = [np.tile(cell.points, cell.rank) for cell in cells]
     return Rows(system, tuple(cells), np.concatenate([*places, np.zeros(0, dtype=int)]))
 
 
@@ -229,19 +201,19 @@ def _cell(
     """Choose outputs, and whiten their errors; None where no reading follows from others."""
     points = points[np.isfinite(flows.values[np.ix_(observers, points)]).all(axis=0)]
     bare = Cell(points, observers, basis, (), np.zeros(0), first)
-    n = len(system.data)
+    names = bare.readings(flows.by_reading)
+    table = bare.slopes(flows.by_reading, names)
     by_noise = {
-        name: bare.combined(slopes, n) * system.data.noise[name][points][:, None]
-        for name, slopes in flows.by_reading.items()
-        if any(int(i) in slopes for i in observers)
+        name: table[:, :, j] * system.data.noise[name][points][:, None]
+        for j, name in enumerate(names)
     }
     by_noise = {name: part for name, part in by_noise.items() if np.isfinite(part).all()}
     outputs = _outputs(system, by_noise, len(basis))
     if outputs is None or not len(points):
         return None
-    slopes = Cell(points, observers, basis, outputs, np.zeros(0), first).slopes(flows.by_reading, n)
+    slopes = bare.slopes(flows.by_reading, outputs)
     every = np.stack(list(by_noise.values()), axis=2)
-    noise = _solved(slopes, every)
+    noise = inverses(slopes) @ every
     covariance = noise @ np.swapaxes(noise, 1, 2)
     size = np.stack([np.abs(system.data.values[name][points]) for name in outputs], axis=1)
     diagonal = np.arange(len(basis))
@@ -250,6 +222,12 @@ def _cell(
     factor = np.linalg.cholesky(covariance[sound])
     whitener = np.linalg.inv(factor)
     return Cell(points[sound], observers, basis, outputs, whitener, first)
+
+
+def _product(matrices: Array, vectors: Array) -> Array:
+    """One matrix times one vector per point, shapes (n, r, r) and (n, r)."""
+    product: Array = np.einsum("nrs,ns->nr", matrices, vectors)
+    return product
 
 
 def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[str, ...] | None:
@@ -271,31 +249,6 @@ def _outputs(system: System, by_noise: Mapping[str, Array], rank: int) -> tuple[
         table = table - np.outer(direction, direction @ table)
         table[:, best] = 0.0
     return tuple(chosen)
-
-
-def _solved(matrices: Array, right: Array) -> Array:
-    """Solve k small systems; NaN where one has no solution.
-
-    Outputs have units of their own: rows and columns are brought to one size before a system
-    counts as singular.
-    """
-    sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
-    one = np.eye(matrices.shape[1])
-    safe = np.where(sound[:, None, None], matrices, one)
-    rows = _size(safe, 2)
-    columns = _size(safe / rows, 1)
-    scaled = safe / rows / columns
-    sound &= np.linalg.cond(scaled) < SINGULAR
-    scaled = np.where(sound[:, None, None], scaled, one)
-    solution = np.linalg.solve(scaled, right / rows) / np.swapaxes(columns, 1, 2)
-    result: Array = np.where(sound[:, None, None], solution, np.nan)
-    return result
-
-
-def _size(matrices: Array, axis: int) -> Array:
-    """Largest entry along an axis, 1 where there is none."""
-    sizes = np.abs(matrices).max(axis=axis, initial=0.0, keepdims=True)
-    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _blocks(system: System) -> list[NDArray[np.intp]]:

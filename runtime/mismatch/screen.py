@@ -24,19 +24,26 @@ from runtime.plan import Array
 MOST_STARTS = 12
 """Combinations of shapes that are tried of one candidate."""
 
+VARYING = 3.0
+"""A driver varies by this many times the noise of its settled readings."""
+
 FAR = 2.5
 """Residuals beyond this many scales count less, in the second of two looks."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised."""
+    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
+
+    `along` are others that must be joined with it.
+    """
 
     candidate: Candidate
     values: Mapping[str, float]
     fixed: Mapping[str, float]
     gain: float
     course: Course | None = None
+    along: tuple[Trial, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -160,17 +167,33 @@ def columns_of(
 
 
 def _has_drivers(system: System, candidate: Candidate) -> bool:
-    values = system.data.values
-    known = all(
-        d == TIME or (d in values and np.isfinite(values[d]).any())
-        for d in candidate.drivers.values()
-    )
-    return known and any(o in system.number for o in candidate.observers)
+    """Is everything recorded that drives it, and does it vary by more than its noise?
+
+    A law that bends where a reading is at rest would only fit the noise of that reading.
+    """
+    data = system.data
+    for name in candidate.drivers.values():
+        if name == TIME:
+            continue
+        values = data.values.get(name)
+        if values is None or not np.isfinite(values[data.open]).any():
+            return False
+        if np.nanstd(values[data.open]) < VARYING * np.nanmedian(data.noise[name]):
+            return False
+    return any(o in system.number for o in candidate.observers)
 
 
 def references(system: System, candidate: Candidate) -> dict[str, float]:
-    """Fixed parameters: the median reading of their driver, where the recording is open."""
-    return {u.id: _readings(system, u)[0] for u in candidate.unknowns if u.fixed}
+    """Fixed parameters, where the recording is open: the median reading of their driver, or half
+    the distance between two quantiles."""
+    found = {}
+    for unknown in candidate.unknowns:
+        if unknown.fixed and len(unknown.quantiles) == 2:
+            low, high = _readings(system, unknown, unknown.quantiles)
+            found[unknown.id] = 0.5 * (high - low) or 1.0
+        elif unknown.fixed:
+            found[unknown.id] = _readings(system, unknown)[0]
+    return found
 
 
 def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:

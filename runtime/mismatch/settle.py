@@ -16,6 +16,9 @@ from runtime.mismatch.result import Changed
 from runtime.mismatch.setting import ERROR, Setting
 from runtime.plan import Array
 
+FAR = 5.0
+"""Robust standard deviations beyond which a point is set aside, as in calibration."""
+
 REPAIRING = ("physics", "ageing")
 """Sorts of explanations that become part of a model."""
 
@@ -47,7 +50,7 @@ def repair_of(settled: Fitted) -> Repair:
     """What to write into a plant of the repaired model."""
     setting, system = settled.setting, settled.rows.system
     repairing = [c for c in setting.joined if c.sort in REPAIRING]
-    touched = {c.module for c in repairing}
+    touched = {m for c in repairing for m in c.modules}
     unknowns = {u.id for c in repairing for u in c.unknowns if not u.fixed}
     base = set(system.workshop.parameters.ids)
     names = [
@@ -66,9 +69,11 @@ def repair_of(settled: Fitted) -> Repair:
 
 
 def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
-    """What two estimates of a flow still differ by, beyond the noise of the readings.
+    """What two estimates of a flow still differ by, noise of the readings included, as calibration
+    counts it.
 
-    It is the fault of the one that has a misfit at all, or of both alike.
+    It is the fault of the one that has a misfit at all, or of both alike. Points far off belong to
+    something else and are set aside.
     """
     system = settled.rows.system
     flows = system.flows(settled.setting)
@@ -80,29 +85,16 @@ def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
         first, second = (system.number[o] for o in ids)
         difference = flows.values[first] - flows.values[second]
         usable = settled.used & system.valid[first] & system.valid[second]
-        usable &= np.isfinite(difference)
-        if not usable.any():
+        off = difference[usable & np.isfinite(difference)]
+        if not len(off):
             continue
-        centred = np.abs(difference[usable] - np.median(difference[usable]))
-        noise = _noise(settled, flows.by_reading, first, second)[usable]
-        square = float((1.4826 * np.median(centred)) ** 2 - np.median(noise**2))
+        spread = 1.4826 * float(np.median(np.abs(off - np.median(off))))
+        near = off[np.abs(off - np.median(off)) <= FAR * max(spread, 1e-300)]
         own = [o for o in ids if system.ruleset.observer_by_id[o].misfit > 0] or ids
         for name in own:
-            value = float(np.sqrt(max(square, 0.0) / len(own)))
-            found[name] = min(found.get(name, value), value)
+            value = float(np.sqrt(np.mean(near**2) / (2 if len(own) == len(ids) == 2 else 1)))
+            found[name] = max(found.get(name, 0.0), value)
     return found
-
-
-def _noise(
-    settled: Fitted, by_reading: Mapping[str, Mapping[int, Array]], first: int, second: int
-) -> Array:
-    data = settled.rows.system.data
-    variance = np.zeros(len(data))
-    for name, slopes in by_reading.items():
-        slope = slopes.get(first, np.zeros(1)) - slopes.get(second, np.zeros(1))
-        variance = variance + (slope * data.noise[name]) ** 2
-    noise: Array = np.sqrt(variance)
-    return noise
 
 
 def _ranges(settled: Fitted, touched: set[str]) -> dict[str, tuple[float, float]]:

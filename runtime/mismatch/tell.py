@@ -65,13 +65,15 @@ def _finding(best: Contestant, record: Accepted, share: float) -> Finding:
         record.rivals,
         periods,
         share,
+        candidate.members,
     )
 
 
 def titled(system: System, candidate: Candidate) -> str:
     """An explanation and where, in a few words."""
     module = system.ruleset.modules.get(candidate.module, candidate.module)
-    return f"{candidate.title} ({candidate.module}: {module}, {candidate.place})"
+    where = ", ".join(candidate.members) or f"{candidate.module}: {module}"
+    return f"{candidate.title} ({where}, {candidate.place})"
 
 
 def _estimate(fitted: Fitted, unknown: Unknown) -> Estimate:

@@ -7,13 +7,18 @@ from collections.abc import Sequence
 from runtime.mismatch.candidate import Missing
 from runtime.mismatch.result import Finding, HiddenDriver, Location
 
+MAJOR = 0.5
+"""Share of what could be explained that names must have, beside a driver that nobody recorded."""
+
 CERTAIN = 0.6
 """Probability below which the best name is one of several."""
 
 
 def verdict_of(findings: Sequence[Finding], left: bool) -> str:
-    """One of the verdicts of docs/repair-a-model.md."""
+    """One of the verdicts of docs/repair-a-model.md; `left` tells that something has no name."""
     named = [f for f in findings if f.sort != "free"]
+    if left and sum(f.closed for f in named) < MAJOR:
+        return "unnamed"
     if not named:
         return "unnamed" if left or findings else "none"
     physics = [f for f in named if f.sort in ("physics", "ageing")]
@@ -27,13 +32,15 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
 
 def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
     """The finding in one sentence."""
+    told = [f for f in findings if f.sort != "free"]
     names = [
-        f"{f.title[0].lower()}{f.title[1:]} in {f.module}" for f in findings if f.sort != "free"
+        f"{f.title[0].lower()}{f.title[1:]} in {', '.join(f.members) or f.module}" for f in told
     ]
     if verdict == "none":
         return "Nothing is missing: what recalibration leaves is noise."
     if verdict == "unnamed":
-        where = f"{locations[0].module}.{locations[0].place}" if locations else "the plant"
+        most = max(locations, key=lambda place: place.share, default=None)
+        where = f"{most.module}.{most.place}" if most else "the plant"
         return (
             f"Something is missing at {where} that no known effect, fault or sensor error explains."
         )
@@ -41,12 +48,23 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
         first = next(f for f in findings if f.sort != "free")
         others = " or ".join(a.title for a in first.alternatives[:2])
         return f"Several explanations fit equally: {names[0]}, or {others}."
-    lead = {
-        "named": "The model leaves out",
-        "fault": "The model is right; the plant has a fault:",
-        "sensor": "The model is right; a sensor is not:",
-    }[verdict]
-    return f"{lead} {_joined(names)}."
+    parts = [
+        (lead, [n for f, n in zip(told, names, strict=True) if f.sort in sorts])
+        for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
+    ]
+    said = [f"{lead} {_joined(own)}" for lead, own in parts if own]
+    if verdict in ("fault", "sensor"):
+        begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
+        said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
+    return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
+
+
+LEADS = {
+    ("physics", "ageing"): "The model leaves out",
+    ("fault",): "The plant has a fault:",
+    ("sensor",): "A sensor is wrong:",
+}
+"""How explanations of each sort are told."""
 
 
 def _joined(names: Sequence[str]) -> str:

@@ -182,7 +182,7 @@ def proof(fit: Fit, repaired: bool) -> str:
 
 def titled(finding: Finding) -> str:
     """A finding and the module that it is about; two may differ by the module alone."""
-    return f"{finding.title} in {finding.module}"
+    return f"{finding.title} in {', '.join(finding.members) or finding.module}"
 
 
 def rivals_words(finding: Finding) -> str:

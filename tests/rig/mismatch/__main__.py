@@ -6,6 +6,7 @@ import argparse
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from rich.console import Console
@@ -89,7 +90,9 @@ def _clean(out: Console, work: Path, options: argparse.Namespace) -> None:
 
 
 def _speed(out: Console, work: Path, options: argparse.Namespace) -> None:
-    _asked(out, [speed.prepare(work)], work)
+    clean_ = speed.timed(speed.prepare(work), work)
+    show_answers(out, [(clean_.case, clean_.answer)])
+    show_lines(out, "growth", speed.growth_lines(chain([clean_], speed.growth(work))))
 
 
 def _planted(out: Console, work: Path, options: argparse.Namespace) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -93,7 +93,7 @@ def _three(errors: Mapping[str, float]) -> str:
     return " / ".join(_number(errors[kind]) for kind in kinds)
 
 
-def show_lines(out: Console, title: str, lines: Sequence[str]) -> None:
+def show_lines(out: Console, title: str, lines: Iterable[str]) -> None:
     """A heading and what was measured."""
     out.print(f"[bold]{title}[/]")
     for line in lines:

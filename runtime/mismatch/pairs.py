@@ -1,0 +1,52 @@
+"""Two explanations at once, where each alone is hidden by the other."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.mismatch.compete import refit
+from runtime.mismatch.fit import Fitted
+from runtime.mismatch.screen import Trial, columns_of, looks_at
+
+PAIRED = 12
+"""Single trials of which pairs are made."""
+
+MORE = 1.5
+"""A pair is tried if it gains this many times what its parts gain alone, linearised."""
+
+TRIED = 2
+
+
+def pair_trials(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, Trial]]:
+    """Refits with the two explanations of the most promising pairs."""
+    chosen = [t for t in trials if not t.candidate.members][:PAIRED]
+    columns = [columns_of(fitted, t.candidate, _at_null(t), t.fixed) for t in chosen]
+    looks = looks_at(fitted)
+    found: list[tuple[float, Trial, Trial]] = []
+    for (i, first), (j, second) in itertools.combinations(enumerate(chosen), 2):
+        a, b = columns[i], columns[j]
+        if a is None or b is None or first.candidate.name == second.candidate.name:
+            continue
+        both = np.concatenate([a, b], axis=1)
+        wide = np.full(both.shape[1], np.inf)
+        gain = max(look.best(both, -wide, wide)[1] for look in looks)
+        if gain > MORE * (first.gain + second.gain):
+            found.append((gain, first, second))
+    found.sort(key=lambda f: -f[0])
+    return [_refitted(fitted, first, second) for _, first, second in found[:TRIED]]
+
+
+def _at_null(trial: Trial) -> dict[str, float]:
+    """Values of a trial with its amplitudes at their null."""
+    null = {u.id: u.null for u in trial.candidate.unknowns if u.null is not None}
+    return {name: null.get(name, value) for name, value in trial.values.items()}
+
+
+def _refitted(fitted: Fitted, first: Trial, second: Trial) -> tuple[Fitted, Trial]:
+    """Both joined; the second stands along with the first."""
+    setting = fitted.setting.joining(second.candidate, second.values, second.fixed)
+    return refit(replace(fitted, setting=setting), replace(first, along=(second,)))

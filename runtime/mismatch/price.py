@@ -1,0 +1,64 @@
+"""What counts for an explanation: its gain, less what it costs before any data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from runtime.mismatch.compete import Contestant
+from runtime.mismatch.periods import STEPS
+from runtime.mismatch.setting import HIDDEN
+
+NEEDED = 6.0
+"""Gain in log likelihood that an explanation needs beyond the logarithm of those tried."""
+
+WORTH = 0.005
+"""Gain per settled point that is worth naming: a term of about a tenth of the scatter."""
+
+RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 3.0, "hidden": 0.0}
+"""How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
+sensors leave their class."""
+
+COMMON = 6.0
+"""What a claim about several modules must gain more than one about a single module."""
+
+FLICKERING = 2.0
+"""How much less expected a sensor is that errs in some periods only, in log odds [assumed]."""
+
+
+def price_of(contestant: Contestant) -> float:
+    """What a model costs before any data: rare explanations, periods, values let go.
+
+    Blocks held apart cannot judge periods, so each pays for its ends and its degree. A calibration
+    that is let go pays for every value as a fit without one would.
+    """
+    setting = contestant.fitted.setting
+    each = 0.5 * float(np.log(max(contestant.fitted.rows.groups, 2)))
+    hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
+    steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
+    levels = sum(c.levels for c in setting.courses)
+    signals = contestant.fitted.rows.system.ruleset.signal_by_id
+    rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in setting.joined)
+    coming = {course.unknown for course in setting.courses}
+    for candidate in setting.joined:
+        if coming & {u.id for u in candidate.unknowns}:
+            rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
+    parameters = contestant.fitted.rows.system.workshop.parameters.ids
+    freed = sum(name.partition(".")[0] in setting.released for name in parameters)
+    return each * (steps + levels + freed) + rare
+
+
+def net_gain(contestant: Contestant, now: Contestant) -> float:
+    """Gain over a model less the price of what it has more."""
+    return contestant.gain_over(now) - price_of(contestant) + price_of(now)
+
+
+def needed(now: Contestant, tried: int) -> float:
+    """Gain that is worth naming."""
+    return NEEDED + float(np.log(max(tried, 1))) + WORTH * now.fitted.rows.groups
+
+
+def odds_of(other: Contestant, winner: Contestant) -> float:
+    """Odds of another explanation against the winner, from their difference over blocks."""
+    lead = winner.certainty_over(other)
+    certainty = float(np.exp(-0.5 * max(lead, 0.0) ** 2 - 0.8 * max(lead, 0.0)))
+    return certainty * float(np.exp(min(price_of(winner) - price_of(other), 0.0)))

@@ -1,0 +1,59 @@
+"""Looking back: what an explanation means for those accepted before it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from runtime.mismatch.compete import Contestant, contest, entered
+from runtime.mismatch.fit import Fitted, fit, temper_of
+from runtime.mismatch.periods import in_periods
+from runtime.mismatch.price import NEEDED, net_gain
+from runtime.mismatch.setting import HIDDEN
+
+
+def retempered(fitted: Fitted) -> Fitted:
+    """Refitted with neighbours counted as what they are worth by now."""
+    temper = temper_of(fitted)
+    return fit(fitted.rows, fitted.setting, fitted.used, temper=temper)
+
+
+def recut(now: Contestant) -> Contestant:
+    """Find the periods of faults again, after something else was explained."""
+    for course in now.fitted.setting.courses:
+        candidate = next(
+            c for c in now.fitted.setting.joined if course.unknown in {u.id for u in c.unknowns}
+        )
+        if candidate.sort == HIDDEN:
+            continue
+        # A fit without it would be bent by the fault: periods are cut from what the full model
+        # leaves without the fault.
+        without = fit(
+            now.fitted.rows,
+            now.fitted.setting.leaving(candidate.id),
+            now.fitted.used,
+            0,
+            None,
+            now.fitted.temper,
+        )
+        trial = in_periods(without, candidate)
+        if trial is None:
+            continue
+        again = entered(without, trial)
+        again = replace(again, trial=now.trial)
+        if net_gain(again, now) > 0:
+            now = again
+    return now
+
+
+def needless(now: Contestant, names: list[str]) -> tuple[Contestant, list[str]]:
+    """Leave out what later explanations have made needless; the ids of what was left out."""
+    gone: list[str] = []
+    for name in names:
+        setting = now.fitted.setting.leaving(name)
+        less = contest(
+            fit(now.fitted.rows, setting, now.fitted.used, temper=now.fitted.temper), now.trial
+        )
+        if net_gain(now, less) < NEEDED:
+            now = less
+            gone.append(name)
+    return now, gone

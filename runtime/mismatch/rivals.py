@@ -1,0 +1,147 @@
+"""Step 4: rivals that must lose, and explanations that would do instead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.mismatch.compete import (
+    Contestant,
+    amplifies_noise,
+    contest,
+    placebo_gains,
+    shuffled_gains,
+)
+from runtime.mismatch.fit import Fitted, fit, student_weights
+from runtime.mismatch.locate import spot_column
+from runtime.mismatch.price import NEEDED, needed, net_gain
+from runtime.mismatch.result import Rival
+from runtime.mismatch.screen import Trial
+from runtime.plan import Array
+
+SURE = 3.0
+"""Standard deviations, robust over blocks, by which a gain differs from none."""
+
+ALIKE = 0.5
+"""Cosine of the changes that two explanations make, from which on they explain the same."""
+
+SHUFFLES = 20
+SEED = 20_240_117
+"""Rivals are drawn from one fixed seed, so that the same recording gives the same answer."""
+
+
+def released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | None:
+    """The model with the parameters of the suspected module free; None if that gains nothing."""
+    if not ranked or ranked[0].trial is None:
+        return None
+    modules = ranked[0].trial.candidate.modules
+    setting = now.fitted.setting
+    if setting.released.issuperset(modules):
+        return None
+    freed = replace(setting, released=setting.released.union(modules))
+    easing = contest(
+        fit(now.fitted.rows, freed, now.fitted.used, 25, None, now.fitted.temper), now.trial
+    )
+    return easing if net_gain(easing, now) > needed(now, 1) else None
+
+
+def beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
+    """Is an explanation worth more than letting the calibration go?
+
+    A fault or a sensor error stands beside a calibration that holds, and need only be as good.
+    """
+    assert contestant.trial is not None
+    lead = net_gain(contestant, now) - net_gain(easing, now)
+    physics = contestant.trial.candidate.sort in ("physics", "ageing")
+    return lead > (needed(now, 1) if physics else -NEEDED)
+
+
+def defeated(
+    contestant: Contestant, now: Contestant, easing: Contestant | None, tried: int
+) -> tuple[Rival, ...] | None:
+    """The rivals with their gains; None where one of them does as well."""
+    net = net_gain(contestant, now)
+    if net < needed(now, tried) or contestant.sureness_over(now) < SURE:
+        return None
+    trial = contestant.trial
+    assert trial is not None
+    if _at_an_end(contestant) or amplifies_noise(now.fitted, contestant.fitted):
+        return None
+    own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
+    placebo = _placebo(now.fitted, trial)
+    if trial.course is None and (own <= shuffled.max() or net <= placebo):
+        return None
+    return (
+        Rival("the plain model, recalibrated", 0.0 if easing is None else net_gain(easing, now)),
+        Rival("as many parameters without physics", placebo),
+        Rival("its own course, shuffled by blocks", float(shuffled.max())),
+    )
+
+
+def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
+    """The model without an explanation, its calibration let go where the explanation lets it go.
+
+    Under a calibration that holds, a term shows little that base values must make room for.
+    """
+    fitted, released = now.fitted, contestant.fitted.setting.released
+    if released == fitted.setting.released:
+        return fitted
+    setting = replace(fitted.setting, released=released)
+    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+
+
+def _at_an_end(contestant: Contestant) -> bool:
+    """Did a search run to the end of a range? Then the law fits for another reason."""
+    assert contestant.trial is not None
+    values = contestant.fitted.setting.values
+    for unknown in contestant.trial.candidate.unknowns:
+        value = values.get(unknown.id)
+        if value is None or value == unknown.null:
+            continue
+        for end in (unknown.lowest, unknown.highest):
+            # A range that begins at the null may be so wide that what is small lies near it.
+            if end == unknown.null:
+                continue
+            if np.isfinite(end) and abs(value - end) <= 1e-6 * (unknown.highest - unknown.lowest):
+                return True
+    return False
+
+
+def _placebo(fitted: Fitted, trial: Trial) -> float:
+    """Best gain of smooth functions of time at the place of a trial."""
+    columns = _columns(fitted, trial)
+    if not columns or trial.course is not None:
+        return 0.0
+    return float(placebo_gains(fitted, trial, columns, SEED).max())
+
+
+def _columns(fitted: Fitted, trial: Trial) -> list[Array]:
+    """Slopes of the residuals by an error at the place of a trial."""
+    candidate = trial.candidate
+    spots = fitted.rows.system.workshop.spots
+    here = [s for s in spots if (s.module, s.place) == (candidate.module, candidate.place)]
+    here = here or [s for s in spots if set(s.observers) & set(candidate.observers)][:1]
+    return [c for c in (spot_column(fitted, s) for s in here) if c is not None]
+
+
+def instead_of(
+    winner: Contestant, ranked: Sequence[Contestant], now: Contestant
+) -> list[Contestant]:
+    """Explanations of the same thing: they change the residuals alike."""
+    rows = now.fitted.rows
+    weight = student_weights(rows, now.fitted.residual, now.fitted.scale)
+    weight = weight * now.fitted.used[rows.point]
+
+    def change(contestant: Contestant) -> Array:
+        return now.fitted.residual - contestant.fitted.residual
+
+    own = change(winner)
+    found = []
+    for other in ranked:
+        course = change(other)
+        size = float(np.sqrt(np.sum(weight * own**2) * np.sum(weight * course**2)))
+        if other is not winner and float(np.sum(weight * own * course)) > ALIKE * size:
+            found.append(other)
+    return found

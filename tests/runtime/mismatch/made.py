@@ -1,0 +1,168 @@
+"""Recordings made from a plant's own equations, with something built in that the plant lacks.
+
+The readings are those at which all estimates of an amended plant balance. They come from the same
+plans as the analysis, so these recordings test the analysis, not the equations.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rulec.workshop import PlantWorkshop, open_workshop
+from runtime.mismatch.analyse import analyse
+from runtime.mismatch.candidate import TIME
+from runtime.mismatch.prepare import Data, prepare
+from runtime.mismatch.result import Mismatch
+from runtime.mismatch.rows import Rows, rows_of
+from runtime.mismatch.setting import Setting
+from runtime.mismatch.system import System
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.redundancy import residual_basis
+from runtime.ruleset import Ruleset
+from runtime.sensing import SensorErrors, sense
+from runtime.tangent import run_with_slopes
+from tests.conftest import ROOT
+
+HOLD = 12
+"""Samples at an operating point."""
+
+WARMEST, USUAL = 30.0, 293.15
+"""Kelvin above the usual temperature, and that."""
+
+Built = Mapping[str, Mapping[str, Array | float]]
+"""Per candidate its parameters (by local names, SI), each a number or an array, shape (n,)."""
+
+
+@functools.cache
+def opened(plant: str) -> tuple[Ruleset, PlantWorkshop]:
+    """A shipped plant with its workshop."""
+    return open_workshop(ROOT / "plants" / plant)
+
+
+@functools.cache
+def alone() -> tuple[Ruleset, PlantWorkshop]:
+    """One dosing module, nothing downstream: three estimates of one flow."""
+    return open_workshop(Path(__file__).parent / "plant.yaml")
+
+
+def tour(
+    ruleset: Ruleset, samples: int, low: float = 0.6, high: float = 1.25, hold: int = HOLD
+) -> dict[str, Array]:
+    """Inputs (speeds) at settled points spread over a range around the reference point, SI."""
+    number = np.arange(samples) // hold
+    given = {}
+    for k, signal in enumerate(s for s in ruleset.signals if s.is_input):
+        share = np.mod(0.5 + number * np.sqrt((2, 3, 5, 7, 11, 13)[k % 6]), 1.0)
+        given[signal.id] = signal.reference * (low + (high - low) * share)
+    return given
+
+
+def warming(samples: int) -> Array:
+    """A temperature that rises and falls once, K."""
+    return USUAL + WARMEST * np.sin(np.pi * np.arange(samples) / samples) ** 2
+
+
+def solved(
+    ruleset: Ruleset,
+    workshop: PlantWorkshop,
+    given: Mapping[str, Array],
+    built: Built | None = None,
+    base: Mapping[str, float] | None = None,
+) -> dict[str, Array]:
+    """Readings, SI, at which all estimates balance; `base` are parameters other than stated."""
+    built = built or {}
+    n = len(next(iter(given.values())))
+    names = [s for s in ruleset.simulation.steps for s in s.readings]
+    size = np.array([abs(ruleset.signal_by_id[s].reference) for s in names])
+    inputs: dict[str, Array | float] = {TIME: np.arange(n, dtype=float)}
+    inputs |= workshop.parameters.constants
+    inputs |= dict(zip(workshop.parameters.ids, workshop.parameters.values.tolist(), strict=True))
+    inputs |= {**given, **(base or {})}
+    inputs |= {f"{c}.{name}": v for c, values in built.items() for name, v in values.items()}
+    basis = residual_basis(ruleset, np.ones(len(ruleset.observers), dtype=bool))
+    at = np.tile(size, (n, 1))
+    for _ in range(30):
+        inputs |= dict(zip(names, at.T, strict=True))
+        left, slopes = _estimates(ruleset, workshop, inputs, tuple(built), names, n)
+        jacobian = np.einsum("ro,nos->nrs", basis, slopes) * size
+        step = np.linalg.solve(jacobian, (left @ basis.T)[:, :, None])[:, :, 0] * size
+        at = at - np.clip(step, -0.3 * size, 0.3 * size)
+        if np.abs(step / size).max() < 1e-13:
+            break
+    return {**given, **dict(zip(names, at.T, strict=True))}
+
+
+def _estimates(
+    ruleset: Ruleset,
+    workshop: PlantWorkshop,
+    inputs: Mapping[str, Array | float],
+    built: tuple[str, ...],
+    names: list[str],
+    n: int,
+) -> tuple[Array, Array]:
+    """Flows, shape (n, observers), and slopes by readings, shape (n, observers, readings)."""
+    flows = np.zeros((n, len(ruleset.observers)))
+    slopes = np.zeros((n, len(ruleset.observers), len(names)))
+    for i, observer in enumerate(ruleset.observers):
+        key = f"q:{observer.id}"
+        plan = workshop.plan(observer.module, built).select([key])
+        values, by = run_with_slopes(plan, inputs, names)
+        flows[:, i] = values[key]
+        for name, slope in by[key].items():
+            slopes[:, i, names.index(name)] = slope
+    return flows, slopes
+
+
+def recorded(
+    opened: tuple[Ruleset, PlantWorkshop],
+    given: Mapping[str, Array],
+    built: Built | None = None,
+    *,
+    seed: int | None = 1,
+    moved: bool = True,
+) -> Recording:
+    """A recording, one sample per second; without noise if there is no seed.
+
+    The true parameters are drawn from what is stated of them, unless they are not `moved`.
+    """
+    ruleset, workshop = opened
+    base: dict[str, float] = {}
+    if seed is not None and moved:
+        known = workshop.parameters
+        draw = np.random.default_rng(seed + 1000).multivariate_normal(
+            known.values, known.covariance, method="eigh"
+        )
+        base = dict(zip(known.ids, draw.tolist(), strict=True))
+    values = solved(ruleset, workshop, given, built, base)
+    if seed is not None:
+        errors = SensorErrors(bounded=True)
+        values = sense(ruleset, values, errors, np.random.default_rng(seed))
+    n = len(next(iter(values.values())))
+    return Recording(np.arange(n, dtype=float), values, np.zeros(n, dtype=int), (), ())
+
+
+def rows_at(
+    opened: tuple[Ruleset, PlantWorkshop], recording: Recording, data: Data | None = None
+) -> Rows:
+    """What the analysis looks at, before any fit."""
+    ruleset, workshop = opened
+    data = data or prepare(recording, ruleset)
+    assert data is not None
+    return rows_of(System(ruleset, workshop, data), Setting())
+
+
+def compared(opened: tuple[Ruleset, PlantWorkshop], recording: Recording) -> Mismatch:
+    """The whole analysis."""
+    return analyse(recording, *opened)
+
+
+def without(recording: Recording, *signals: str) -> Recording:
+    """The same recording with columns left out."""
+    kept = {name: v for name, v in recording.values.items() if name not in signals}
+    return replace(recording, values=kept)

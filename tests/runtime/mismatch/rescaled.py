@@ -1,0 +1,51 @@
+"""A workshop whose estimates are all in another unit: nothing that is told may depend on it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rulec.workshop import PlantWorkshop
+from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
+from runtime.plan import Plan
+
+
+class Rescaled:
+    """Estimates of a workshop times a number."""
+
+    def __init__(self, workshop: PlantWorkshop, factor: float) -> None:
+        self._workshop, self._factor = workshop, factor
+
+    @property
+    def parameters(self) -> BaseParameters:
+        return self._workshop.parameters
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        return self._workshop.candidates
+
+    @property
+    def missing(self) -> tuple[Missing, ...]:
+        return self._workshop.missing
+
+    @property
+    def spots(self) -> tuple[Spot, ...]:
+        return self._workshop.spots
+
+    def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
+        """The plan with one more operation behind each estimate."""
+        plan = self._workshop.plan(module, joined, spots)
+        place = len(plan.inputs) + len(plan.constants)
+        moved = {i: i if i < place else i + 1 for i in range(place + len(plan.operations))}
+        operations = [(name, moved[a], moved.get(b, 0)) for name, a, b in plan.operations]
+        outputs = {name: moved[i] for name, i in plan.outputs.items()}
+        for name in [n for n in outputs if n.startswith("q:")]:
+            operations.append(("mul", outputs[name], place))
+            outputs[name] = place + len(operations)
+        constants = (*plan.constants, self._factor)
+        return replace(plan, constants=constants, operations=tuple(operations), outputs=outputs)
+
+    def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
+        return self._workshop.free_form(spot, features)
+
+    def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
+        return self._workshop.equation(module, joined, place)

@@ -1,0 +1,85 @@
+"""Rivals: what is planted wins on blocks it was not fitted to; rivals lose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.compete import placebo_gains, shuffled_gains
+from runtime.mismatch.locate import spot_column
+from runtime.plan import Array
+from tests.runtime.mismatch.made import alone
+from tests.runtime.mismatch.warm import SLIP, after, before, plain, trial
+
+UNPLANTED = ("A.copper-loss@P_law", "A.line-laminar@plant", "A.slip-linear@Q_geo")
+
+
+def column(warm: bool = True) -> Array:
+    """Slopes of the residuals by an error of the slip."""
+    spot = next(s for s in alone()[1].spots if s.id == "definition:A.Q_geo")
+    found = spot_column(plain(warm), spot)
+    assert found is not None
+    return found
+
+
+def test_the_planted_effect_gains_where_it_was_not_fitted() -> None:
+    """Surely, and by about what it gained where it was fitted."""
+    gain = after().gain_over(before())
+    assert gain > 30.0
+    assert after().sureness_over(before()) > 3.0
+    assert after().certainty_over(before()) > 2.0
+    fitted = before().fitted.objective - after().fitted.objective
+    assert fitted == pytest.approx(gain, rel=0.5)
+
+
+def test_gains_are_antisymmetric() -> None:
+    """What one gains over the other, the other loses."""
+    assert after().gain_over(before()) == -before().gain_over(after())
+    assert 0.0 == after().gain_over(after())
+    assert 0.0 == after().certainty_over(after())
+    assert 0.0 == after().sureness_over(after())
+
+
+def test_held_out_blocks_play_no_part() -> None:
+    """Their log likelihood is none at all."""
+    data = plain().rows.system.data
+    shut = np.setdiff1d(np.unique(data.block), np.unique(data.block[data.open]))
+    assert len(shut) >= 4
+    assert not np.any(after().blocks[shut])
+
+
+@pytest.mark.parametrize("name", [SLIP, *UNPLANTED])
+def test_nothing_wins_on_a_healthy_recording(name: str) -> None:
+    """On blocks it was not fitted to, no candidate gains more than a few units."""
+    try:
+        contestant = after(name, warm=False)
+    except ValueError:
+        return  # it does not even gain where it was fitted
+    assert contestant.gain_over(before(warm=False)) < 6.0
+
+
+def test_its_own_course_beats_a_shuffled_one() -> None:
+    """Of twenty shuffles by blocks none comes near."""
+    own, shuffled = shuffled_gains(plain(), after().fitted, 20, 1)
+    assert (20,) == shuffled.shape
+    assert own > 2.0 * float(shuffled.max())
+    assert own > 20.0
+
+
+def test_shuffles_are_drawn_from_the_seed() -> None:
+    """The same seed, the same rivals."""
+    first, again, other = (shuffled_gains(plain(), after().fitted, 5, s)[1] for s in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_functions_without_physics_lose() -> None:
+    """As many waves in time at the same place gain less than the effect."""
+    gains = placebo_gains(plain(), trial(), [column()], 1)
+    assert after().gain_over(before()) > float(gains.max())
+    assert np.all(gains >= 0)
+
+
+def test_functions_without_physics_gain_nothing_from_noise() -> None:
+    """On a healthy recording the best of ten waves is chance."""
+    assert float(placebo_gains(plain(warm=False), trial(), [column(False)], 1).max()) < 8.0

@@ -1,0 +1,151 @@
+"""Refits: true values come back, priors hold, and a few bad points do not bend a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.fit import RELEASE, Fitted, fit, prior_of
+from runtime.mismatch.interval import profile
+from runtime.mismatch.setting import ERROR, Setting
+from runtime.recording import Recording
+from tests.runtime.mismatch.made import (
+    USUAL,
+    Built,
+    alone,
+    opened,
+    recorded,
+    rows_at,
+    tour,
+    warming,
+)
+
+SAMPLES = 240
+SLIP = "A.slip-temperature@Q_geo"
+TRUE: Built = {SLIP: {"b": 0.03, "T0": USUAL}}
+
+
+def recording(built: Built | None = None, **how: object) -> Recording:
+    rules, _ = alone()
+    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
+    return recorded(alone(), given, built, **how)  # type: ignore[arg-type]
+
+
+def joined(name: str, start: Mapping[str, float], fixed: Mapping[str, float]) -> Setting:
+    """The plain model with a candidate in it."""
+    candidate = next(c for c in alone()[1].candidates if c.id == name)
+    return Setting().joining(
+        candidate,
+        {f"{name}.{k}": v for k, v in start.items()},
+        {f"{name}.{k}": v for k, v in fixed.items()},
+    )
+
+
+def fitted(of: Recording, setting: Setting | None = None) -> Fitted:
+    rows = rows_at(alone(), of)
+    return fit(rows, setting or Setting(), rows.system.data.open)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_the_planted_value_is_found(seed: int) -> None:
+    """The rise of the slip per kelvin, within three standard uncertainties and 20 %."""
+    found = fitted(recording(TRUE, seed=seed), joined(SLIP, {"b": 0.01}, {"T0": USUAL}))
+    value, u = found.setting.values[f"{SLIP}.b"], found.u(f"{SLIP}.b")
+    assert abs(value - 0.03) < 3 * u
+    assert u < 0.2 * 0.03
+
+
+def test_without_noise_the_value_is_exact() -> None:
+    """Nothing pulls, so the true values are the best ones."""
+    found = fitted(recording(TRUE, seed=None), joined(SLIP, {"b": 0.01}, {"T0": USUAL}))
+    assert 0.03 == pytest.approx(found.setting.values[f"{SLIP}.b"], rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_base_values_come_back(seed: int) -> None:
+    """True parameters are drawn from what is stated: the refit errs as its covariance says."""
+    _, workshop = alone()
+    known = workshop.parameters
+    found = fitted(recording(seed=seed))
+    draw = np.random.default_rng(seed + 1000).multivariate_normal(
+        known.values, known.covariance, method="eigh"
+    )
+    pulls = [
+        (found.setting.values[n] - true) / found.u(n)
+        for n, true in zip(known.ids, draw, strict=True)
+        if n in found.prior.names
+    ]
+    assert float(np.max(np.abs(pulls))) < 3.5
+    assert 0.6 < found.scale < 1.2
+
+
+def test_the_prior_holds_where_nothing_is_said() -> None:
+    """One operating point does not tell parameters apart: they stay where they were stated."""
+    rules, workshop = alone()
+    given = {"A.n": np.full(60, rules.signal_by_id["A.n"].reference)}
+    found = fitted(recorded(alone(), given, moved=False))
+    u = np.sqrt(np.diag(workshop.parameters.covariance))
+    off = [
+        abs(found.setting.values[n] - v) / s
+        for n, v, s in zip(workshop.parameters.ids, workshop.parameters.values, u, strict=True)
+        if s > 0
+    ]
+    assert max(off) < 1.5
+    assert all(found.u(n) < 1.001 * s for n, s in zip(workshop.parameters.ids, u, strict=True) if s)
+
+
+def test_a_release_loosens_only_its_module() -> None:
+    """Precision falls by the square of the factor there, and nowhere else."""
+    rules, _ = opened("abc")
+    system = rows_at(opened("abc"), recorded(opened("abc"), tour(rules, 120))).system
+    plain, freed = prior_of(system, Setting()), prior_of(system, Setting(released=frozenset("A")))
+    ratio = np.diag(plain.precision) / np.diag(freed.precision)
+    for name, factor in zip(plain.names, ratio, strict=True):
+        expected = RELEASE**2 if name.startswith("A.") else 1.0
+        assert expected == pytest.approx(float(factor), rel=1e-6), name
+
+
+def test_held_values_stay() -> None:
+    """A value that is held is where it was put, and the others still move."""
+    rows = rows_at(alone(), recording(TRUE))
+    found = fit(rows, Setting(), rows.system.data.open, held={"A.C2": 0.0, ERROR + "A.dp": 0.5})
+    assert 0.0 == found.setting.values["A.C2"]
+    assert 0.5 == found.setting.values[ERROR + "A.dp"]
+    assert found.setting.values["A.C0"] != alone()[1].parameters.values[0]
+
+
+def test_values_stay_within_their_range() -> None:
+    """A share that cannot be negative ends at its bound."""
+    found = fitted(recording(), joined("A.relief-valve@Q_geo", {"K": 1e-12, "p_open": 3e5}, {}))
+    lowest = dict(zip(found.prior.names, found.prior.lowest, strict=True))
+    for name, value in found.setting.values.items():
+        if name in lowest:
+            assert value >= lowest[name], name
+
+
+@pytest.mark.parametrize("size", [3.0, 30.0])
+def test_gross_errors_do_not_bend_the_model(size: float) -> None:
+    """Every tenth pressure reading is wrong by a share of the range; the value is still found."""
+    clean = recording(TRUE)
+    draw = np.random.default_rng(8)
+    wrong = draw.random(SAMPLES) < 0.1
+    # Bad for three samples at a time, so that averages over points do not thin them out.
+    shift = np.where(wrong, size * 0.01e5, 0.0)
+    values = {**clean.values, "A.dp": clean.values["A.dp"] + shift}
+    setting = joined(SLIP, {"b": 0.01}, {"T0": USUAL})
+    found, plain = fitted(replace(clean, values=values), setting), fitted(clean, setting)
+    name = f"{SLIP}.b"
+    assert abs(found.setting.values[name] - 0.03) < 3 * found.u(name)
+    assert found.u(name) < 2.5 * plain.u(name)
+
+
+def test_the_profile_is_about_two_standard_uncertainties_wide() -> None:
+    """For a value in which the model is nearly linear; the best value lies inside."""
+    found = fitted(recording(TRUE), joined(SLIP, {"b": 0.01}, {"T0": USUAL}))
+    name = f"{SLIP}.b"
+    low, high = profile(found, name)
+    assert low < found.setting.values[name] < high
+    assert 3.92 * found.u(name) == pytest.approx(high - low, rel=0.25)

@@ -1,0 +1,69 @@
+"""A driver that nobody recorded: its course in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.hidden import described
+from runtime.plan import Array
+
+TIME = np.arange(0.0, 3600.0, 10.0)
+PHASE = TIME / TIME[-1]
+
+
+@pytest.mark.parametrize(
+    ("course", "expected"),
+    [
+        (np.full(len(TIME), 3.0), "constant"),
+        (
+            1.0 - np.exp(-TIME / 600.0),
+            "slow, rises from the start, two thirds of the way within 10 min",
+        ),
+        (
+            np.exp(-TIME / 600.0),
+            "slow, falls from the start, two thirds of the way within 10 min",
+        ),
+        (np.sin(np.pi * PHASE) ** 2, "slow, turns 1 time over 60 min"),
+        (-(np.sin(np.pi * PHASE) ** 2), "slow, turns 1 time over 60 min"),
+        (np.sin(2 * np.pi * PHASE) ** 4, "slow, turns 3 times over 60 min"),
+    ],
+)
+def test_a_course_in_words(course: Array, expected: str) -> None:
+    """What rises, falls, turns or does nothing is told so, in either direction."""
+    assert expected == described(TIME, course)
+
+
+@pytest.mark.xfail(reason="the way to the last level is looked for in both directions", strict=True)
+def test_what_rises_first_does_not_fall_from_the_start() -> None:
+    """Two waves: up first, then down, and so on."""
+    assert "falls from the start" not in described(TIME, np.sin(4 * np.pi * PHASE))
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1.0, 1e6])
+def test_size_and_offset_do_not_matter(factor: float) -> None:
+    """Turns are counted in shares of the span."""
+    wave = np.sin(4 * np.pi * PHASE)
+    assert described(TIME, wave) == described(TIME, 7.0 + factor * wave)
+
+
+def test_small_wiggles_are_no_turns() -> None:
+    """Only a third of the span counts."""
+    course = PHASE + 0.02 * np.sin(200 * PHASE)
+    assert "turns" not in described(TIME, course)
+
+
+def test_a_return_during_stops_is_told() -> None:
+    """Warms up, stands for an hour, is cold again."""
+    time = np.concatenate([TIME, TIME + 9000.0])
+    warm = 1.0 - np.exp(-TIME / 600.0)
+    assert described(time, np.concatenate([warm, warm])).endswith("returns during stops")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"), [(60.0, "60 s"), (1800.0, "30 min"), (36000.0, "10.0 h")]
+)
+def test_spans_are_told_in_fitting_units(seconds: float, expected: str) -> None:
+    """Seconds, minutes, hours."""
+    time = np.linspace(0.0, seconds, 200)
+    assert f"over {expected}" in described(time, np.sin(4 * np.pi * time / seconds))

@@ -1,0 +1,80 @@
+"""One linear step per candidate: what is planted gains most, and nothing gains without a cause."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.screen import Trial, screen
+from runtime.mismatch.setting import Setting
+from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
+
+SAMPLES = 240
+PLANTED: dict[str, Built] = {
+    "A.slip-temperature@Q_geo": {"A.slip-temperature@Q_geo": {"b": 0.03, "T0": USUAL}},
+    "A.relief-valve@Q_geo": {"A.relief-valve@Q_geo": {"K": 150e-3 / 3600 / 1e5, "p_open": 1.9e5}},
+    "A.zero-drift-temperature@dp": {"A.zero-drift-temperature@dp": {"z": 400.0, "T0": USUAL}},
+}
+
+
+@functools.cache
+def plain(name: str) -> Fitted:
+    """The plain model refitted to a recording with something built in."""
+    rules, _ = alone()
+    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
+    rows = rows_at(alone(), recorded(alone(), given, PLANTED.get(name, {})))
+    return fit(rows, Setting(), rows.system.data.open)
+
+
+@functools.cache
+def trials(name: str) -> tuple[Trial, ...]:
+    return tuple(screen(plain(name), alone()[1].candidates))
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_the_planted_effect_gains_among_the_most(name: str) -> None:
+    """It is among the five that are refitted in full, far above the bulk."""
+    found = {t.candidate.id: t.gain for t in trials(name)}
+    assert name in list(found)[:5]
+    assert found[name] > 20.0
+    assert found[name] > 5.0 * float(np.median(list(found.values())))
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_the_first_guess_is_near_the_truth(name: str) -> None:
+    """Amplitudes by projection have the right sign and size, to a factor of three."""
+    trial = next(t for t in trials(name) if t.candidate.id == name)
+    amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
+    true = PLANTED[name][name][amplitude.name]
+    assert 1 / 3 < trial.values[amplitude.id] / float(np.max(true)) < 3
+
+
+def test_nothing_gains_on_a_healthy_recording() -> None:
+    """Some 40 candidates fit noise: none by more than chance, 8 in log likelihood."""
+    assert max(t.gain for t in trials("healthy")) < 8.0
+
+
+def test_trials_are_sorted_and_within_their_range() -> None:
+    """Best first; every start is legal and references are those of open points."""
+    found = trials("A.slip-temperature@Q_geo")
+    gains = [t.gain for t in found]
+    assert sorted(gains, reverse=True) == gains
+    assert min(gains) > 0
+    for trial in found:
+        for unknown in trial.candidate.unknowns:
+            if unknown.id in trial.values:
+                assert unknown.lowest <= trial.values[unknown.id] <= unknown.highest
+    slip = next(t for t in found if t.candidate.name == "slip-temperature")
+    data = plain("A.slip-temperature@Q_geo").rows.system.data
+    expected = float(np.median(data.values["A.T"][data.open]))
+    assert {f"{slip.candidate.id}.T0": expected} == slip.fixed
+
+
+def test_a_driver_that_is_not_recorded_makes_no_trial() -> None:
+    """No candidate that needs a level is tried: none was recorded."""
+    tried = {d for t in trials("healthy") for d in t.candidate.drivers.values()}
+    assert "A.l" not in tried
+    assert any("A.l" in c.drivers.values() for c in alone()[1].candidates)

@@ -1,0 +1,116 @@
+"""The answer in one word and one sentence, for every kind of finding."""
+
+from __future__ import annotations
+
+import doctest
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
+from runtime.mismatch import periods, tell
+from runtime.mismatch.candidate import Missing
+from runtime.mismatch.result import Alternative, Finding
+from runtime.mismatch.tell import quantity
+from runtime.mismatch.verdict import headline_of, next_step, verdict_of
+from tests.runtime.mismatches import UNNAMED, WARM
+
+SURE = replace(WARM, probability=0.95)
+UNSURE = replace(WARM, probability=0.5, alternatives=(Alternative("x", "x", "Another one", 0.5),))
+FAULT = replace(SURE, sort="fault", title="Flow lost")
+SENSOR = replace(SURE, sort="sensor", title="Reading shifted")
+AGEING = replace(SURE, sort="ageing", title="Wear")
+FREE = replace(SURE, sort="free")
+LACKING = (Missing("e", "An effect", "A", "Q_gap", "temperature", "thermometer"),)
+
+
+@pytest.mark.parametrize(
+    ("findings", "left", "verdict", "headline"),
+    [
+        ((), False, "none", "Nothing is missing: what recalibration leaves is noise."),
+        ((), True, "unnamed", "Something is missing at the plant that no known effect"),
+        (
+            (SURE,),
+            False,
+            "named",
+            "The model leaves out gap flow that follows the temperature in A.",
+        ),
+        ((SURE,), True, "named", "The model leaves out gap flow"),
+        ((AGEING,), False, "named", "The model leaves out wear in A."),
+        ((UNSURE,), False, "ambiguous", "Several explanations fit equally: gap flow"),
+        ((FAULT,), False, "fault", "The model is right; the plant has a fault: flow lost in A."),
+        ((SENSOR,), False, "sensor", "The model is right; a sensor is not: reading shifted in A."),
+        (
+            (FAULT, SENSOR),
+            False,
+            "fault",
+            "The model is right; the plant has a fault: flow lost in",
+        ),
+        ((SENSOR, FAULT), False, "sensor", "The model is right; a sensor is not: reading shifted"),
+        ((FAULT, SURE), False, "named", "The model leaves out gap flow"),
+        ((replace(FAULT, probability=0.5), SURE), False, "named", "The model leaves out"),
+        ((FREE,), False, "unnamed", "Something is missing at the plant"),
+        ((FREE, SENSOR), False, "sensor", "The model is right; a sensor is not: reading shifted"),
+    ],
+)
+def test_verdict_and_headline(
+    findings: Sequence[Finding], left: bool, verdict: str, headline: str
+) -> None:
+    """Physics decides before faults and sensors; a free form is no name."""
+    assert verdict == verdict_of(findings, left)
+    assert headline_of(verdict, findings, ()).startswith(headline)
+
+
+def test_a_fault_beside_physics_is_no_omission_of_the_model() -> None:
+    """The sentence keeps apart what the model leaves out and what is wrong with the plant."""
+    assert "leaves out flow lost" not in headline_of("named", (FAULT, SURE), ())
+
+
+@pytest.mark.parametrize(
+    ("verdict", "findings", "expected"),
+    [
+        ("none", (), "Nothing to do."),
+        ("cannot judge", (), "Record settled operation"),
+        ("named", (SURE,), "Write the repaired module types with `rulec adopt`"),
+        ("ambiguous", (UNSURE,), "Record a part in which the drivers"),
+        ("fault", (FAULT,), FAULT.action),
+        ("sensor", (SENSOR,), SENSOR.action),
+        ("unnamed", (), "Record thermometer: An effect would then be judged."),
+    ],
+)
+def test_next_step(verdict: str, findings: Sequence[Finding], expected: str) -> None:
+    """One for each verdict."""
+    assert next_step(verdict, findings, None, LACKING).startswith(expected)
+
+
+def test_a_hidden_driver_is_to_be_recorded() -> None:
+    """Whatever else was found."""
+    assert UNNAMED.hidden is not None
+    step = next_step("named", (SURE,), UNNAMED.hidden, ())
+    assert f"Record {UNNAMED.hidden.sensor} together with the rest, and run again." == step
+
+
+def test_examples_in_docstrings_hold() -> None:
+    """Of numbers told, and of courses cut."""
+    for module in (tell, periods):
+        assert (0, True) == (doctest.testmod(module).failed, doctest.testmod(module).attempted > 0)
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "unit", "expected"),
+    [
+        (0.029123, 0.0014, "1/K", "0.029 +- 0.001 1/K"),
+        (150.7, 12.0, "l/h/bar", "150 +- 10 l/h/bar"),
+        (0.2, 0.0, "1", "0.2"),
+        (1.5, float("nan"), "bar", "1.5 bar"),
+        (float("nan"), 1.0, "bar", "nan bar"),
+        (-3.26, 0.2, "bar", "-3.3 +- 0.2 bar"),
+        (1e-9, 2e-10, "m", "1e-09 +- 2e-10 m"),
+        (4.2e9, 3e8, "Pa", "4.2e+09 +- 3e+08 Pa"),
+    ],
+)
+def test_a_quantity_has_as_many_digits_as_it_deserves(
+    value: float, u: float, unit: str, expected: str
+) -> None:
+    """One digit of the uncertainty; none where there is no uncertainty."""
+    assert expected == quantity(value, u, unit)

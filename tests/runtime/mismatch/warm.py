@@ -1,0 +1,50 @@
+"""A dosing module whose slip follows the temperature, for tests of single steps."""
+
+from __future__ import annotations
+
+import functools
+
+from runtime.mismatch.compete import Contestant, contest, entered
+from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.screen import Trial, screen
+from runtime.mismatch.setting import Setting
+from runtime.recording import Recording
+from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
+
+SAMPLES = 240
+SLIP = "A.slip-temperature@Q_geo"
+TRUE: Built = {SLIP: {"b": 0.03, "T0": USUAL}}
+
+
+@functools.cache
+def run(warm: bool = True) -> Recording:
+    """The recording; healthy if it is not warm."""
+    given = {**tour(alone()[0], SAMPLES), "A.T": warming(SAMPLES)}
+    return recorded(alone(), given, TRUE if warm else {})
+
+
+@functools.cache
+def plain(warm: bool = True) -> Fitted:
+    """The plain model refitted."""
+    rows = rows_at(alone(), run(warm))
+    return fit(rows, Setting(), rows.system.data.open)
+
+
+@functools.cache
+def before(warm: bool = True) -> Contestant:
+    """The plain model, judged on blocks it was not fitted to."""
+    return contest(plain(warm), None)
+
+
+@functools.cache
+def trial(name: str = SLIP, warm: bool = True) -> Trial:
+    """A candidate as the screen found it."""
+    candidate = next(c for c in alone()[1].candidates if c.id == name)
+    (found,) = screen(plain(warm), [candidate])
+    return found
+
+
+@functools.cache
+def after(name: str = SLIP, warm: bool = True) -> Contestant:
+    """The model with the candidate, judged likewise."""
+    return entered(plain(warm), trial(name, warm))
