@@ -12,10 +12,11 @@ import numpy as np
 import runtime.mismatch.analyse as analysis
 from runtime.mismatch.candidate import TIME
 from runtime.mismatch.compete import Contestant
-from runtime.mismatch.predict import predictor_for
-from runtime.mismatch.prove import prove
+from runtime.mismatch.predict import predictors_for
+from runtime.mismatch.price import NEEDED, WORTH
+from runtime.mismatch.prove import models_of, prove
 from runtime.mismatch.result import Finding, Mismatch
-from runtime.mismatch.search import NEEDED, WORTH, Search, search
+from runtime.mismatch.search import Search, search
 from runtime.mismatch.settle import with_sensors_as_they_are
 from runtime.recording import Recording
 from tests.rig.mismatch.planted.build import Built, drawn, opened, recorded, with_term
@@ -203,11 +204,10 @@ def _ratio(found: Mismatch, true: Contestant) -> float:
     joined = true.fitted.setting.joined
     places = [(c.observers, frozenset(c.drivers.values()), "") for c in joined]
     places += [(tuple(o.id for o in system.observers), frozenset(), "")]
-    settled = with_sensors_as_they_are(true.fitted)
-    for place in places:
-        predictor = predictor_for(system, *place)
-        if predictor is not None and predictor.signal.id == found.fit.signal:
-            error = prove(predictor, settled).fit.heldout.repaired
+    models = models_of(with_sensors_as_they_are(true.fitted))
+    for predictor in (p for place in places for p in predictors_for(system, *place)):
+        if predictor.signal.id == found.fit.signal:
+            error = prove(predictor, models).fit.heldout.repaired
             return found.fit.heldout.repaired / error if error > 0 else float("nan")
     return float("nan")
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from runtime.mismatch.compete import Contestant, contest
 from runtime.mismatch.fit import Fitted, fit, temper_of
+from runtime.mismatch.price import net_gain
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import references
-from runtime.mismatch.search import price_of
 from runtime.mismatch.setting import ERROR, Setting
 from tests.rig.mismatch.planted.build import Built
 
@@ -22,7 +22,7 @@ def true_model(plain: Contestant, built: Built) -> Contestant:
     for candidate in built.joined:
         own = {u.id: built.values[u.id] for u in candidate.unknowns if not u.fixed}
         setting = setting.joining(candidate, own, references(rows.system, candidate))
-    freed = {c.module for c in built.joined if c.sort in ("physics", "ageing")}
+    freed = {m for c in built.joined if c.sort in ("physics", "ageing") for m in c.modules}
     setting = replace(setting, released=frozenset(freed))
     return contest(_refitted(plain.fitted, setting), None)
 
@@ -41,8 +41,7 @@ def _refitted(was: Fitted, setting: Setting) -> Fitted:
 
 def net(one: Contestant, other: Contestant) -> float:
     """Gain less the price of what it has more, and of what it asks of sensors and calibration."""
-    paid = price_of(one) + _strain(one.fitted) - price_of(other) - _strain(other.fitted)
-    return one.gain_over(other) - paid
+    return net_gain(one, other) - _strain(one.fitted) + _strain(other.fitted)
 
 
 def _strain(fitted: Fitted) -> float:
