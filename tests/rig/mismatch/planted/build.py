@@ -125,12 +125,9 @@ def with_term(
     reached = 0.0
     now = built
     for _ in range(TRIES):
-        low, high = unknown.lowest, unknown.highest
         # The end of a range belongs to another law.
-        value = unknown.null + sign * size
-        value = float(
-            np.clip(value, *(unknown.null + 0.9 * (e - unknown.null) for e in (low, high)))
-        )
+        low, high = (0.9 * (end - unknown.null) for end in (unknown.lowest, unknown.highest))
+        value = unknown.null + min(max(sign * size, low), high)
         values = {**built.values, **shapes, unknown.id: value}
         now = replace(built, joined=(*built.joined, candidate), values=values)
         reached = _shown(built.plant, plain, now.readings(every))

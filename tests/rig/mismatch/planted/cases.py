@@ -15,6 +15,9 @@ from tests.rig.mismatch.planted.build import opened
 STRENGTHS = {"weak": 0.5, "medium": 2.0, "strong": 10.0, "clear": 40.0}
 """Root mean square of a term over the noise of one sample."""
 
+WEAK = 3
+"""Every so-manyth effect is planted weakly as well: hardly any can be seen then."""
+
 QUICK = 4
 """Every so-manyth case is in a quick run."""
 
@@ -65,7 +68,7 @@ def _all() -> Iterator[Planted]:
 
 
 def _effects() -> Iterator[Planted]:
-    """Every effect at each strength, over the plants in turn."""
+    """Every effect at each strength but the weakest, over the plants in turn."""
     by_name: dict[str, dict[str, list[Candidate]]] = {}
     for plant in (*LIGHT, HEAVY):
         for candidate in opened(plant)[1].candidates:
@@ -74,6 +77,8 @@ def _effects() -> Iterator[Planted]:
     for number, (name, by_plant) in enumerate(sorted(by_name.items())):
         plants = [p for p in by_plant if p != HEAVY] or [HEAVY]
         for j, strength in enumerate(STRENGTHS):
+            if strength == "weak" and number % WEAK:
+                continue
             plant = plants[(number + j) % len(plants)]
             if number % 8 == j and HEAVY in by_plant:
                 plant = HEAVY
@@ -87,7 +92,7 @@ def _faults(kind: str, count: int) -> Iterator[Planted]:
         plant = LIGHT[i % 3]
         faults = [c for c in opened(plant)[1].candidates if c.sort == "fault"]
         seed = _seed(kind, str(i))
-        strength = ("medium", "strong")[(i // 3) % 2]
+        strength = ("strong", "clear")[(i // 3) % 2]
         yield Planted(kind, plant, (faults[seed % len(faults)].id,), strength, seed)
 
 

@@ -11,20 +11,18 @@ import numpy as np
 
 import runtime.mismatch.analyse as analysis
 from runtime.mismatch.candidate import TIME
-from runtime.mismatch.compete import Contestant, contest
-from runtime.mismatch.fit import fit, temper_of
-from runtime.mismatch.predict import predictor_for
-from runtime.mismatch.prove import prove
+from runtime.mismatch.compete import Contestant
+from runtime.mismatch.predict import predictors_for
+from runtime.mismatch.price import NEEDED, WORTH
+from runtime.mismatch.prove import models_of, prove
 from runtime.mismatch.result import Finding, Mismatch
-from runtime.mismatch.rows import Rows
-from runtime.mismatch.screen import references
-from runtime.mismatch.search import NEEDED, WORTH, Search, price_of
-from runtime.mismatch.setting import Setting
+from runtime.mismatch.search import Search, search
 from runtime.mismatch.settle import with_sensors_as_they_are
 from runtime.recording import Recording
 from tests.rig.mismatch.planted.build import Built, drawn, opened, recorded, with_term
 from tests.rig.mismatch.planted.cases import STRENGTHS, Planted
 from tests.rig.mismatch.planted.course import RIGS, course
+from tests.rig.mismatch.planted.truth import net, released, true_model
 
 SAMPLES = (600, 900)
 
@@ -57,10 +55,11 @@ class Judged:
     """What was said of a case, and figures of the model with the truth in it.
 
     `sorts` are those of what was planted, `strength` what was reached. `gain` is the net gain of
-    the true model over the plain one in log likelihood on blocks apart, `eased` its net gain over
-    the plain one with the calibration of the true module let go, `lead` that over the one found.
-    `seen` tells whether the first two would be worth naming: otherwise nothing can be said. `inside` tells per parameter whether its interval holds the truth;
-    `ratio` is the held-out error over that of the true model refitted. NaN where not known.
+    the true model over the plain one, `eased` that over the plain one with its calibration let
+    go, `lead` that over the one found, all in log likelihood on blocks apart, with the prior of
+    sensors and calibration. `seen` tells whether the first two are worth naming: otherwise nothing
+    can be said. `inside` tells per parameter whether its interval holds the truth; `ratio` is the
+    held-out error over that of the true model refitted. NaN where not known.
     """
 
     case: Planted
@@ -116,12 +115,11 @@ def judge(case: Planted) -> Judged:
     """Make the recording and analyse it; an exception counts as an answer of its own."""
     begin = time.perf_counter()
     random = np.random.default_rng(case.seed)
-    ruleset, workshop = opened(case.plant)
     built, strength = built_of(case, random)
     sorts = tuple(c.sort for c in built.joined)
     recording = recorded(built, random, case.without)
     try:
-        found, search = analysed(case.plant, recording)
+        found, behind = analysed(case.plant, recording)
     except Exception as failure:  # a bug of the tool is a result here
         error = f"{type(failure).__name__}: {failure}"
         nan = float("nan")
@@ -131,13 +129,13 @@ def judge(case: Planted) -> Judged:
         )  # fmt: skip
     gain = eased = lead = ratio = float("nan")
     seen = True
-    if search is not None and case.kind not in ("clean", "hidden", "periods"):
-        true = true_model(search.plain, built)
-        gain = net(true, search.plain)
-        eased = net(true, _released(search.plain, true)) if true.fitted.setting.released else gain
+    if behind is not None and case.kind not in ("clean", "hidden", "periods"):
+        true = true_model(behind.plain, built)
+        gain = net(true, behind.plain)
+        eased = net(true, released(behind.plain, true)) if true.fitted.setting.released else gain
         worth = NEEDED + WORTH * true.fitted.rows.groups
-        seen = gain > worth + float(np.log(max(search.tried, 1))) and eased > worth
-        lead = net(true, search.best)
+        seen = gain > worth + float(np.log(max(behind.tried, 1))) and eased > worth
+        lead = net(true, behind.best)
         ratio = _ratio(found, true)
     return Judged(
         case,
@@ -192,37 +190,10 @@ def analysed(plant: str, recording: Recording) -> tuple[Mismatch, Search | None]
         kept.append(search(*arguments))  # type: ignore[arg-type]
         return kept[-1]
 
-    search = analysis.search
     ruleset, workshop = opened(plant)
     with mock.patch.object(analysis, "search", keeping):
         found = analysis.analyse(recording, ruleset, workshop)
     return found, kept[-1] if kept else None
-
-
-def true_model(plain: Contestant, built: Built) -> Contestant:
-    """The model with the truth in it, refitted from the true values, judged as any other."""
-    rows: Rows = plain.fitted.rows
-    setting = Setting(values=plain.fitted.setting.values)
-    for candidate in built.joined:
-        own = {u.id: built.values[u.id] for u in candidate.unknowns if not u.fixed}
-        setting = setting.joining(candidate, own, references(rows.system, candidate))
-    freed = {c.module for c in built.joined if c.sort in ("physics", "ageing")}
-    setting = replace(setting, released=frozenset(freed))
-    first = fit(rows, setting, plain.fitted.used, temper=plain.fitted.temper)
-    again = fit(rows, first.setting, plain.fitted.used, temper=temper_of(first))
-    return contest(again, None)
-
-
-def _released(plain: Contestant, true: Contestant) -> Contestant:
-    """The plain model with the calibration of the modules of the truth let go."""
-    setting = replace(plain.fitted.setting, released=true.fitted.setting.released)
-    was = plain.fitted
-    return contest(fit(was.rows, setting, was.used, temper=was.temper), None)
-
-
-def net(one: Contestant, other: Contestant) -> float:
-    """Gain less the price of what it has more."""
-    return one.gain_over(other) - price_of(one) + price_of(other)
 
 
 def _ratio(found: Mismatch, true: Contestant) -> float:
@@ -233,11 +204,10 @@ def _ratio(found: Mismatch, true: Contestant) -> float:
     joined = true.fitted.setting.joined
     places = [(c.observers, frozenset(c.drivers.values()), "") for c in joined]
     places += [(tuple(o.id for o in system.observers), frozenset(), "")]
-    settled = with_sensors_as_they_are(true.fitted)
-    for place in places:
-        predictor = predictor_for(system, *place)
-        if predictor is not None and predictor.signal.id == found.fit.signal:
-            error = prove(predictor, settled).fit.heldout.repaired
+    models = models_of(with_sensors_as_they_are(true.fitted))
+    for predictor in (p for place in places for p in predictors_for(system, *place)):
+        if predictor.signal.id == found.fit.signal:
+            error = prove(predictor, models).fit.heldout.repaired
             return found.fit.heldout.repaired / error if error > 0 else float("nan")
     return float("nan")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import os
 import time
@@ -60,6 +61,7 @@ def show(out: Console, judged: Sequence[Judged]) -> None:
     _table(out, "by effect", effects, lambda j: _short(j.case.planted[0]))
     _confused(out, judged)
     _worst(out, judged)
+    _reliability(out, judged)
     clean = [j for j in judged if j.case.kind == "clean"]
     wrong = [j for j in clean if j.verdict != "none"]
     out.print(f"[bold]false claims on clean recordings[/]: {len(wrong)} of {len(clean)}")
@@ -141,6 +143,18 @@ def _confused(out: Console, judged: Sequence[Judged]) -> None:
     out.print()
 
 
+def _reliability(out: Console, judged: Sequence[Judged]) -> None:
+    """How often the first name is right, by the probability it was given."""
+    ends = (0.0, 0.6, 0.8, 0.95, 1.01)
+    told = [(n.probability, n.id in j.case.planted) for j in judged for n in j.named]
+    out.print("[bold]first name right, by its probability[/]")
+    for low, high in itertools.pairwise(ends):
+        part = [right for p, right in told if low <= p < high]
+        if part:
+            out.print(f"  {low:.2f} to {min(high, 1.0):.2f}: {sum(part)} of {len(part)}")
+    out.print()
+
+
 def _worst(out: Console, judged: Sequence[Judged]) -> None:
     """Wrong names where the truth leads most."""
     wrong = [j for j in judged if j.name_right < 0.5 and np.isfinite(j.lead)]
@@ -148,7 +162,8 @@ def _worst(out: Console, judged: Sequence[Judged]) -> None:
     out.print("[bold]worst cases[/] (lead of the true model in log likelihood)")
     for j in wrong[:WORST]:
         out.print(
-            f"  {j.lead:8.1f} {j.case.name} (gain {j.gain:.1f}, over calibration {j.eased:.1f}) -> {_said(j)}",
+            f"  {j.lead:8.1f} {j.case.name} (gain {j.gain:.1f}, over calibration {j.eased:.1f})"
+            f" -> {_said(j)}",
             markup=False,
             highlight=False,
         )
