@@ -124,7 +124,7 @@ def described(time: Array, course: Array) -> str:
     tail = float(np.median(level[-max(len(level) // 5, 1) :]))
     parts = ["slow"]
     if abs(tail) > 0.3:
-        reached = np.flatnonzero(np.abs(level) > 0.63 * abs(tail))
+        reached = np.flatnonzero(level * np.sign(tail) > 0.63 * abs(tail))
         when = float(time[reached[0]] - time[0]) if len(reached) else length
         way = "rises" if tail > 0 else "falls"
         parts.append(f"{way} from the start, two thirds of the way within {_span(when)}")

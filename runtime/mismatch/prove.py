@@ -14,7 +14,7 @@ from runtime.mismatch.prepare import HELDOUT
 from runtime.mismatch.result import Errors, Fit
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.setting import HIDDEN, Setting
-from runtime.mismatch.settle import with_sensors_as_they_are, without_physics
+from runtime.mismatch.settle import plain_of, with_sensors_as_they_are
 from runtime.plan import Array
 
 DRAWS = 1000
@@ -53,7 +53,7 @@ class Models:
 
 def models_of(repaired: Fitted) -> Models:
     """The repaired model, and what it is compared with."""
-    plain = without_physics(repaired.setting)
+    plain = plain_of(repaired.setting)
     for spot in repaired.setting.spots:
         plain = plain.leaving(spot)
     recalibrated = with_sensors_as_they_are(repaired, plain)

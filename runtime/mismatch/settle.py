@@ -111,9 +111,9 @@ def _ranges(settled: Fitted, touched: set[str]) -> dict[str, tuple[float, float]
     return found
 
 
-def without_physics(setting: Setting) -> Setting:
-    """The plain model, with the faults and sensor errors that were found."""
+def plain_of(setting: Setting) -> Setting:
+    """The plain model to compare with; faults that come and go are no part of any model."""
     for candidate in setting.joined:
-        if candidate.sort in REPAIRING or candidate.sort == "free":
+        if not setting.in_periods & {u.id for u in candidate.unknowns}:
             setting = setting.leaving(candidate.id)
     return replace(setting, released=frozenset())

@@ -142,7 +142,8 @@ def test_a_finding_is_proved(name: str) -> None:
     assert found.fit is not None
     kept = found.fit.heldout
     assert kept.repaired <= kept.shipped
-    assert kept.repaired < 1.3 * kept.noise
+    # Beside the noise there are the systematic errors of the other sensors, which stay.
+    assert kept.repaired < 1.5 * kept.noise
 
 
 def test_a_fault_that_comes_and_goes_is_told_with_its_degrees() -> None:
@@ -190,10 +191,6 @@ def test_the_leakage_example() -> None:
         assert abs(degree - x) < 3 * u
 
 
-NOISE_DRIVES = "at one operating point, effects driven by the noise of a reading are told"
-
-
-@pytest.mark.xfail(reason=NOISE_DRIVES, strict=True)
 def test_the_leakage_example_has_nothing_but_a_leakage() -> None:
     """No physics is left out of the model there."""
     found = example("leakage_A.csv")
@@ -201,7 +198,6 @@ def test_the_leakage_example_has_nothing_but_a_leakage() -> None:
     assert "fault" == found.verdict
 
 
-@pytest.mark.xfail(reason=NOISE_DRIVES, strict=True)
 def test_a_plant_that_stands_at_one_point_is_healthy() -> None:
     """A hundred samples at nominal speed: readings change by their noise alone."""
     rules, _ = opened("abc")
@@ -209,9 +205,6 @@ def test_a_plant_that_stands_at_one_point_is_healthy() -> None:
     assert "none" == compared(opened("abc"), recorded(opened("abc"), given, seed=8)).verdict
 
 
-@pytest.mark.xfail(
-    reason="recalibration may move parameters by any number of their uncertainties", strict=True
-)
 def test_recalibration_does_not_swallow_what_contradicts_the_calibration() -> None:
     """A tenth of the flow of A is lost all the time; its line is calibrated to 0.4 %."""
     found = compared(alone(), made(Case("alone", {"A.leakage": {"x": 0.1}}, "fault")))
@@ -251,7 +244,6 @@ def test_a_column_that_is_missing_is_told() -> None:
     assert "A.P_el is not in the recording" in found.notes
 
 
-@pytest.mark.xfail(reason="where a driver has no reading, a candidate counts as wrong", strict=True)
 def test_a_few_lost_readings_of_a_driver_do_not_matter() -> None:
     """One in twenty temperatures is missing."""
     recording = made(replace(CASES["warm"], samples=240))

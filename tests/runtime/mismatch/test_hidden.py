@@ -34,7 +34,6 @@ def test_a_course_in_words(course: Array, expected: str) -> None:
     assert expected == described(TIME, course)
 
 
-@pytest.mark.xfail(reason="the way to the last level is looked for in both directions", strict=True)
 def test_what_rises_first_does_not_fall_from_the_start() -> None:
     """Two waves: up first, then down, and so on."""
     assert "falls from the start" not in described(TIME, np.sin(4 * np.pi * PHASE))

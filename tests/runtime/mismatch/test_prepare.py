@@ -15,7 +15,6 @@ from runtime.mismatch.prepare import (
     SELECTION,
     Data,
     prepare,
-    without,
 )
 from runtime.recording import Recording
 from tests.runtime.mismatch.made import HOLD, alone, compared, opened, recorded, tour
@@ -131,14 +130,6 @@ def test_nothing_settled_cannot_be_judged(run: Recording) -> None:
     assert "Cannot judge: 0 settled points; at least 12 are needed." == found.headline
     assert "Record settled operation" in found.next
     assert found.fit is None
-
-
-def test_a_reading_can_be_taken_away(run: Recording) -> None:
-    """The same points as if it had not been recorded."""
-    data = prepared(run)
-    less = without(data, ("A.P_el",))
-    assert {"A.n", "A.dp"} == set(less.values)
-    assert np.array_equal(data.time, less.time)
 
 
 def test_noise_is_that_of_the_sensors() -> None:
