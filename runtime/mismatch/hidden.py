@@ -123,9 +123,10 @@ def described(time: Array, course: Array) -> str:
     level = (course - course[0]) / span
     tail = float(np.median(level[-max(len(level) // 5, 1) :]))
     parts = ["slow"]
-    if abs(tail) > 0.3:
-        reached = np.flatnonzero(level * np.sign(tail) > 0.63 * abs(tail))
-        when = float(time[reached[0]] - time[0]) if len(reached) else length
+    ahead = level * np.sign(tail)
+    first = int(np.argmax(ahead > 0.63 * abs(tail)))
+    if abs(tail) > 0.3 and float(ahead[: first + 1].min()) > -0.33:
+        when = float(time[first] - time[0])
         way = "rises" if tail > 0 else "falls"
         parts.append(f"{way} from the start, two thirds of the way within {_span(when)}")
     turns = _turns(level)
