@@ -46,13 +46,18 @@ def free_form_trials(fitted: Fitted) -> list[Trial]:
 
 
 def _features(fitted: Fitted, module: str) -> list[str]:
-    """Readings that vary, their squares and products."""
+    """Readings that vary, their squares and products; what follows from others explains nothing."""
     data = fitted.rows.system.data
+    outputs = {name for cell in fitted.rows.cells for name in cell.outputs}
     names = []
     for name, values in variables_of(fitted.rows.system, module).items():
         noise = data.noise.get(name)
         spread = float(np.nanstd(values[data.open]))
-        if noise is not None and spread > VARYING * float(np.nanmedian(noise)):
+        if (
+            name not in outputs
+            and noise is not None
+            and spread > VARYING * float(np.nanmedian(noise))
+        ):
             names.append(name)
     names = names[:MOST_READINGS]
     pairs = itertools.combinations_with_replacement(names, 2)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from runtime.mismatch.compete import Contestant, contest, entered
 from runtime.mismatch.fit import Fitted, fit, temper_of
 from runtime.mismatch.periods import in_periods
-from runtime.mismatch.price import NEEDED, net_gain
+from runtime.mismatch.price import NEEDED, net_gain, odds_of
+from runtime.mismatch.screen import Trial
 from runtime.mismatch.setting import HIDDEN
 
 
@@ -57,3 +59,17 @@ def needless(now: Contestant, names: list[str]) -> tuple[Contestant, list[str]]:
             now = less
             gone.append(name)
     return now, gone
+
+
+def instead(now: Contestant, winner: str, trials: Sequence[Trial]) -> tuple[Contestant, str]:
+    """Ask again whether another explanation does better, now that periods are cut anew.
+
+    Periods were cut before anything explained what they stood beside: that may have favoured one.
+    """
+    setting = now.fitted.setting.leaving(winner)
+    bare = fit(now.fitted.rows, setting, now.fitted.used, 0, None, now.fitted.temper)
+    for trial in trials:
+        again = recut(entered(bare, trial))
+        if odds_of(again, now) > 1.0:
+            now, winner = again, trial.candidate.id
+    return now, winner

@@ -71,7 +71,9 @@ def defeated(
         return None
     own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)
-    if trial.course is None and (own <= shuffled.max() or net <= placebo):
+    # A term without a driver of its own has no course that could be shuffled.
+    imitated = bool(trial.candidate.drivers) and own <= shuffled.max()
+    if trial.course is None and (imitated or net <= placebo):
         return None
     return (
         Rival("the plain model, recalibrated", 0.0 if easing is None else net_gain(easing, now)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from runtime.mismatch.candidate import TIME, Candidate
 from runtime.mismatch.compete import Contestant, contest, refit
@@ -12,9 +12,9 @@ from runtime.mismatch.free_form import free_form_trials
 from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.pairs import pair_trials
 from runtime.mismatch.periods import in_periods
-from runtime.mismatch.price import needed, net_gain, odds_of
+from runtime.mismatch.price import needed, net_gain, odds_of, price_of_freedom
 from runtime.mismatch.result import Rival
-from runtime.mismatch.revise import needless, recut, retempered
+from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rivals import beats, defeated, instead_of, released
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import Trial, screen
@@ -31,6 +31,9 @@ COMING = 4
 
 CONTESTED = 6
 """Refitted trials of each round that are judged on blocks they were not fitted to."""
+
+CLOSE = 0.01
+"""Odds from which on another explanation is asked again after periods were cut anew."""
 
 PART = 0.15
 """A hidden driver is told if it gains more than this share of what was explained with a name."""
@@ -82,9 +85,32 @@ def search(rows: Rows, progress: Progress) -> Search:
             earlier = [r.trial.candidate.id for r in accepted]
             now, gone = needless(recut(now), earlier)
             accepted = [r for r in accepted if r.trial.candidate.id not in gone]
-            accepted += step.records
+            now, records = _asked_again(now, step.records)
+            accepted += records
         now = contest(retempered(now.fitted), now.trial)
     return Search(plain, now, tuple(accepted), tried)
+
+
+def _asked_again(
+    now: Contestant, records: tuple[Accepted, ...]
+) -> tuple[Contestant, tuple[Accepted, ...]]:
+    """The winner, or one of those that explain the same, where faults come and go beside it."""
+    if len(records) != 1 or not now.fitted.setting.courses or records[0].trial.course is not None:
+        return now, records
+    record = records[0]
+    close = [t for t, o in zip(record.others, record.odds, strict=True) if o > CLOSE]
+    lasting = [t for t in close if t.course is None]
+    better, name = instead(now, record.trial.candidate.id, lasting)
+    if better is now:
+        return now, records
+    trial = next(t for t in lasting if t.candidate.id == name)
+    # The one that had won is now the other, at the odds by which it lost.
+    others = (record.trial, *(t for t in record.others if t is not trial))
+    kept = [o for t, o in zip(record.others, record.odds, strict=True) if t is not trial]
+    swapped = replace(
+        record, trial=trial, others=others, odds=(min(odds_of(now, better), 1.0), *kept)
+    )
+    return better, (swapped,)
 
 
 @dataclass(frozen=True)
@@ -113,7 +139,7 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     tried += len(trials)
     hidden = _best([refit(fitted, t) for t in hidden_trials(fitted)], now)
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
-        lambda: [refit(fitted, t) for t in trials[:FINALISTS]],
+        lambda: [_refitted(fitted, t) for t in trials[:FINALISTS]],
         lambda: pair_trials(fitted, trials),
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
     )
@@ -126,6 +152,20 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
         return _Step(hidden, _recorded(hidden, now, [], ()), tried)
     unnamed = _contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     return _first(now, unnamed, hidden, tried) or _Step(None, (), tried)
+
+
+def _refitted(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
+    """A trial refitted, its calibration let go only where that pays."""
+    free, _ = refit(fitted, trial)
+    if free.setting.released == fitted.setting.released:
+        return free, trial
+    bound = replace(free.setting, released=fitted.setting.released)
+    kept = fit(fitted.rows, bound, fitted.used, temper=fitted.temper)
+
+    def cost(of: Fitted) -> float:
+        return of.temper * of.objective + price_of_freedom(of)
+
+    return (kept if cost(kept) <= cost(free) else free), trial
 
 
 def _covered(candidate: Candidate, now: Contestant) -> bool:
@@ -146,8 +186,14 @@ def _first(
         if hidden is not None and not _as_good(contestant, hidden, now):
             continue
         rivals = defeated(contestant, now, easing, tried)
-        if rivals is not None:
-            return _Step(contestant, _recorded(contestant, now, ranked, rivals), tried)
+        if rivals is None:
+            continue
+        # Of those that explain the same, the most probable: the first may lead by next to nothing.
+        for other in instead_of(contestant, ranked, now):
+            lost = defeated(other, now, easing, tried)
+            if lost is not None and odds_of(other, contestant) > 1.0:
+                contestant, rivals = other, lost
+        return _Step(contestant, _recorded(contestant, now, ranked, rivals), tried)
     return None
 
 
@@ -187,7 +233,7 @@ def _recorded(
             net_gain(winner, now) / len(trials),
             rivals,
             tuple(c.trial for c in others if c.trial is not None),
-            tuple(odds_of(c, winner) for c in others),
+            tuple(min(odds_of(c, winner), 1.0) for c in others),
         )
         for trial in trials
     )

@@ -40,8 +40,14 @@ class Repair:
 
 
 def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> Fitted:
-    """Refit a setting (that of the fit unless given) with no error of any sensor."""
+    """Refit a setting (that of the fit unless given) with no error of any sensor.
+
+    Terms without physics behind them are left out: nobody should rely on them.
+    """
     setting = fitted.setting if setting is None else setting
+    for candidate in setting.joined:
+        if candidate.sort == "free":
+            setting = setting.leaving(candidate.id)
     none = {ERROR + name: 0.0 for name in fitted.rows.system.shared}
     return fit(fitted.rows, setting, fitted.used, held=none, temper=fitted.temper)
 
