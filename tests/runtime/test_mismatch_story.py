@@ -319,6 +319,7 @@ def test_machine_form_carries_the_repair() -> None:
         "values": [5.6e-17, 0.0231],
         "covariance": [[1e-36, -9e-22], [-9e-22, 1.2e-6]],
         "misfit": {"A.pump": 2.5e-7},
+        "range": {},
     } == repair
 
 

@@ -52,6 +52,11 @@ class Answer:
         """Periods of faults that were named, s."""
         return [_span(p) for e in self.form["effects"] for p in e.get("periods", ())]
 
+    def periods_of(self, fault: str) -> list[tuple[float, float]]:
+        """Periods of one fault."""
+        named = (e for e in self.form["effects"] if e["effect"] == fault)
+        return [_span(p) for e in named for p in e.get("periods", ())]
+
     @property
     def located(self) -> list[tuple[float, float]]:
         """Periods of all places that were found wrong, s."""

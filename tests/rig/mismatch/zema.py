@@ -101,7 +101,7 @@ def fault_periods(answer: Answer, folder: Path) -> dict[str, Hits]:
     leaking = {c.number: c.leakage > 0 for c in settled if not c.off_profile}
     relieving = {c.number: bool(c.off_profile) for c in cycles if c.block in shown}
     return {
-        "leakage, by periods of faults": hits(answer.periods, leaking, CYCLE, LOADED),
+        "leakage, by its periods": hits(answer.periods_of("leakage"), leaking, CYCLE, LOADED),
         "off profile, by located periods": hits(answer.located, relieving, CYCLE, LOADED),
     }
 
