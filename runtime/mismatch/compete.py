@@ -62,9 +62,7 @@ class Contestant:
         difference = (self.blocks - other.blocks)[self._judged]
         centre = float(np.median(difference))
         spread = 1.4826 * float(np.median(np.abs(difference - centre)))
-        eased = other.fitted.strain - self.fitted.strain
-        gain = float(np.sum(difference)) + eased
-        return gain / float(np.sqrt(len(difference) * spread**2 + 1.0))
+        return float(np.sum(difference)) / float(np.sqrt(len(difference) * spread**2 + 1.0))
 
 
 def contest(fitted: Fitted, trial: Trial | None) -> Contestant:

@@ -166,19 +166,6 @@ class Fitted:
         covariance: Array = inverse / np.outer(size, size)
         return covariance
 
-    @cached_property
-    def strain(self) -> float:
-        """What the priors of base values and sensors hold against this fit, in log likelihood.
-
-        Counted as the fit counts it: as often as neighbours say the same.
-        """
-        ids = set(self.rows.system.workshop.parameters.ids)
-        held = [i for i, n in enumerate(self.prior.names) if n.startswith(ERROR) or n in ids]
-        at = np.array([self.setting.values[self.prior.names[i]] for i in held])
-        off = at - self.prior.mean[held]
-        precision = self.prior.precision[np.ix_(held, held)]
-        return 0.5 * self.temper * float(off @ precision @ off)
-
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""
         i = self.prior.names.index(name)

@@ -11,12 +11,16 @@ import numpy as np
 from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.screen import Trial, columns_of, looks_at
+from runtime.plan import Array
 
 PAIRED = 12
 """Single trials of which pairs are made."""
 
 MORE = 1.5
 """A pair is tried if it gains this many times what its parts gain alone, linearised."""
+
+TWINS = 0.9
+"""Cosine of two terms from which on they are no pair."""
 
 TRIED = 2
 
@@ -31,6 +35,8 @@ def pair_trials(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, T
         a, b = columns[i], columns[j]
         if a is None or b is None or first.candidate.name == second.candidate.name:
             continue
+        if _twins(a, b):
+            continue
         both = np.concatenate([a, b], axis=1)
         wide = np.full(both.shape[1], np.inf)
         gain = max(look.best(both, -wide, wide)[1] for look in looks)
@@ -38,6 +44,12 @@ def pair_trials(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, T
             found.append((gain, first, second))
     found.sort(key=lambda f: -f[0])
     return [_refitted(fitted, first, second) for _, first, second in found[:TRIED]]
+
+
+def _twins(first: Array, second: Array) -> bool:
+    """Do two terms look alike? Their difference would explain anything small."""
+    size = np.linalg.norm(first, axis=0)[:, None] * np.linalg.norm(second, axis=0)
+    return bool(np.max(np.abs(first.T @ second) / np.maximum(size, 1e-300)) > TWINS)
 
 
 def _at_null(trial: Trial) -> dict[str, float]:

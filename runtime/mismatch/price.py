@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from runtime.mismatch.compete import Contestant
-from runtime.mismatch.fit import Fitted
 from runtime.mismatch.periods import STEPS
 from runtime.mismatch.setting import HIDDEN
 
@@ -47,20 +46,14 @@ def price_of(contestant: Contestant) -> float:
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
-    return each * (steps + levels) + price_of_freedom(contestant.fitted) + rare
-
-
-def price_of_freedom(fitted: Fitted) -> float:
-    """Price of the values of calibrations that were let go."""
-    parameters = fitted.rows.system.workshop.parameters.ids
-    freed = sum(name.partition(".")[0] in fitted.setting.released for name in parameters)
-    return 0.5 * float(np.log(max(fitted.rows.groups, 2))) * freed
+    parameters = contestant.fitted.rows.system.workshop.parameters.ids
+    freed = sum(name.partition(".")[0] in setting.released for name in parameters)
+    return each * (steps + levels + freed) + rare
 
 
 def net_gain(contestant: Contestant, now: Contestant) -> float:
-    """Gain over a model, with what it eases in the priors, less the price of what it has more."""
-    eased = now.fitted.strain - contestant.fitted.strain
-    return contestant.gain_over(now) + eased - price_of(contestant) + price_of(now)
+    """Gain over a model less the price of what it has more."""
+    return contestant.gain_over(now) - price_of(contestant) + price_of(now)
 
 
 def needed(now: Contestant, tried: int) -> float:
@@ -75,8 +68,7 @@ def odds_of(other: Contestant, winner: Contestant) -> float:
     the difference scatters over blocks so that its sign is open, the odds are nearer to one.
     """
     temper = winner.fitted.temper
-    ahead = winner.gain_over(other) + other.fitted.strain - winner.fitted.strain
-    ahead = ahead / temper + price_of(other) - price_of(winner)
+    ahead = winner.gain_over(other) / temper + price_of(other) - price_of(winner)
     lead = max(winner.certainty_over(other), 0.0)
     scattered = float(np.exp(-0.5 * lead**2 - 0.8 * lead))
     scattered *= float(np.exp(min(price_of(winner) - price_of(other), 0.0)))

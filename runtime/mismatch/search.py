@@ -12,7 +12,7 @@ from runtime.mismatch.free_form import free_form_trials
 from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.pairs import pair_trials
 from runtime.mismatch.periods import in_periods
-from runtime.mismatch.price import needed, net_gain, odds_of, price_of_freedom
+from runtime.mismatch.price import needed, net_gain, odds_of
 from runtime.mismatch.result import Rival
 from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rivals import beats, defeated, instead_of, released
@@ -73,7 +73,9 @@ def search(rows: Rows, progress: Progress) -> Search:
     now, tried = plain, 0
     accepted: list[Accepted] = []
     candidates = rows.system.workshop.candidates
-    while len(accepted) < MOST_TERMS:
+    while len(accepted) < MOST_TERMS and not any(
+        r.trial.candidate.sort == "free" for r in accepted
+    ):
         progress(f"looking for explanation {len(accepted) + 1} among {len(candidates)}")
         named = sum(r.gain for r in accepted if r.trial.candidate.sort != HIDDEN)
         step = _round(now, candidates, tried, named)
@@ -139,7 +141,7 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     tried += len(trials)
     hidden = _best([refit(fitted, t) for t in hidden_trials(fitted)], now)
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
-        lambda: [_refitted(fitted, t) for t in trials[:FINALISTS]],
+        lambda: [refit(fitted, t) for t in trials[:FINALISTS]],
         lambda: pair_trials(fitted, trials),
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
     )
@@ -152,20 +154,6 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
         return _Step(hidden, _recorded(hidden, now, [], ()), tried)
     unnamed = _contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     return _first(now, unnamed, hidden, tried) or _Step(None, (), tried)
-
-
-def _refitted(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
-    """A trial refitted, its calibration let go only where that pays."""
-    free, _ = refit(fitted, trial)
-    if free.setting.released == fitted.setting.released:
-        return free, trial
-    bound = replace(free.setting, released=fitted.setting.released)
-    kept = fit(fitted.rows, bound, fitted.used, temper=fitted.temper)
-
-    def cost(of: Fitted) -> float:
-        return of.temper * of.objective + price_of_freedom(of)
-
-    return (kept if cost(kept) <= cost(free) else free), trial
 
 
 def _covered(candidate: Candidate, now: Contestant) -> bool:

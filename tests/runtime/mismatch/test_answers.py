@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -111,18 +111,7 @@ def named(mismatch: Mismatch, finding: str) -> Finding:
     return next(f for f in mismatch.findings if f.id == finding)
 
 
-GAPS = {
-    "zero that drifts": "the zero at the median temperature is told as an offset of its own",
-}
-
-
-def known_gaps(names: Iterable[str]) -> list[Any]:
-    """Cases, those that are told wrongly marked as such."""
-    gap = {name: pytest.mark.xfail(reason=why, strict=True) for name, why in GAPS.items()}
-    return [pytest.param(name, marks=gap[name]) if name in gap else name for name in names]
-
-
-@pytest.mark.parametrize("name", known_gaps(CASES))
+@pytest.mark.parametrize("name", CASES)
 def test_what_was_planted_is_told(name: str) -> None:
     """Verdict and name; nothing else is found beside it."""
     case, found = CASES[name], answer(name)
