@@ -252,6 +252,8 @@ def _notes(recording: Recording, proofs: Sequence[Proof], fitted: Fitted) -> tup
             f"{proofs[0].faulty} settled points lie in periods of faults; errors are those of the "
             "others (in held-out blocks periods are found by the finished model)"
         )
+    if proofs and not proofs[0].fit.heldout.points:
+        notes.append("no held-out point is free of faults: nothing is proved")
     return tuple(notes)
 
 

@@ -93,9 +93,7 @@ def prove(predictor: Predictor, models: Models) -> Proof:
     noise = predictor.noise(models.repaired) * local
     factor = predictor.signal.factor
     errors = [(p - measured) / factor for p in predictions]
-    parts = [judged & data.open, judged & (data.part == HELDOUT)]
-    if not parts[1].any():
-        parts[1] = parts[0]
+    parts = (judged & data.open, judged & (data.part == HELDOUT))
     estimation, heldout = (_errors(errors, noise / factor, part) for part in parts)
     found = Fit(
         predictor.signal.id,
@@ -163,7 +161,10 @@ def _interval(before: Array, after: Array) -> tuple[float, float]:
 
 
 def _closed(errors: Errors) -> float:
-    """Share of what could be explained, in squares, that the repair explains."""
+    """Share of what could be explained, in squares, that the repair explains.
+
+    Below 0 it makes worse; NaN where nothing was held out, or nothing could be explained.
+    """
     explainable = errors.recalibrated**2 - errors.noise**2
     gained = errors.recalibrated**2 - errors.repaired**2
-    return float(np.clip(gained / explainable, 0.0, 1.0)) if explainable > 0 else 0.0
+    return float(np.clip(gained / explainable, -1.0, 1.0)) if explainable > 0 else float("nan")

@@ -98,7 +98,7 @@ def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
         near = off[np.abs(off - np.median(off)) <= FAR * max(spread, 1e-300)]
         own = [o for o in ids if system.ruleset.observer_by_id[o].misfit > 0] or ids
         for name in own:
-            value = float(np.sqrt(np.mean(near**2) / (2 if len(own) == len(ids) == 2 else 1)))
+            value = float(np.sqrt(np.mean(near**2) / len(own)))
             found[name] = max(found.get(name, 0.0), value)
     return found
 
