@@ -109,7 +109,7 @@ def prove(predictor: Predictor, models: Models) -> Proof:
 def _without_periods(setting: Setting) -> Setting:
     """Faults in periods are no part of what a model predicts."""
     for course in setting.courses:
-        candidate = next(c for c in setting.joined if course.unknown in {u.id for u in c.unknowns})
+        candidate = setting.candidate_of(course)
         if candidate.sort != HIDDEN:
             setting = setting.leaving(candidate.id)
     return setting
@@ -120,9 +120,7 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
     data = rows.system.data
     faulty = np.zeros(len(data), dtype=bool)
     for course in repaired.setting.courses:
-        candidate = next(
-            c for c in repaired.setting.joined if course.unknown in {u.id for u in c.unknowns}
-        )
+        candidate = repaired.setting.candidate_of(course)
         if candidate.sort == HIDDEN:
             continue
         faulty |= (course.segment >= 0) & data.open

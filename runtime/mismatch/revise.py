@@ -22,9 +22,7 @@ def retempered(fitted: Fitted) -> Fitted:
 def recut(now: Contestant) -> Contestant:
     """Find the periods of faults again, after something else was explained."""
     for course in now.fitted.setting.courses:
-        candidate = next(
-            c for c in now.fitted.setting.joined if course.unknown in {u.id for u in c.unknowns}
-        )
+        candidate = now.fitted.setting.candidate_of(course)
         if candidate.sort == HIDDEN:
             continue
         # A fit without it would be bent by the fault: periods are cut from what the full model

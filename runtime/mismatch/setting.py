@@ -79,6 +79,10 @@ class Setting:
         """Ids of places with an error whose course is free in time."""
         return tuple(c.id for c in self.joined if c.sort == HIDDEN)
 
+    def candidate_of(self, course: Course) -> Candidate:
+        """What has a course."""
+        return next(c for c in self.joined if course.unknown in {u.id for u in c.unknowns})
+
     @property
     def in_periods(self) -> frozenset[str]:
         """Ids of unknowns that are there in some periods only."""

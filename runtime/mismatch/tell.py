@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,6 +15,7 @@ from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Pe
 from runtime.mismatch.search import Accepted
 from runtime.mismatch.setting import HIDDEN
 from runtime.mismatch.system import System
+from runtime.mismatch.wording import quantity
 from runtime.plan import Array
 
 TOLD = 0.02
@@ -103,7 +103,7 @@ def sentence(
     candidate: Candidate, parameters: Mapping[str, Estimate], periods: tuple[Period, ...]
 ) -> str:
     """The sentence for the operator with its slots filled."""
-    slots = {name: quantity(e.value, e.u, e.unit) for name, e in parameters.items()}
+    slots = {name: quantity(estimate) for name, estimate in parameters.items()}
     for unknown in candidate.unknowns:
         slots.setdefault(unknown.name, _of_periods(periods) if periods else unknown.title)
     slots |= {"degree": slots.get("x", ""), "where": candidate.place}
@@ -119,24 +119,6 @@ def _of_periods(periods: tuple[Period, ...]) -> str:
     if high - low < 0.005:
         return f"{100.0 * high:.1f} %"
     return f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
-
-
-def quantity(value: float, u: float, unit: str) -> str:
-    """A value with its uncertainty, as many digits as that allows.
-
-    >>> quantity(0.009404, 0.000216, "1/K")
-    '0.0094 +- 0.0002 1/K'
-    """
-    if not (math.isfinite(value) and math.isfinite(u)) or u <= 0:
-        number = f"{value:.4g}"
-    else:
-        digits = -math.floor(math.log10(u))
-        if digits > 6 or digits < -6:
-            number = f"{value:.4g} +- {u:.1g}"
-        else:
-            places = max(digits, 0)
-            number = f"{round(value, digits):.{places}f} +- {round(u, digits):.{places}f}"
-    return number if unit == "1" else f"{number} {unit}"
 
 
 def term_of(fitted: Fitted, candidate: Candidate) -> Array:

@@ -75,6 +75,17 @@ def value_and_u(estimate: Estimate) -> tuple[str, str]:
     return fixed(value, decimals), fixed(u, decimals)
 
 
+def quantity(estimate: Estimate) -> str:
+    """A parameter in a sentence.
+
+    >>> quantity(Estimate("b", 0.009404, 0.000216, 0.009, 0.0098, "1/K"))
+    '0.00940 ± 0.00022 1/K'
+    """
+    value, u = value_and_u(estimate)
+    told = value if u == "–" else f"{value} ± {u}"
+    return told if estimate.unit == "1" else f"{told} {estimate.unit}"
+
+
 def interval(estimate: Estimate) -> str:
     """The 95 % interval of a parameter; one that was not searched for has none.
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from runtime.mismatch import periods, tell
+from runtime.mismatch import periods, wording
 from runtime.mismatch.candidate import Missing
-from runtime.mismatch.result import Alternative, Finding
-from runtime.mismatch.tell import quantity
+from runtime.mismatch.result import Alternative, Estimate, Finding
 from runtime.mismatch.verdict import headline_of, next_step, verdict_of
+from runtime.mismatch.wording import quantity
 from tests.runtime.mismatches import UNNAMED, WARM
 
 SURE = replace(WARM, probability=0.95)
@@ -92,25 +92,25 @@ def test_a_hidden_driver_is_to_be_recorded() -> None:
 
 def test_examples_in_docstrings_hold() -> None:
     """Of numbers told, and of courses cut."""
-    for module in (tell, periods):
+    for module in (wording, periods):
         assert (0, True) == (doctest.testmod(module).failed, doctest.testmod(module).attempted > 0)
 
 
 @pytest.mark.parametrize(
     ("value", "u", "unit", "expected"),
     [
-        (0.029123, 0.0014, "1/K", "0.029 +- 0.001 1/K"),
-        (150.7, 12.0, "l/h/bar", "150 +- 10 l/h/bar"),
+        (0.029123, 0.0014, "1/K", "0.0291 ± 0.0014 1/K"),
+        (150.7, 12.0, "l/h/bar", "151 ± 12 l/h/bar"),
         (0.2, 0.0, "1", "0.2"),
         (1.5, float("nan"), "bar", "1.5 bar"),
-        (float("nan"), 1.0, "bar", "nan bar"),
-        (-3.26, 0.2, "bar", "-3.3 +- 0.2 bar"),
-        (1e-9, 2e-10, "m", "1e-09 +- 2e-10 m"),
-        (4.2e9, 3e8, "Pa", "4.2e+09 +- 3e+08 Pa"),
+        (float("nan"), 1.0, "bar", "– bar"),
+        (1e-9, 2e-10, "m", "0.00000000100 ± 0.00000000020 m"),
+        (4.2e9, 3e8, "Pa", "4\u202f200\u202f000\u202f000 ± 300\u202f000\u202f000 Pa"),
+        (-3.26, 0.2, "bar", "−3.26 ± 0.20 bar"),
     ],
 )
 def test_a_quantity_has_as_many_digits_as_it_deserves(
     value: float, u: float, unit: str, expected: str
 ) -> None:
-    """One digit of the uncertainty; none where there is no uncertainty."""
-    assert expected == quantity(value, u, unit)
+    """Two digits of the uncertainty; none where there is no uncertainty."""
+    assert expected == quantity(Estimate("b", value, u, value, value, unit))
