@@ -9,10 +9,10 @@ other: it is lowered for the analysis, written as YAML, and compiled.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from rulec.knowledge import Definition, ModuleType, Parameter
+from rulec.knowledge import ENDS, Definition, ModuleType, Parameter, Reading, State
 from rulec.language.expression import Expression
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
 
@@ -27,9 +27,11 @@ LONGEST_NAME = 36
 class Change:
     """A law to be built in at some places, ``(kind, name)`` each.
 
-    `kind` is ``definition``, ``observer`` or ``signal``. The law stands over ``law`` (the plain
-    value), `substitutes` (see `EffectLaw`), `drivers` (own signals, or plan inputs such as ``B.T``)
-    and `parameters`, whose plan inputs are in `ids`.
+    `kind` is ``definition``, ``observer``, ``signal``, ``balance`` (the derivative of a state),
+    ``reading`` (what a sensor shows) or ``end`` (what flows in or out). The law stands over ``law``
+    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, or plan
+    inputs such as ``B.T``) and `parameters`, whose plan inputs are in `ids`. `also` lists further
+    places with laws of their own; `states` are brought in, and stand in all laws.
     """
 
     places: tuple[tuple[str, str], ...]
@@ -38,6 +40,13 @@ class Change:
     parameters: Mapping[str, Parameter]
     ids: Mapping[str, str]
     substitutes: Mapping[str, Mapping[str, Expression]] = field(default_factory=dict)
+    also: tuple[tuple[tuple[str, str], Expression], ...] = ()
+    states: Mapping[str, State] = field(default_factory=dict)
+
+    def laws(self) -> Iterator[tuple[str, str, Expression]]:
+        """Every place with the law that it gets, as (kind, name, law)."""
+        yield from ((kind, place, self.law) for kind, place in self.places)
+        yield from ((kind, place, law) for (kind, place), law in self.also)
 
 
 @dataclass(frozen=True)
@@ -71,13 +80,50 @@ def amend(amended: Amended, change: Change) -> Amended:
         taken.add(local)
     outside = dict(amended.outside)
     for driver, source in change.drivers.items():
-        if source not in amended.type.signals:
+        if not _is_own(amended.type, source):
             names[driver] = name_node(_outside(outside, source, taken))
+    for name in change.states:
+        local = fresh(name, taken)
+        names[name] = name_node(local)
+        taken.add(local)
     kind = replace(amended.type, parameters=parameters)
     result = replace(amended, type=kind, inputs=inputs, outside=outside)
-    for place_kind, place in change.places:
-        result = _JOIN[place_kind](result, change, place, names)
+    for number, (place_kind, place, law) in enumerate(change.laws()):
+        own = replace(change, law=law)
+        if place_kind == "end" and place in result.type.definitions:
+            place_kind = "definition"
+        result, plain = _JOIN[place_kind](result, own, place, names)
+        if number == 0:
+            result = _with_states(result, change, names, plain)
     return result
+
+
+def _is_own(kind: ModuleType, source: str) -> bool:
+    return source in kind.signals or source in kind.states
+
+
+def _with_states(
+    amended: Amended, change: Change, names: Mapping[str, ast.expr], plain: str
+) -> Amended:
+    """States that a change brings in, over the plain value of its first place."""
+    if not change.states:
+        return amended
+    table = {**_own(amended, change), **names, "law": name_node(plain)}
+    states = dict(amended.type.states)
+    for name, state in change.states.items():
+        local = names[name]
+        assert isinstance(local, ast.Name)
+
+        def told(expression: Expression | None) -> Expression | None:
+            return None if expression is None else written(replaced(expression.tree, table))
+
+        rate, start = told(state.rate), told(state.start)
+        assert rate is not None
+        assert start is not None
+        states[local.id] = replace(
+            state, name=local.id, rate=rate, start=start, low=told(state.low), high=told(state.high)
+        )
+    return replace(amended, type=replace(amended.type, states=states))
 
 
 def _outside(outside: dict[str, str], source: str, taken: set[str]) -> str:
@@ -94,7 +140,7 @@ def _outside(outside: dict[str, str], source: str, taken: set[str]) -> str:
 def _taken(amended: Amended) -> set[str]:
     kind = amended.type
     names = {*kind.signals, *kind.parameters, *kind.definitions, *kind.observers, *kind.provides}
-    return {*names, *amended.outside}
+    return {*names, *kind.states, *ENDS, *amended.outside}
 
 
 def fresh(name: str, taken: Iterable[str]) -> str:
@@ -109,50 +155,91 @@ def fresh(name: str, taken: Iterable[str]) -> str:
 
 def _own(amended: Amended, change: Change) -> dict[str, ast.expr]:
     """Names of the own signals that drive, as what they should read where that is known."""
-    signals = amended.type.signals
     return {
         driver: name_node(amended.corrected.get(source, source))
         for driver, source in change.drivers.items()
-        if source in signals
+        if _is_own(amended.type, source)
     }
+
+
+Joined = tuple[Amended, str]
+"""A type with a law built in, and under which name it has the plain value."""
 
 
 def _join_definition(
     amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
-) -> Amended:
+) -> Joined:
     old = amended.type.definitions[place]
     writer = _Writer(amended, {**_own(amended, change), **names}, place, old.expression)
-    return writer.put_in(change)
+    return writer.put_in(change), writer.plain
 
 
 def _join_observer(
     amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
-) -> Amended:
+) -> Joined:
     old = amended.type.observers[place]
-    writer = _Writer(amended, {**_own(amended, change), **names}, place, old.expression)
+
+    def put(kind: ModuleType, law: Expression) -> ModuleType:
+        return replace(kind, observers={**kind.observers, place: replace(old, expression=law)})
+
+    return _join_equation(amended, change, place, names, old.expression, put)
+
+
+def _join_balance(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    old = amended.type.states[place]
+
+    def put(kind: ModuleType, law: Expression) -> ModuleType:
+        return replace(kind, states={**kind.states, place: replace(old, rate=law)})
+
+    return _join_equation(amended, change, f"der_{place}", names, old.rate, put)
+
+
+def _join_reading(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    old = amended.type.readings[place]
+
+    def put(kind: ModuleType, law: Expression) -> ModuleType:
+        return replace(kind, readings={**kind.readings, place: Reading(place, law, old.origin)})
+
+    return _join_equation(amended, change, f"{place}_shown", names, old.expression, put)
+
+
+def _join_equation(
+    amended: Amended,
+    change: Change,
+    name: str,
+    names: Mapping[str, ast.expr],
+    old: Expression,
+    put: Callable[[ModuleType, Expression], ModuleType],
+) -> Joined:
+    """The equation becomes a definition, and the law stands in its place."""
+    writer = _Writer(amended, {**_own(amended, change), **names}, name, old)
     law = writer.law(change)
-    plain = Definition(writer.plain, old.expression, f"{place}, plain law")
+    plain = Definition(writer.plain, old, f"{name}, plain law")
     brought = {plain.name: plain, **writer.copies}
-    changed = replace(
-        amended.type,
-        definitions={**amended.type.definitions, **brought},
-        observers={**amended.type.observers, place: replace(old, expression=law)},
-    )
-    return replace(amended, type=changed, made=amended.made | brought.keys())
+    kind = replace(amended.type, definitions={**amended.type.definitions, **brought})
+    made = amended.made | brought.keys()
+    return replace(amended, type=put(kind, law), made=made), writer.plain
 
 
 def _join_signal(
     amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
-) -> Amended:
-    """The law of a sensor stands over raw readings: two corrections need not wait on each other."""
+) -> Joined:
+    """The law of a sensor stands over raw readings: two corrections need not wait on each other.
+
+    What flows in or out by the network is built in alike.
+    """
     kind = amended.type
-    raw = {d: name_node(s) for d, s in change.drivers.items() if s in kind.signals}
+    raw = {d: name_node(s) for d, s in change.drivers.items() if _is_own(kind, s)}
     if place in amended.corrected:
         true = amended.corrected[place]
         old = kind.definitions[true]
         writer = _Writer(amended, {**raw, **names}, true, old.expression)
         result = writer.put_in(change)
-        return replace(result, raw=result.raw | {writer.plain, *writer.copies})
+        return replace(result, raw=result.raw | {writer.plain, *writer.copies}), writer.plain
     true = fresh(f"{place}_true", _taken(amended))
     law = written(replaced(change.law.tree, {**raw, **names, "law": name_node(place)}))
     there = {place: name_node(true)}
@@ -163,17 +250,45 @@ def _join_signal(
     observers = {
         name: replace(o, expression=over(o.expression, there)) for name, o in kind.observers.items()
     }
-    first = {true: Definition(true, law, f"what {place} should read")}
-    return replace(
+    states = {name: _state_over(s, there) for name, s in kind.states.items()}
+    readings = {
+        name: replace(r, expression=over(r.expression, there)) for name, r in kind.readings.items()
+    }
+    what = f"what {place} should read" if place in kind.signals else f"{place}, repaired"
+    first = {true: Definition(true, law, what)}
+    kind = replace(
+        kind,
+        definitions={**first, **definitions},
+        observers=observers,
+        states=states,
+        readings=readings,
+    )
+    joined = replace(
         amended,
-        type=replace(kind, definitions={**first, **definitions}, observers=observers),
+        type=kind,
         corrected={**amended.corrected, place: true},
         made=amended.made | {true},
         raw=amended.raw | {true},
     )
+    return joined, place
 
 
-_JOIN = {"definition": _join_definition, "observer": _join_observer, "signal": _join_signal}
+def _state_over(state: State, table: Mapping[str, ast.expr]) -> State:
+    def told(expression: Expression | None) -> Expression | None:
+        return None if expression is None else over(expression, table)
+
+    rate, start = over(state.rate, table), over(state.start, table)
+    return replace(state, rate=rate, start=start, low=told(state.low), high=told(state.high))
+
+
+_JOIN = {
+    "definition": _join_definition,
+    "observer": _join_observer,
+    "signal": _join_signal,
+    "balance": _join_balance,
+    "reading": _join_reading,
+    "end": _join_signal,
+}
 
 
 class _Writer:

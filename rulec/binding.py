@@ -86,8 +86,10 @@ class Binder:
         return [s for s in own if site.key != ("signal", s)]
 
     def _own(self, module: str, driver: Driver) -> list[str]:
-        signals = self._network.plant.modules[module].type.signals.values()
-        return [s.name for s in signals if s.quantity == driver.quantity]
+        """Own states of a quantity, or else signals: what is stored is what its sensor shows."""
+        kind = self._network.plant.modules[module].type
+        states = [s.name for s in kind.states.values() if s.quantity == driver.quantity]
+        return states or [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
 
     def _ids(self, modules: Iterable[str], driver: Driver) -> list[str]:
         return [f"{m}.{s}" for m in modules for s in self._own(m, driver)]
@@ -106,6 +108,6 @@ class Binder:
 
 def drivers_of(join: Join, effect: Effect) -> tuple[str, ...]:
     """Drivers that a law or its parameters speak of, in the order of the effect."""
-    used = join.law.names() | {join.falls_with, join.rises_with}
+    used = effect.used_by(join) | {join.falls_with, join.rises_with}
     used |= {p.driver for p in effect.parameters.values() if p.name in used and p.driver}
     return tuple(name for name in effect.drivers if name in used)

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 
 import sympy
 
-from rulec.knowledge import Definition, ModuleType, Observer
+from rulec.knowledge import ENDS, Definition, ModuleType, Observer
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document
-from rulec.language.expression import Expression, Rejected
+from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import read_unit, within
 from rulec.language.symbolic import to_sympy
 from rulec.language.units import PROPERTIES, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
@@ -24,7 +24,7 @@ def provided_names(
     first: dict[str, Place] = {}
     for document in documents:
         for name, signal in document.data.get("provides", {}).items():
-            if signal not in document.data["signals"]:
+            if signal not in document.data.get("signals", {}):
                 continue
             place = document.key("provides", name)
             own = read_unit(document, ("signals", signal, "unit"), units, []).dimension
@@ -48,6 +48,9 @@ def check_dimensions(
         return
     known = {n: s.unit.dimension for n, s in module.signals.items()}
     known |= {n: p.unit.dimension for n, p in module.parameters.items()}
+    known |= {n: s.unit.dimension for n, s in module.states.items()} | dict.fromkeys(
+        ENDS, VOLUME_FLOW
+    )
     gathered = {name: provided.get(name, UNKNOWN) for name in module.gathers}
     for definition in module.definitions.values():
         path = ("definitions", definition.name, "is")
@@ -55,6 +58,9 @@ def check_dimensions(
         known[definition.name] = _dimension(
             document, path, definition.expression, known, gathered, found
         )
+        if definition.name in ENDS and not known[definition.name].fits(VOLUME_FLOW):
+            message = f"'{definition.name}' is a volume flow, but this is {known[definition.name]}"
+            found.append(Diagnostic(document.place(*path), "KB057", message, "check each factor"))
     for observer in module.observers.values():
         path = ("observers", observer.name, "Q")
         _check_gathered(document, path, observer.expression, provided, found)
@@ -62,6 +68,33 @@ def check_dimensions(
         if not result.fits(VOLUME_FLOW):
             message = f"an observer gives a volume flow ({VOLUME_FLOW}), but this is {result}"
             found.append(Diagnostic(document.place(*path), "KB057", message, "check each factor"))
+    for state in module.states.values():
+        for key, expression in state.equations():
+            path = ("states", state.name, key)
+            wanted = state.unit.dimension / _SECOND if key == "der" else state.unit.dimension
+            _check_given(document, path, expression, wanted, known, gathered, found)
+    for reading in module.readings.values():
+        path, wanted = ("readings", reading.name, "is"), known[reading.name]
+        _check_given(document, path, reading.expression, wanted, known, gathered, found)
+
+
+_SECOND = Dimension.of({"s": 1})
+
+
+def _check_given(
+    document: Document,
+    path: tuple[str | int, ...],
+    expression: Expression,
+    wanted: Dimension,
+    known: Mapping[str, Dimension],
+    gathered: Mapping[str, Dimension],
+    found: list[Diagnostic],
+) -> None:
+    """The equation of a state or a reading gives what it is to give; a bare number always does."""
+    result = _dimension(document, path, expression, known, gathered, found)
+    if not result.fits(wanted) and constant(expression, {}) is None:
+        message = f"this is {result}, but should be {wanted}"
+        found.append(Diagnostic(document.place(*path), "KB112", message, "check each factor"))
 
 
 def check_comparisons(document: Document, module: ModuleType, found: list[Diagnostic]) -> None:
@@ -72,7 +105,7 @@ def check_comparisons(document: Document, module: ModuleType, found: list[Diagno
     compares = any(word in part.expression.text for _, part in parts for word in ("min", "max"))
     if not compares or any(d.place.file == document.path for d in found):
         return
-    names = (*module.signals, *module.parameters)
+    names = (*module.signals, *module.parameters, *module.states, *ENDS)
     table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
     gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
     asked = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}

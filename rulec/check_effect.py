@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rulec.check_join import TIME, JoinReader, needed_by
-from rulec.knowledge import PLAIN, Driver, Effect, EffectParameter, Join
+from rulec.knowledge import PLAIN, Driver, Effect, EffectParameter, EffectState, Join
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
-from rulec.language.part_readers import origin_of, read_unit, within
+from rulec.language.part_readers import origin_of, read_expression, read_unit, within
 from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
 from rulec.try_effect import fails_at_null
 
@@ -48,7 +48,8 @@ class _EffectReader:
         parameters = {
             name: self._parameter(name, part, drivers) for name, part in data["parameters"].items()
         }
-        reader = JoinReader(self.document, self.units, drivers, self.known, of_laws)
+        states = {name: self._state(name) for name in self._group("states")}
+        reader = JoinReader(self.document, self.units, drivers, self.known, of_laws, states)
         joins = [(i, join) for i in range(len(data["joins"])) for join in reader.read(i)]
         effect = Effect(
             data["effect"],
@@ -61,6 +62,7 @@ class _EffectReader:
             data["text"],
             data["action"],
             origin_of(self.document, "effect", source=data["source"]),
+            states,
         )
         if len(self.found) == before:
             self._check_used(effect, joins)
@@ -78,14 +80,14 @@ class _EffectReader:
     def _check_names(self) -> None:
         """Each name means one thing, and the readers of equations and texts can read it."""
         drivers = self._group("drivers")
-        for group in ("drivers", "parameters"):
+        for group in ("drivers", "parameters", "states"):
             for name in self._group(group):
                 place = self.document.key(group, name)
                 if keyword.iskeyword(name):
                     message = f"'{name}' is a reserved word and cannot be a name"
                     hint = "it could not stand in an equation; use another name"
                     self._report(place, "KB024", message, hint)
-                twin = group == "parameters" and name in drivers
+                twin = group != "drivers" and name in drivers
                 if twin or name in (PLAIN, *SLOTS) or name.startswith(f"{PLAIN}_"):
                     second = self.document.key("drivers", name) if twin else None
                     message = f"the name '{name}' means two things"
@@ -101,6 +103,22 @@ class _EffectReader:
             place = self.document.place("drivers", name, "quantity")
             self._report(place, "KB054", f"there is no quantity '{quantity}'", hint)
         return Driver(name, quantity, part.get("where", "own"), part.get("title", quantity))
+
+    def _state(self, name: str) -> EffectState:
+        """Something that the effect stores; names in its equations are known."""
+        path, part = ("states", name), self._group("states")[name]
+        equations = {key: read_expression(self.document, (*path, key), self.found) for key in part}
+        known = {PLAIN, *self.known, *self._group("states")}
+        for key, expression in equations.items():
+            for used, column in expression.names():
+                if used not in known:
+                    place = self.document.place(*path, key)
+                    spot = within(place, column, len(used), expression.text)
+                    message = f"'{used}' is neither driver, parameter nor state of this effect"
+                    self._report(spot, "KB036", message, did_you_mean(used, known))
+        return EffectState(
+            equations["der"], equations["start"], equations.get("low"), equations.get("high")
+        )
 
     def _asked(self, path: tuple[str, ...], name: str, drivers: Mapping[str, Driver]) -> str | None:
         """The driver that a parameter names; None where there is no such one."""
@@ -201,7 +219,7 @@ class _EffectReader:
 
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Free parameters stand in every law, drivers and fixed ones in one at least."""
-        used = {i: needed_by(join, effect.parameters) for i, join in joins}
+        used = {i: needed_by(join, effect.parameters, effect.states) for i, join in joins}
         everywhere, somewhere = set.intersection(*used.values()), set().union(*used.values())
         for name, parameter in effect.parameters.items():
             if name not in somewhere or not (parameter.fixed or name in everywhere):
@@ -219,7 +237,8 @@ class _EffectReader:
 
     def _check_text(self, effect: Effect) -> None:
         """Slots of the text are known wherever the effect joins."""
-        known = set.intersection(*(needed_by(join, effect.parameters) for join in effect.joins))
+        needed = (needed_by(join, effect.parameters, effect.states) for join in effect.joins)
+        known = set.intersection(*needed)
         place, text = self.document.place("text"), effect.text
         if re.search("[{}]", _SLOT.sub("", text)):
             message, hint = "a brace in the text has no partner", "write slots as {module}"

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rulec.knowledge import PLAIN, Driver, EffectLaw, EffectParameter, Join
+from rulec.knowledge import PLAIN, Driver, EffectLaw, EffectParameter, EffectState, Join
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document, Path_
 from rulec.language.effect_law import Columns, parse_law
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import within
-from rulec.language.units import UNKNOWN, Dimension, UnitTable
+from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
 TIME = "time"
 """Quantity of a driver that no sensor measures: seconds since the recording began."""
@@ -22,11 +22,18 @@ ANY = "any"
 """Quantity of a join to every signal."""
 
 _OF_EQUATIONS = ("falls_with", "rises_with", "measured", "steep")
+_KINDS = ("gives", "reads", "stores", "shows", "flows")
+_SECOND = Dimension.of({"s": 1})
 
 
-def needed_by(join: Join, parameters: Mapping[str, EffectParameter]) -> set[str]:
+def needed_by(
+    join: Join, parameters: Mapping[str, EffectParameter], states: Mapping[str, EffectState]
+) -> set[str]:
     """Drivers and parameters that a join needs."""
-    names = join.law.names() | {name for name in (join.falls_with, join.rises_with) if name}
+    names = {name for law in join.laws for name in law.names()}
+    names |= {name for state in states.values() for name in state.names()}
+    names |= {name for name in (join.falls_with, join.rises_with) if name}
+    names -= {PLAIN, *states}
     return names | {p.driver for n, p in parameters.items() if n in names and p.driver}
 
 
@@ -43,33 +50,41 @@ class JoinReader:
     drivers: Mapping[str, Driver]
     known: Mapping[str, Dimension]
     found: list[Diagnostic] = field(repr=False)
+    states: Mapping[str, EffectState] = field(default_factory=dict)
 
     def read(self, i: int) -> Iterator[Join]:
         """The joins that one entry lists: one for each quantity."""
         part, path = self.document.data["joins"][i], ("joins", i)
-        kinds = [kind for kind in ("gives", "reads") if kind in part]
+        kinds = [kind for kind in _KINDS if kind in part]
         if len(kinds) != 1:
-            message = "a join needs one of 'gives' and 'reads'"
-            hint = "gives: equations of this quantity; reads: signals of it"
+            message = f"a join needs one of {', '.join(map(repr, _KINDS))}"
+            hint = "gives: equations of this quantity; reads: signals of it; see docs"
             self._report(self.document.place(*path), "KB100", message, hint)
             return
         kind, before = kinds[0], len(self.found)
         slopes = self._slopes(part, path)
         law, columns = self._law((*path, "law"))
         self._check_names((*path, "law"), law, columns)
+        also = {end: self._also((*path, "also", end)) for end in part.get("also", {})}
         listed = isinstance(part[kind], list)
         for j, quantity in enumerate(part[kind] if listed else [part[kind]]):
             own = self._dimension_of(kind, (*path, kind, j) if listed else (*path, kind), quantity)
             if len(self.found) == before:
                 self._check_dimension((*path, "law"), law, columns, own)
+                self._check_states(own)
+            named = {k: quantity if k == kind else "" for k in _KINDS}
             yield Join(
-                quantity if kind == "reads" else "",
-                quantity if kind == "gives" else "",
+                named["reads"],
+                named["gives"],
                 slopes.get("falls_with", ""),
                 slopes.get("rises_with", ""),
                 part.get("measured", False),
                 law,
                 part.get("steep"),
+                named["stores"],
+                named["shows"],
+                named["flows"],
+                also,
             )
 
     def _report(self, place: Place, code: str, message: str, hint: str = "") -> None:
@@ -79,7 +94,7 @@ class JoinReader:
         """Own drivers by which the slope of a place is asked for."""
         slopes: dict[str, str] = {}
         for key in _OF_EQUATIONS:
-            if "reads" in part and key in part:
+            if "gives" not in part and key in part:
                 message, hint = f"a signal is no equation; '{key}' says nothing here", "remove it"
                 self._report(self.document.key(*path, key), "KB100", message, hint)
             elif key in ("falls_with", "rises_with") and key in part:
@@ -101,18 +116,49 @@ class JoinReader:
             self._report(place, "KB102", message, "take a driver with 'where: own'")
 
     def _dimension_of(self, kind: str, path: Path_, quantity: str) -> Dimension:
+        if kind == "flows":
+            return VOLUME_FLOW
         if quantity in self.units.quantities:
-            return self.units.quantities[quantity]
-        if kind == "gives" or quantity != ANY:
-            also = () if kind == "gives" else (ANY,)
+            own = self.units.quantities[quantity]
+            return own / _SECOND if kind == "stores" else own
+        if kind in ("gives", "stores") or quantity != ANY:
+            also = () if kind in ("gives", "stores") else (ANY,)
             hint = did_you_mean(quantity, {*self.units.quantities, *also})
             message = f"there is no quantity '{quantity}'"
             self._report(self.document.place(*path), "KB054", message, hint)
         return UNKNOWN
 
+    def _also(self, path: Path_) -> EffectLaw:
+        """A law for a further flow, checked."""
+        before = len(self.found)
+        law, columns = self._law(path)
+        self._check_names(path, law, columns)
+        if len(self.found) == before:
+            self._check_dimension(path, law, columns, VOLUME_FLOW)
+        return law
+
+    def _check_states(self, own: Dimension) -> None:
+        """What an effect stores is of the kind of its place."""
+        known = {**self.known, **dict.fromkeys((PLAIN, *self.states), own)}
+        for name, state in self.states.items():
+            for key, expression in state.equations():
+                path = ("states", name, key)
+                wanted = own / _SECOND if key == "der" else own
+                try:
+                    given = dimension(expression, known, {})
+                except Rejected as error:
+                    self._report_in(path, expression.text, error)
+                    continue
+                if not given.fits(wanted) and constant(expression, {}) is None:
+                    message = f"this is {given}, but should be {wanted}"
+                    self._report(self.document.place(*path), "KB101", message, "check each factor")
+
     def _law(self, path: Path_) -> tuple[EffectLaw, Columns]:
         """Read the law at a path; a refused one is reported and counts as the plain law."""
-        text = str(self.document.data["joins"][path[1]]["law"])
+        part = self.document.data
+        for step in path:
+            part = part[step]
+        text = str(part)
         try:
             return parse_law(text)
         except Rejected as error:
@@ -126,7 +172,8 @@ class JoinReader:
     def _check_names(self, path: Path_, law: EffectLaw, columns: Columns) -> None:
         """All names of a law are known, and what ``law(...)`` replaces is an own driver."""
         place = self.document.place(*path)
-        self._check_known(place, law, law.expression, 0, {PLAIN, *law.substitutes, *self.known})
+        known = {PLAIN, *law.substitutes, *self.known, *self.states}
+        self._check_known(place, law, law.expression, 0, known)
         for key, replaced in law.substitutes.items():
             for driver, value in replaced.items():
                 at, start = columns[key, driver]
@@ -155,7 +202,7 @@ class JoinReader:
         self, path: Path_, law: EffectLaw, columns: Columns, own: Dimension
     ) -> None:
         """The law gives what its place gives, and what replaces a driver is of its kind."""
-        known = {**self.known, **dict.fromkeys((PLAIN, *law.substitutes), own)}
+        known = {**self.known, **dict.fromkeys((PLAIN, *law.substitutes, *self.states), own)}
         parts = [(law.expression, 0, own, "the place")]
         for key, replaced in law.substitutes.items():
             parts += [

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rulec.check_states import StateReader
 from rulec.knowledge import (
+    ENDS,
     Definition,
     FaultType,
     FaultUse,
@@ -52,7 +54,7 @@ class _ModuleReader:
 
     def read(self) -> ModuleType:
         data = self.document.data
-        signals = {n: self._signal(n, s) for n, s in data["signals"].items()}
+        signals = {n: self._signal(n, s) for n, s in data.get("signals", {}).items()}
         parameters = {n: self._parameter(n, p) for n, p in data.get("parameters", {}).items()}
         self._check_own_names()
         provides = self._provides(signals)
@@ -60,17 +62,25 @@ class _ModuleReader:
         expressions = {
             n: self._expression("definitions", n, "is") for n in data.get("definitions", {})
         }
-        known = {*signals, *parameters, *expressions}
+        of_states = StateReader(self.document, self.units, self.found)
+        names = {*data.get("states", {}), *(ENDS if of_states.flows else ())}
+        known = {*signals, *parameters, *expressions, *names}
         for name, expression in expressions.items():
             self._check_names(expression, known, ("definitions", name, "is"))
         order = self._order(expressions)
         definitions = {
             n: Definition(n, expressions[n], data["definitions"][n].get("title", n)) for n in order
         }
-        observers = {n: self._observer(n, o, known) for n, o in data.get("observers", {}).items()}
+        observers = {
+            n: self._observer(n, o, known - names) for n, o in data.get("observers", {}).items()
+        }
+        states, readings = of_states.states(), of_states.readings(signals)
+        for path, expression in of_states.equations(states, readings):
+            self._check_names(expression, known - set(signals), path)
         if len(self.found) == before and not self.reserved:
             self._check_constants(definitions, observers)
-            self._check_used(signals, parameters, expressions, observers)
+            stated = (e for _, e in of_states.equations(states, readings))
+            self._check_used(signals, parameters, expressions, observers, tuple(stated))
         gathers = {n for e in self._expressions(expressions, observers) for n, _ in e.gathered()}
         return ModuleType(
             data["module"],
@@ -85,6 +95,8 @@ class _ModuleReader:
             self._fault_uses(signals, definitions, observers),
             tuple(sorted(gathers)),
             self.document.path,
+            states=states,
+            readings=readings,
         )
 
     def _report(self, place: Place, code: str, message: str, hint: str = "") -> None:
@@ -147,7 +159,7 @@ class _ModuleReader:
     def _check_own_names(self) -> None:
         """Names that equations use: each means one thing, and the equation reader can read it."""
         first: dict[str, Place] = {}
-        for group in ("signals", "parameters", "definitions", "provides"):
+        for group in ("signals", "states", "parameters", "definitions", "provides"):
             for name in self.document.data.get(group, {}):
                 place = self.document.key(group, name)
                 if keyword.iskeyword(name):
@@ -255,9 +267,11 @@ class _ModuleReader:
         parameters: Mapping[str, Parameter],
         definitions: Mapping[str, Expression],
         observers: Mapping[str, Observer],
+        of_states: Iterable[Expression],
     ) -> None:
         """Refuse parameters that no equation uses, and observers that use no signal."""
-        used = {n for e in self._expressions(definitions, observers) for n, _ in e.names()}
+        equations = (*self._expressions(definitions, observers), *of_states)
+        used = {n for e in equations for n, _ in e.names()}
         for name in parameters:
             if name not in used:
                 place = self.document.key("parameters", name)

@@ -130,7 +130,7 @@ def differentiate(residuals: Residuals) -> Models:
     """Differentiate every module type that the plant uses."""
     plant = residuals.network.plant
     used = {module.type.key: module.type for module in plant.modules.values()}
-    models = {name: type_model(kind, plant.knowledge) for name, kind in used.items()}
+    models = {name: type_model(kind.settled(), plant.knowledge) for name, kind in used.items()}
     return Models(residuals, models)
 
 

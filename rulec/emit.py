@@ -9,12 +9,13 @@ from rulec.analyse_isolability import Group
 from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signatures
 from rulec.knowledge import Origin, Signal
-from rulec.order_equations import Ordered
 from rulec.plant import Module, Plant
+from rulec.put_balances import Balanced
 
 
-def emit(ordered: Ordered) -> contract.Ruleset:
+def emit(balanced: Balanced) -> contract.Ruleset:
     """Write the ruleset of a plant. The same sources always give the same ruleset."""
+    ordered = balanced.ordered
     isolability = ordered.isolability
     rules = isolability.rules
     signatures = rules.signatures
@@ -66,6 +67,7 @@ def emit(ordered: Ordered) -> contract.Ruleset:
         ordered.simulation,
         assembly.graph.plan(),
         assembly.undo.plan(),
+        balanced.dynamics,
     )
 
 

@@ -14,7 +14,11 @@ def equation_of(amended: Amended, place: tuple[str, str]) -> str:
     kind, name = place
     if kind == "observer":
         return f"{name} = {_written_out(amended, amended.type.observers[name].expression)}"
-    if kind == "signal":
+    if kind == "balance":
+        return f"d{name}/dt = {_written_out(amended, amended.type.states[name].rate)}"
+    if kind == "reading":
+        return f"{name} = {_written_out(amended, amended.type.readings[name].expression)}"
+    if kind == "signal" or (kind == "end" and name not in amended.type.definitions):
         true = amended.corrected.get(name)
         if true is None:
             return f"{name} = {name}"

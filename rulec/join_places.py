@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rulec.knowledge import Join, Knowledge
+from rulec.knowledge import INFLOW, OUTFLOW, Join, Knowledge
 from rulec.language.units import VOLUME_FLOW
 from rulec.places import Site
 from rulec.plant import Module
@@ -12,6 +12,8 @@ from rulec.plant import Module
 
 def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Module) -> list[Site]:
     """Places that a join asks for, of those that stand on one another only the innermost."""
+    if join.stores or join.shows or join.flows:
+        return [s for s in sites if _stores(join, s)]
     if join.reads:
         kind = module.type.signals
         signals = (s for s in sites if s.kind == "signal" and s.observers)
@@ -20,7 +22,7 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
     fitting = [
         s
         for s in sites
-        if s.kind != "signal"
+        if s.kind in ("definition", "observer")
         and s.observers
         and s.reads
         and s.dimension == wanted
@@ -32,6 +34,18 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
     return [
         s for s in fitting if not s.uses & (inner - {s.name} if s.kind != "observer" else inner)
     ]
+
+
+_ENDS = {INFLOW: "in", OUTFLOW: "out"}
+
+
+def _stores(join: Join, site: Site) -> bool:
+    """Does a place of a module that stores fit?"""
+    if join.flows:
+        return site.name in _ENDS and _ENDS[site.name] == join.flows and bool(site.observers)
+    if join.stores:
+        return site.kind == "balance" and site.quantity == join.stores
+    return site.kind == "reading" and join.shows in ("any", site.quantity)
 
 
 def _is_reference(site: Site, module: Module) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rulec.language.diagnostics import Place
 from rulec.language.expression import Expression
@@ -11,6 +11,11 @@ from rulec.language.units import Unit, UnitTable
 
 PLAIN = "law"
 """Name of the plain law in the law of an effect."""
+
+INFLOW, OUTFLOW = "inflow", "outflow"
+ENDS = (INFLOW, OUTFLOW)
+"""Names, in a module type with states, of what flows in and out. A definition of such a name is a
+law of the module; without one the flow follows from what is connected."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,42 @@ class Observer:
 
 
 @dataclass(frozen=True)
+class State:
+    """What a module stores: `rate` is its derivative by time, `start` its value at the beginning.
+
+    It stays between `low` and `high`, where they are given; all equations, in SI.
+    """
+
+    name: str
+    quantity: str
+    unit: Unit
+    title: str
+    rate: Expression
+    start: Expression
+    low: Expression | None
+    high: Expression | None
+    origin: Origin
+
+    def equations(self) -> Iterator[tuple[str, Expression]]:
+        """All of them by key."""
+        yield "der", self.rate
+        yield "start", self.start
+        if self.low is not None:
+            yield "low", self.low
+        if self.high is not None:
+            yield "high", self.high
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a sensor shows, by the states: the equation of a signal that is no input."""
+
+    name: str
+    expression: Expression
+    origin: Origin
+
+
+@dataclass(frozen=True)
 class FaultUse:
     """A fault that a module type can have, and what it acts on there."""
 
@@ -156,6 +197,8 @@ class ModuleType:
     gathers: tuple[str, ...]
     file: str
     fluid: Fluid | None = None
+    states: Mapping[str, State] = field(default_factory=dict)
+    readings: Mapping[str, Reading] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -168,9 +211,13 @@ class ModuleType:
         return tuple(sorted({name for e in self.equations() for name, _ in e.properties()}))
 
     def equations(self) -> list[Expression]:
-        """Equations of all definitions and observers."""
-        definitions = [d.expression for d in self.definitions.values()]
-        return definitions + [o.expression for o in self.observers.values()]
+        """Equations of all definitions, observers, states and readings."""
+        return [
+            *(d.expression for d in self.definitions.values()),
+            *(o.expression for o in self.observers.values()),
+            *(e for state in self.states.values() for _, e in state.equations()),
+            *(r.expression for r in self.readings.values()),
+        ]
 
     def with_definitions(self, expression: Expression) -> Iterator[Expression]:
         """An equation and those of all definitions that it stands on."""
@@ -183,6 +230,28 @@ class ModuleType:
                 if name in self.definitions and name not in seen:
                     seen.add(name)
                     stack.append(self.definitions[name].expression)
+
+    @property
+    def flows(self) -> bool:
+        """Do its equations know what flows in and out?"""
+        return bool(self.states or self.readings)
+
+    def settled(self) -> ModuleType:
+        """What holds without time: no states, and nothing that stands on one."""
+        if not self.flows:
+            return self
+        moving = {*self.states, *ENDS}
+
+        def still(expression: Expression) -> bool:
+            parts = self.with_definitions(expression)
+            return not any(name in moving for part in parts for name, _ in part.names())
+
+        definitions = {
+            n: d for n, d in self.definitions.items() if n not in ENDS and still(d.expression)
+        }
+        kept = {*self.signals, *definitions, *self.components()}
+        faults = tuple(use for use in self.faults if use.target in kept - self.readings.keys())
+        return replace(self, definitions=definitions, states={}, readings={}, faults=faults)
 
     def components(self) -> dict[str, list[str]]:
         """Observers of each component, the primary one first."""
@@ -259,15 +328,18 @@ class EffectParameter:
 class Join:
     """A kind of place that an effect can join, and the law it has there.
 
-    Either `reads` (a signal of this quantity, ``any`` for all) or `gives` (a definition or
-    observer of this quantity) is set. `falls_with`, `rises_with` name a driver and the sign of the
+    One of these is set: `reads` (a signal of this quantity, ``any`` for all), `gives` (a definition
+    or observer of this quantity), and in modules that store `stores` (the derivative of a state of
+    this quantity), `shows` (what a sensor of this quantity shows, or ``any``), `flows` (``in`` or
+    ``out``). `falls_with`, `rises_with` name a driver and the sign of the
     slope by it at the reference point; `measured` asks for places that read a signal of the very
     quantity they give (a processed reading), else those are left out. `steep`: a rise of that
     driver by a share changes what is given by more (True) or less (False) than half that share;
     None: either. A place that gives a flow counts only where an estimate of the module's flow
     rises with it: a slip, which is subtracted, is no estimate. `law` stands over ``law``,
     ``law(driver=...)``, drivers and parameters; only those that occur there, in `falls_with` and
-    `rises_with`, or as the `driver` of such a parameter, are needed to join.
+    `rises_with`, or as the `driver` of such a parameter, are needed to join. `also` gives what
+    flows ``in`` or ``out`` a law besides.
     """
 
     reads: str
@@ -277,6 +349,15 @@ class Join:
     measured: bool
     law: EffectLaw
     steep: bool | None = None
+    stores: str = ""
+    shows: str = ""
+    flows: str = ""
+    also: Mapping[str, EffectLaw] = field(default_factory=dict)
+
+    @property
+    def laws(self) -> tuple[EffectLaw, ...]:
+        """The law of the place, then those of further flows."""
+        return (self.law, *self.also.values())
 
 
 @dataclass(frozen=True)
@@ -301,6 +382,25 @@ class EffectLaw:
 
 
 @dataclass(frozen=True)
+class EffectState:
+    """Something that an effect stores, of the kind of its place; equations as in its law."""
+
+    rate: Expression
+    start: Expression
+    low: Expression | None
+    high: Expression | None
+
+    def equations(self) -> Iterator[tuple[str, Expression]]:
+        """All of them by key."""
+        given = {"der": self.rate, "start": self.start, "low": self.low, "high": self.high}
+        yield from ((key, e) for key, e in given.items() if e is not None)
+
+    def names(self) -> set[str]:
+        """Names in them."""
+        return {name for _, e in self.equations() for name, _ in e.names()}
+
+
+@dataclass(frozen=True)
 class Effect:
     """Physics, ageing or a sensor error that a relation may leave out; `sort` says which."""
 
@@ -314,6 +414,13 @@ class Effect:
     text: str
     action: str
     origin: Origin
+    states: Mapping[str, EffectState] = field(default_factory=dict)
+
+    def used_by(self, join: Join) -> set[str]:
+        """Drivers and parameters that a join speaks of, also by way of states."""
+        found = {name for law in join.laws for name in law.names()}
+        found |= {name for state in self.states.values() for name in state.names()}
+        return found - {PLAIN, *self.states}
 
 
 @dataclass(frozen=True)

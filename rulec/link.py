@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import networkx as nx
 
 from rulec.continuity import Balance, FixedFlow, FlowGraph, flows_by_continuity, without_flow
 from rulec.downstream import Downstream, Gathered, Undefined
+from rulec.end_flows import EndFlows, end_flows
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.plant import Plant
 
@@ -24,6 +25,8 @@ class Network:
     gathers : per (module, name) the signals that `downstream(name)` sums, as (module, signal).
     sums : per (module, kind) the flow of a module as signed sum of other modules' observers of
         that kind, in the order of the plant.
+    ends : what flows in and out of modules whose equations ask for it. A junction at a module that
+        stores balances nothing, and is none of `balances`.
     """
 
     plant: Plant
@@ -31,18 +34,28 @@ class Network:
     graph: FlowGraph
     gathers: Mapping[tuple[str, str], Gathered]
     sums: Mapping[tuple[str, str], FixedFlow]
+    ends: EndFlows = field(default_factory=dict)
+
+    @property
+    def stores(self) -> bool:
+        """Has some module states?"""
+        return any(m.type.states for m in self.plant.modules.values())
 
 
 def link(plant: Plant) -> Network:
     """Resolve the connections of a plant.
 
-    Raises `Refused` (KB087, KB089, KB090) where nothing could be compared, where a sum downstream
-    is not defined, and where a module is connected so that nothing can flow.
+    Raises `Refused` (KB087, KB089, KB090, KB113, KB114) where nothing could be compared, where a
+    sum downstream is not defined, where a module is connected so that nothing can flow, and where
+    what flows into a module that stores does not follow, or follows twice.
     """
-    balances = junctions(plant)
+    every = junctions(plant)
+    ends = end_flows(plant, FlowGraph.of(every, plant.modules))
+    stores = {m.name for m in plant.modules.values() if m.type.states}
+    balances = tuple(b for b in every if not stores.intersection((*b.outlets, *b.inlets)))
     graph = FlowGraph.of(balances, plant.modules)
     observers = sum(len(m.type.observers) for m in plant.modules.values())
-    if not observers:
+    if not observers and not stores:
         message = "no module of this plant has an observer; nothing can be compared"
         raise Refused([Diagnostic(plant.place, "KB087", message, "give a module type an observer")])
     stopped = without_flow(graph)
@@ -51,7 +64,8 @@ def link(plant: Plant) -> Network:
         message = f"nothing can flow through {names}: behind or before it all ways are closed"
         hint = "a connection is missing, or points the wrong way"
         raise Refused([Diagnostic(plant.place, "KB090", message, hint)])
-    return Network(plant, balances, graph, _gathers(plant, balances, graph), _sums(plant, graph))
+    gathers = _gathers(plant, balances, graph)
+    return Network(plant, balances, graph, gathers, _sums(plant, graph), ends)
 
 
 def junctions(plant: Plant) -> tuple[Balance, ...]:

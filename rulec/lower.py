@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from rulec.amend import Amended
+from rulec.end_flows import EndFlows
 from rulec.fluid import factor_name
 from rulec.graph import Graph, Node
-from rulec.knowledge import Fluid
-from rulec.language.expression import GATHER, Expression, exponent_of, function_of
+from rulec.knowledge import ENDS, Fluid
+from rulec.language.expression import GATHER, Expression, Rejected, exponent_of, function_of
 from rulec.language.units import PROPERTIES
 from rulec.link import Network
 from rulec.plant import Module
@@ -88,11 +89,15 @@ def _power(graph: Graph, base: Node, power: float) -> Node:
 
 @dataclass(frozen=True)
 class Lowering:
-    """What is lowered: the amended types of some modules of a plant, places shifted by inputs."""
+    """What is lowered: the amended types of some modules of a plant, places shifted by inputs.
+
+    Without `ends`, what flows in and out of a module that stores is an input of its plan.
+    """
 
     network: Network
     amended: Mapping[str, Amended]
     shifts: Shifts = field(default_factory=dict)
+    ends: EndFlows | None = None
 
     def of(self, module: str) -> Amended:
         """The type of a module with its changes."""
@@ -116,6 +121,34 @@ def lower_module(what: Lowering, module: str, definitions: bool = False) -> Plan
             graph.outputs[f"guard:{module}.{observer.name}:{i}"] = node
     if definitions:
         graph.outputs |= {f"d:{name}": scope.value(name) for name in kind.definitions}
+        graph.outputs |= {f"der:{name}": scope.balance(name) for name in kind.states}
+        graph.outputs |= {f"shown:{name}": scope.shown(name) for name in kind.readings}
+    return graph.plan()
+
+
+def lower_states(what: Lowering) -> Plan:
+    """The balances of a whole plant as one plan.
+
+    Inputs are ids of states (``A.h``), signals, parameters, and what changes and shifts bring in.
+    Outputs are ``der:<state>``, ``start:<state>``, ``low:<state>``, ``high:<state>`` where there
+    are limits, ``shown:<signal>`` for readings, and ``inflow:<module>``, ``outflow:<module>``.
+    """
+    modules = what.network.plant.modules
+    graph = Graph(dict.fromkeys(name for m in modules for name in _inputs(what, m)))
+    for module in modules:
+        scope, kind = _Scope(graph, what, module), what.of(module).type
+        for name, state in kind.states.items():
+            state_id = f"{module}.{name}"
+            graph.outputs[f"der:{state_id}"] = scope.balance(name)
+            graph.outputs[f"start:{state_id}"] = lower_tree(graph, state.start.tree, scope)
+            if state.low is not None:
+                graph.outputs[f"low:{state_id}"] = lower_tree(graph, state.low.tree, scope)
+            if state.high is not None:
+                graph.outputs[f"high:{state_id}"] = lower_tree(graph, state.high.tree, scope)
+        for name in kind.readings:
+            graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
+        if kind.states:
+            graph.outputs |= {f"{end}:{module}": scope.value(end) for end in ENDS}
     return graph.plan()
 
 
@@ -131,6 +164,8 @@ def _inputs(what: Lowering, module: str) -> Iterator[str]:
     for name in dict.fromkeys([module, *(m for part in gathered for m, _ in part)]):
         instance, amended = network.plant.modules[name], what.of(name)
         yield from (f"{name}.{signal}" for signal in amended.type.signals)
+        yield from (f"{name}.{state}" for state in amended.type.states)
+        yield from (f"{name}.{end}" for end in ENDS if what.ends is None and amended.type.flows)
         yield from (parameter_id(instance, p) for p in instance.parameters)
         yield from amended.inputs.values()
         yield from amended.outside.values()
@@ -153,6 +188,7 @@ class _Scope:
         self._graph, self._what, self._module = graph, what, module
         self._amended, self._instance = what.of(module), what.network.plant.modules[module]
         self._known: dict[str, Node] = {}
+        self._pending: frozenset[str] = frozenset()
 
     def value(self, name: str) -> Node:
         node = self._known.get(name)
@@ -167,6 +203,10 @@ class _Scope:
         if name in kind.definitions:
             node = lower_tree(graph, kind.definitions[name].expression.tree, self)
             return self._shifted("definition", name, node, graph.add)
+        if name in kind.states:
+            return graph.input(f"{self._module}.{name}")
+        if name in ENDS and kind.flows:
+            return self._shifted("end", name, self._end(name), graph.add)
         input_ = self._amended.inputs.get(name) or self._amended.outside.get(name)
         return graph.input(input_ or parameter_id(self._instance, name))
 
@@ -174,6 +214,31 @@ class _Scope:
         tree = self._amended.type.observers[name].expression.tree
         node = lower_tree(self._graph, tree, self)
         return self._shifted("observer", name, node, self._graph.add)
+
+    def balance(self, name: str) -> Node:
+        """The derivative of a state."""
+        node = lower_tree(self._graph, self._amended.type.states[name].rate.tree, self)
+        return self._shifted("balance", name, node, self._graph.add)
+
+    def shown(self, name: str) -> Node:
+        """What a sensor shows."""
+        node = lower_tree(self._graph, self._amended.type.readings[name].expression.tree, self)
+        return self._shifted("reading", name, node, self._graph.add)
+
+    def _end(self, end: str) -> Node:
+        """What flows at an end without a law of its own."""
+        if self._what.ends is None:
+            return self._graph.input(f"{self._module}.{end}")
+        if end in self._pending:
+            message = f"what flows at '{self._module}' depends on itself"
+            raise Rejected("KB115", 0, message, "a law for a flow must not need that very flow")
+        terms = []
+        for sign, known in self._what.ends[self._module, end]:
+            other = _Scope(self._graph, self._what, known.module)
+            other._pending = self._pending | {end} if known.module == self._module else frozenset()
+            flow = other.observer if known.kind == "observer" else other.value
+            terms.append((sign, flow(known.name)))
+        return self._graph.signed_sum(terms)
 
     def _shifted(
         self, kind: str, name: str, node: Node, apply: Callable[[Node, Node], Node]

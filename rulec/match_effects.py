@@ -18,13 +18,27 @@ from rulec.binding import Binder, Binding, drivers_of
 from rulec.differentiate import Models, TypeFault, law_of
 from rulec.equation_text import equation_of
 from rulec.join_places import matching
-from rulec.knowledge import Effect, EffectParameter, Join, Origin, Parameter, Variant
+from rulec.knowledge import (
+    INFLOW,
+    OUTFLOW,
+    Effect,
+    EffectParameter,
+    EffectState,
+    Join,
+    Origin,
+    Parameter,
+    State,
+    Variant,
+)
 from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.invert import invert
 from rulec.language.units import NONE, Unit
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
+from rulec.spots import unit_of
 from runtime.mismatch.candidate import TIME, Candidate, Missing, Unknown
+
+_END = {"in": INFLOW, "out": OUTFLOW}
 
 PERCENT = Unit("%", 0.01, NONE)
 
@@ -173,7 +187,7 @@ class _Matcher:
         id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
         if several:
             id_ += f"({', '.join(binding.signals.values())})"
-        used = join.law.names()
+        used = effect.used_by(join)
         parameters = {name: p for name, p in effect.parameters.items() if name in used}
         change = Change(
             (site.key,),
@@ -182,6 +196,8 @@ class _Matcher:
             {n: _parameter(p, effect.origin) for n, p in parameters.items()},
             {n: f"{id_}.{n}" for n in parameters},
             join.law.substitutes,
+            tuple((("end", _END[end]), law.expression) for end, law in join.also.items()),
+            {n: self._state(n, state, site) for n, state in effect.states.items()},
         )
         drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
         unknowns = tuple(_unknown(f"{id_}.{n}", p, drivers) for n, p in parameters.items())
@@ -205,13 +221,19 @@ class _Matcher:
         )
         return [Matched(candidate, change)]
 
+    def _state(self, name: str, state: EffectState, site: Site) -> State:
+        """Something that an effect stores at a place, as a module type has it."""
+        unit = unit_of(self._plant, self._module, site)
+        equations = state.rate, state.start, state.low, state.high
+        return State(name, "", unit, f"delayed {site.name}", *equations, Origin("", 0))
+
     def _place(self, site: Site) -> str:
         """Name of a place; with its kind where a definition has the name of an observer."""
         twin = site.kind == "observer" and ("definition", site.name) in self._sites
         return f"{site.name}.{site.kind}" if twin else site.name
 
     def _id(self, signal: str) -> str:
-        own = signal in self._module.type.signals
+        own = signal in self._module.type.signals or signal in self._module.type.states
         return f"{self._module.name}.{signal}" if own else signal
 
     def _equation(self, change: Change, place: tuple[str, str]) -> str | None:
@@ -222,6 +244,7 @@ class _Matcher:
             change.places,
             change.law.text,
             str(change.substitutes),
+            str(change.also),
             *change.drivers.items(),
         )
         if key not in self._equations:

@@ -18,6 +18,7 @@ from rulec.differentiate import differentiate
 from rulec.emit import emit
 from rulec.link import link
 from rulec.order_equations import order_equations
+from rulec.put_balances import put_balances
 from rulec.read import read_plant
 from runtime.ruleset import Ruleset
 
@@ -32,6 +33,7 @@ PASSES: tuple[Callable[[Any], Any], ...] = (
     derive_rules,  # -> Rules: degrees with uncertainties
     analyse_isolability,  # -> Isolability: what cannot be told apart
     order_equations,  # -> Ordered: what a simulation solves, and in which order
+    put_balances,  # -> Balanced: the balances of what stores, as one plan
     emit,  # -> Ruleset: data for the runtime
 )
 

@@ -9,27 +9,31 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
-from rulec.knowledge import ModuleType
+from rulec.knowledge import ENDS, INFLOW, OUTFLOW, ModuleType
 from rulec.language.dimension import dimension
 from rulec.language.expression import Expression
-from rulec.language.units import UNKNOWN, Dimension
+from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
 from rulec.link import Network
-from rulec.lower import Lowering, lower_module, parameter_id
+from rulec.lower import Lowering, lower_module, lower_states, parameter_id
 from rulec.plant import Module, Plant
 from runtime.tangent import run_with_slopes
+
+_WAY = {INFLOW: "in", OUTFLOW: "out"}
 
 
 @dataclass(frozen=True)
 class Site:
     """A place of a module instance.
 
-    `kind` is ``definition``, ``observer`` or ``signal``. `reads` are the own signals it depends
-    on, `uses` the definitions it stands on, both through all definitions between; `slopes` its
-    derivatives by own signals, `shares` the same as share of it per share of the signal, `moves`
-    those of own observers by it (for a signal: by the reading), at the reference point.
-    `observers` lists the ids of all observers that it reaches, also in other modules. `measured`:
-    it reads a signal of the very kind it gives.
+    `kind` is as in `Change`. `reads` are the own signals and states it depends on, `uses` the
+    definitions it stands on, both through all definitions between; `slopes` its derivatives by own
+    signals, `shares` the same as share of it per share of the signal, `moves` those of own
+    observers by it (for a signal: by the reading), at the reference point.
+    `observers` lists the ids of all observers that it reaches, also in other modules, and of states
+    and readings. `measured`: it reads a signal of the very kind it gives. `quantity` is what a
+    state or a sensor is declared as.
     """
 
     kind: str
@@ -43,6 +47,7 @@ class Site:
     moves: Mapping[str, float]
     observers: tuple[str, ...]
     measured: bool
+    quantity: str = ""
 
     @property
     def key(self) -> tuple[str, str]:
@@ -65,7 +70,25 @@ class Survey:
 
 def survey(network: Network, readings: Mapping[str, float]) -> Survey:
     """Prepare to look at modules; `readings` holds those of the reference point, SI."""
-    return Survey(network, {**parameter_values(network.plant), **readings}, _readers(network))
+    inputs = {**parameter_values(network.plant), **readings}
+    if network.stores:
+        inputs |= _stored(network, inputs)
+    return Survey(network, inputs, _readers(network))
+
+
+def _stored(network: Network, inputs: Mapping[str, float]) -> dict[str, float]:
+    """States at their start, and what then flows, by the inputs of a module's plan."""
+    plan = lower_states(Lowering(network, {}, {}, network.ends))
+    known = dict(inputs)
+    for _ in network.plant.modules:
+        values = plan.run({name: known.get(name, 0.0) for name in plan.inputs})
+        for output, value in values.items():
+            kind, _, name = output.partition(":")
+            if kind == "start":
+                known[name] = float(value[0])
+            elif kind in ENDS:
+                known[f"{name}.{kind}"] = float(value[0])
+    return known
 
 
 def sites_of(around: Survey, module: Module) -> tuple[Site, ...]:
@@ -105,7 +128,34 @@ class _Surveyor:
             yield Site(
                 "signal", signal.name, signal.quantity, signal.unit.dimension, frozenset(),
                 frozenset(), {}, {}, moves, tuple(dict.fromkeys(reached)), True,
+                signal.quantity,
             )  # fmt: skip
+        yield from self._moving()
+
+    def _moving(self) -> Iterator[Site]:
+        """Places of what is stored: flows at the ends without a law, balances, sensors."""
+        kind, module = self._kind, self._module.name
+
+        def site(what: str, name: str, title: str, dimension: Dimension, quantity: str) -> Site:
+            reached = (f"{module}.{name}",) if what != "end" else self._stored
+            return Site(
+                what, name, title, dimension, frozenset(), frozenset(), {}, {}, {}, reached, False,
+                quantity,
+            )  # fmt: skip
+
+        for end in ENDS if kind.flows else ():
+            if end not in kind.definitions:
+                yield site("end", end, f"what flows {_WAY[end]}", VOLUME_FLOW, "")
+        for s in kind.states.values():
+            yield site("balance", s.name, f"balance of {s.title}", s.unit.dimension, s.quantity)
+        for name in kind.readings:
+            shown = kind.signals[name]
+            title = f"what {name} shows"
+            yield site("reading", name, title, shown.unit.dimension, shown.quantity)
+
+    @cached_property
+    def _stored(self) -> tuple[str, ...]:
+        return tuple(f"{self._module.name}.{s}" for s in self._kind.states)
 
     def _site(self, kind: str, name: str, title: str, expression: Expression) -> Site:
         reads = self._reads(expression)
@@ -121,12 +171,32 @@ class _Surveyor:
             own,
             reads,
             self._definitions(expression),
-            {s: self._slopes[output][s] for s in self._kind.signals if s in reads},
-            {s: self._share(output, s) for s in self._kind.signals if s in reads},
+            {s: self._slopes[output][s] for s in self._read if s in reads},
+            {s: self._share(output, s) for s in self._read if s in reads},
             {o: self._slopes[f"q:{self._module.name}.{o}"][shift] for o in readers},
-            self._ids(readers),
-            any(self._kind.signals[s].unit.dimension == own for s in reads),
+            (*self._ids(readers), *self._moved_by(name)),
+            any(self._kind.signals[s].unit.dimension == own for s in reads & self._signals),
         )
+
+    @property
+    def _signals(self) -> frozenset[str]:
+        return frozenset(self._kind.signals)
+
+    def _moved_by(self, definition: str) -> tuple[str, ...]:
+        """States, and readings, that a definition moves; what flows out counts as the state."""
+        kind, found = self._kind, list[str]()
+        if OUTFLOW in kind.definitions and definition in self._names_of(OUTFLOW):
+            found += self._stored
+        for state in kind.states.values():
+            if any(definition in self._names(e) for _, e in state.equations()):
+                found.append(f"{self._module.name}.{state.name}")
+        for reading in kind.readings.values():
+            if definition in self._names(reading.expression):
+                found.append(f"{self._module.name}.{reading.name}")
+        return tuple(dict.fromkeys(found))
+
+    def _names_of(self, definition: str) -> set[str]:
+        return {definition, *self._names(self._kind.definitions[definition].expression)}
 
     def _share(self, output: str, signal: str) -> float:
         """Change of a place by a change of a signal, both as shares; 0 where it has no value."""
@@ -149,8 +219,12 @@ class _Surveyor:
         return frozenset(n for n in self._names(expression) if n in self._kind.definitions)
 
     def _reads(self, expression: Expression) -> frozenset[str]:
-        """Own signals that an equation reads."""
-        return frozenset(n for n in self._names(expression) if n in self._kind.signals)
+        """Own signals and states that an equation reads."""
+        return frozenset(n for n in self._names(expression) if n in self._read)
+
+    @cached_property
+    def _read(self) -> tuple[str, ...]:
+        return (*self._kind.signals, *self._kind.states)
 
     def _names(self, expression: Expression) -> Iterable[str]:
         return (n for part in self._kind.with_definitions(expression) for n, _ in part.names())
@@ -163,6 +237,8 @@ def dimensions(network: Network, kind: ModuleType) -> dict[tuple[str, str], Dime
     """Dimensions of definitions and observers, by kind of place and name."""
     known = {n: s.unit.dimension for n, s in kind.signals.items()}
     known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
+    known |= {n: s.unit.dimension for n, s in kind.states.items()}
+    known |= dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {}
     gathered = {name: _provided(network, name) for name in kind.gathers}
     result = {}
     for definition in kind.definitions.values():
@@ -215,7 +291,7 @@ def _reference_of(around: Survey, module: Module) -> tuple[dict[str, float], dic
     shifts = {(module.name, *place): "shift:{}:{}".format(*place) for place in places}
     plan = lower_module(Lowering(around.network, {}, shifts), module.name, definitions=True)
     inputs = {name: around.inputs.get(name, 0.0) for name in plan.inputs}
-    signals = {f"{module.name}.{s}": s for s in kind.signals}
+    signals = {f"{module.name}.{s}": s for s in (*kind.signals, *kind.states)}
     values, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
     return {name: float(v) for name, v in values.items()}, {
         output: _Slopes({signals.get(seed, seed): float(v) for seed, v in by.items()})

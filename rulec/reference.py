@@ -60,7 +60,7 @@ def _agree(assembly: Assembly, flows: Array) -> bool:
     """Do all residuals vanish? Where no reading may move, no step does not mean no residual."""
     q = dict(zip(assembly.observers, flows, strict=True))
     left = [abs(sum(s * q[o] for s, o in r.terms)) for r in assembly.residuals.residuals]
-    return max(left, default=0.0) <= VANISHED * float(np.max(np.abs(flows)))
+    return max(left, default=0.0) <= VANISHED * float(np.max(np.abs(flows), initial=0.0))
 
 
 def _start(assembly: Assembly) -> tuple[dict[str, float], list[str]]:

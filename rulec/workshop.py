@@ -16,16 +16,19 @@ from rulec.amend import Amended, amend
 from rulec.differentiate import Models
 from rulec.equation_text import equation_of
 from rulec.free_form import free_form
-from rulec.knowledge import Parameter
-from rulec.lower import Lowering, lower_module, parameter_id
+from rulec.knowledge import ENDS, Parameter
+from rulec.lower import Lowering, lower_module, lower_states, parameter_id
 from rulec.match_effects import Matched, Matches, match_effects
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import survey
 from rulec.read import read_plant
 from rulec.spots import shift_of, spots_of
+from runtime.dynamic.balances import Balances
 from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
 from runtime.plan import Plan
 from runtime.ruleset import Ruleset
+
+SHOWN = "shown"
 
 
 def open_workshop(path: Path) -> tuple[Ruleset, PlantWorkshop]:
@@ -59,6 +62,7 @@ class PlantWorkshop:
         self._models, self._readings = models, readings
         self.network = models.residuals.network
         self._free: dict[str, Matched] = {}
+        self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
         self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
 
     @cached_property
@@ -103,6 +107,33 @@ class PlantWorkshop:
             what = Lowering(self.network, amended, shifts)
             self._plans[key] = lower_module(what, module)
         return self._plans[key]
+
+    @cached_property
+    def given(self) -> tuple[str, ...]:
+        """Signals that no equation predicts: what drives a plant that stores."""
+        modules = self.network.plant.modules.values()
+        return tuple(
+            f"{m.name}.{s}" for m in modules for s in m.type.signals if s not in m.type.readings
+        )
+
+    def balances(self, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Balances:
+        """The balances of the whole plant with candidates and spots built in.
+
+        Outputs are what sensors show, as ``shown:<signal>``, and what flows, as ``inflow:<module>``
+        and ``outflow:<module>``.
+        """
+        key = "", joined, spots
+        if key not in self._balances:
+            shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
+            amended = {m: self.amended(m, joined) for m in self.network.plant.modules}
+            plan = lower_states(Lowering(self.network, amended, shifts, self.network.ends))
+            states = tuple(
+                f"{module}.{state}" for module, own in amended.items() for state in own.type.states
+            )
+            used = tuple(name for name in self.given if name in plan.used_inputs)
+            outputs = tuple(n for n in plan.outputs if n.partition(":")[0] in (SHOWN, *ENDS))
+            self._balances[key] = Balances(plan, states, used, outputs)
+        return self._balances[key]
 
     def amended(self, module: str, joined: Iterable[str]) -> Amended:
         """The type of a module with its own candidates built in, in order."""

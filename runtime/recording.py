@@ -67,7 +67,7 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
         file = read_file(name, ruleset, notes)
         strangers.update(dict.fromkeys(file.header.strangers))
         parts.append(_part(file, notes))
-    used = {s for o in ruleset.observers for s in o.signals}
+    used = ruleset.read
     signals = sorted({name for part in parts for name in part.values})
     if not used.intersection(signals):
         raise RecordingRefused(

@@ -227,6 +227,35 @@ class Simulation:
 
 
 @dataclass(frozen=True)
+class StateSpec:
+    """What a module stores; SI = shown * factor + offset."""
+
+    id: str
+    title: str
+    unit: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Balances of a plant that stores.
+
+    The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
+    ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``; it gives
+    ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, and
+    ``shown:<signal>`` for each of `outputs`.
+    """
+
+    states: tuple[StateSpec, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    faults: tuple[str, ...]
+    values: Mapping[str, float]
+    plan: Plan
+
+
+@dataclass(frozen=True)
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant."""
 
@@ -250,6 +279,7 @@ class Ruleset:
     simulation: Simulation
     plan: Plan
     undo: Plan
+    dynamics: Dynamics | None = None
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
@@ -258,6 +288,13 @@ class Ruleset:
     @cached_property
     def observer_by_id(self) -> Mapping[str, ObserverSpec]:
         return {o.id: o for o in self.observers}
+
+    @cached_property
+    def read(self) -> frozenset[str]:
+        """Signals that some equation reads or predicts."""
+        of_observers = (s for o in self.observers for s in o.signals)
+        dynamic = self.dynamics
+        return frozenset([*of_observers, *(dynamic.inputs + dynamic.outputs if dynamic else ())])
 
     @cached_property
     def misfits(self) -> frozenset[str]:
@@ -295,7 +332,10 @@ class Ruleset:
 
     def to_json(self) -> str:
         """The ruleset as text; the same ruleset always gives the same bytes."""
-        return _write({f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        if self.dynamics is None:
+            del fields["dynamics"]
+        return _write(fields)
 
 
 def _write(data: dict[str, Any]) -> str:

@@ -41,6 +41,8 @@ def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
         raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
     _verify(ruleset.plan, name)
     _verify(ruleset.undo, name)
+    if ruleset.dynamics is not None:
+        _verify(ruleset.dynamics.plan, name)
     missing = next(_dangling(ruleset), None)
     if missing:
         raise RulesetRefused(f"{name}: damaged ruleset ({missing}); compile again")
@@ -104,6 +106,8 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
         yield "fault", cell.fault
         yield "residual", cell.residual
     yield from _references_of_steps(ruleset.simulation)
+    if ruleset.dynamics is not None:
+        yield from (("signal", s) for s in (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs))
 
 
 def _references_of_steps(simulation: Simulation) -> Iterator[tuple[str, str]]:
@@ -151,7 +155,8 @@ def _build(kind: Any, data: Any) -> Any:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return {str(k): _build(arguments[1], v) for k, v in data.items()}
     if origin in (types.UnionType, typing.Union):
-        return data
+        whole = next((a for a in arguments if dataclasses.is_dataclass(a)), None)
+        return data if whole is None or data is None else _build(whole, data)
     if kind is float:
         return float(data)
     return data

@@ -1,0 +1,1 @@
+"""Plants with states: integration of compiled balances over a recording."""

@@ -1,0 +1,293 @@
+"""The integrator: an interpreter of plans that numba compiles once, for all plants.
+
+A plan is data (see `runtime.plan`), so no code is made for a plant, and an analysis may try
+hundreds of variants of a model without compiling any. Derivatives by chosen parameters are carried
+along exactly (forward mode).
+
+Source: Runge and Kutta's method of fourth order with a fixed step per sample, halved where the
+fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from runtime.plan import OPERATIONS
+
+try:
+    from numba import njit as compiled
+except ImportError:  # an operator's station may do without numba: slow, but the same numbers
+
+    def compiled(**_: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:  # type: ignore[no-redef]
+        """Leave the function as it is."""
+        return lambda function: function
+
+
+CODES = {name: code for code, name in enumerate(OPERATIONS)}
+"""Numbers of the operations of `runtime.plan.OPERATIONS`."""
+
+LIVELY = 1.0
+"""Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
+up to 2.8."""
+
+PIECES = 256
+"""Pieces of a sample's step at most."""
+
+TINY = 1e-14
+"""Roots and logarithms see at least this: a tank that runs empty has no infinite slope."""
+
+HUGE = 1e150
+
+
+@compiled(cache=True, nogil=True, fastmath=False)
+def evaluate(
+    first: int,
+    codes: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    begin: int,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    width: int,
+) -> None:
+    """Run the operations from number `begin` on, values and their slopes, in place.
+
+    What has no value (a root below zero, a division by zero) counts as if at the edge.
+    """
+    for i in range(begin, codes.shape[0]):
+        code, a, b, out = codes[i], left[i], right[i], first + i
+        x = values[a]
+        y = values[b]
+        da = 0.0
+        db = 0.0
+        if code == 0:
+            v, da, db = x + y, 1.0, 1.0
+        elif code == 1:
+            v, da, db = x - y, 1.0, -1.0
+        elif code == 2:
+            v, da, db = x * y, y, x
+        elif code == 3:
+            if y == 0.0:
+                y = TINY
+            v = x / y
+            da, db = 1.0 / y, -v / y
+        elif code == 4:
+            base = max(x, 0.0)
+            if base == 0.0:
+                v = 0.0 if y > 0.0 else 1.0
+                da = y if y == 1.0 else 0.0
+            else:
+                v = base**y
+                da, db = y * v / base, v * math.log(base)
+        elif code == 5:
+            if x <= y:
+                v, da = x, 1.0
+            else:
+                v, db = y, 1.0
+        elif code == 6:
+            if x >= y:
+                v, da = x, 1.0
+            else:
+                v, db = y, 1.0
+        elif code == 7:
+            v, da = -x, -1.0
+        elif code == 8:
+            if x > TINY:
+                v = math.sqrt(x)
+                da = 0.5 / v
+            else:
+                v = 0.0
+        elif code == 9:
+            v = abs(x)
+            da = 1.0 if x >= 0.0 else -1.0
+        elif code == 10:
+            v = 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
+        elif code == 11:
+            v = math.exp(min(x, 300.0))
+            da = v
+        elif code == 12:
+            v = math.log(max(x, TINY))
+            da = 1.0 / max(x, TINY)
+        else:
+            v = math.tanh(x)
+            da = 1.0 - v * v
+        values[out] = v
+        if code < 7:
+            for k in range(width):
+                slopes[out, k] = da * slopes[a, k] + db * slopes[b, k]
+        else:
+            for k in range(width):
+                slopes[out, k] = da * slopes[a, k]
+
+
+@compiled(cache=True, nogil=True, fastmath=False)
+def integrate(
+    first: int,
+    codes: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    begin: int,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    clock: int,
+    state_slots: np.ndarray,
+    start_slots: np.ndarray,
+    rate_slots: np.ndarray,
+    low_slots: np.ndarray,
+    high_slots: np.ndarray,
+    input_slots: np.ndarray,
+    held: np.ndarray,
+    output_slots: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    outputs: np.ndarray,
+    output_slopes: np.ndarray,
+    states: np.ndarray,
+) -> int:
+    """Integrate over all samples; the number of steps taken, or -1 where a number ran away.
+
+    Parameters
+    ----------
+    values, slopes : one row per value of the plan, parameters, constants and what follows from
+        them alone (operations before `begin`) filled in; (values,) and (values, width).
+    clock : the slot of time, or -1.
+    start_slots, rate_slots, low_slots, high_slots : outputs of the plan per state; limits may be
+        -1.
+    inputs : shape (n, inputs); a `held` one keeps its value up to the next sample, others are
+        interpolated.
+    outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
+    """
+    n, count, width = time.shape[0], state_slots.shape[0], slopes.shape[1]
+    x, dx = np.zeros(count), np.zeros((count, width))
+    z, dz = np.zeros(count), np.zeros((count, width))
+    k, dk = np.zeros((4, count)), np.zeros((4, count, width))
+    old, d_old = np.zeros(count), np.zeros((count, width))
+    half = np.array([0.0, 0.5, 0.5, 1.0])
+    weight = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
+    taken, pieces = 0, 1
+    for j in range(input_slots.shape[0]):
+        values[input_slots[j]] = inputs[0, j]
+    if clock >= 0:
+        values[clock] = time[0]
+    # A state may start where another one's start puts it.
+    for _ in range(count):
+        for i in range(count):
+            values[state_slots[i]] = x[i]
+            for c in range(width):
+                slopes[state_slots[i], c] = dx[i, c]
+        evaluate(first, codes, left, right, begin, values, slopes, width)
+        for i in range(count):
+            x[i] = values[start_slots[i]]
+            for c in range(width):
+                dx[i, c] = slopes[start_slots[i], c]
+    for s in range(n):
+        # What is shown at this sample, states within their limits.
+        for j in range(input_slots.shape[0]):
+            values[input_slots[j]] = inputs[s, j]
+        if clock >= 0:
+            values[clock] = time[s]
+        for _ in range(2):
+            for i in range(count):
+                values[state_slots[i]] = x[i]
+                for c in range(width):
+                    slopes[state_slots[i], c] = dx[i, c]
+            evaluate(first, codes, left, right, begin, values, slopes, width)
+            moved = False
+            for i in range(count):
+                for side in range(2):
+                    slot = low_slots[i] if side == 0 else high_slots[i]
+                    if slot < 0:
+                        continue
+                    limit = values[slot]
+                    if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
+                        x[i] = limit
+                        moved = True
+                        for c in range(width):
+                            dx[i, c] = slopes[slot, c]
+            if not moved:
+                break
+        for i in range(count):
+            states[s, i] = x[i]
+        for j in range(output_slots.shape[0]):
+            outputs[s, j] = values[output_slots[j]]
+            for c in range(width):
+                output_slopes[s, j, c] = slopes[output_slots[j], c]
+        if s == n - 1:
+            break
+        length = time[s + 1] - time[s]
+        for i in range(count):
+            old[i] = x[i]
+            for c in range(width):
+                d_old[i, c] = dx[i, c]
+        while True:
+            step = length / pieces
+            rate = 0.0
+            for p in range(pieces):
+                for stage in range(4):
+                    at = (p + half[stage]) / pieces
+                    for i in range(count):
+                        before = stage - 1 if stage > 0 else 0
+                        scale = half[stage] * step
+                        z[i] = x[i] + scale * k[before, i] if stage > 0 else x[i]
+                        for c in range(width):
+                            dz[i, c] = dx[i, c]
+                            if stage > 0:
+                                dz[i, c] += scale * dk[before, i, c]
+                        values[state_slots[i]] = z[i]
+                        for c in range(width):
+                            slopes[state_slots[i], c] = dz[i, c]
+                    for j in range(input_slots.shape[0]):
+                        u = inputs[s, j]
+                        if not held[j]:
+                            u += at * (inputs[s + 1, j] - u)
+                        values[input_slots[j]] = u
+                    if clock >= 0:
+                        values[clock] = time[s] + at * length
+                    evaluate(first, codes, left, right, begin, values, slopes, width)
+                    for i in range(count):
+                        k[stage, i] = values[rate_slots[i]]
+                        for c in range(width):
+                            dk[stage, i, c] = slopes[rate_slots[i], c]
+                # The rate of the fastest mode, from two slopes at the same time.
+                above, below, size = 0.0, 0.0, 0.0
+                for i in range(count):
+                    above += (k[2, i] - k[1, i]) ** 2
+                    below += (0.5 * step * (k[1, i] - k[0, i])) ** 2
+                    size += x[i] ** 2
+                # Where nothing moves, rounding would look like a fast mode.
+                if below > 1e-18 * size:
+                    rate = max(rate, math.sqrt(above / below))
+                taken += 1
+                for i in range(count):
+                    for stage in range(4):
+                        x[i] += step * weight[stage] * k[stage, i]
+                        for c in range(width):
+                            dx[i, c] += step * weight[stage] * dk[stage, i, c]
+                    # Fixed limits hold within a step too; moving ones are seen at the next sample.
+                    for side in range(2):
+                        slot = low_slots[i] if side == 0 else high_slots[i]
+                        if slot < 0 or slot >= first + begin:
+                            continue
+                        limit = values[slot]
+                        if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
+                            x[i] = limit
+                            for c in range(width):
+                                dx[i, c] = slopes[slot, c]
+            if rate * step > LIVELY and pieces < PIECES:
+                pieces = min(2 * pieces, PIECES)
+                for i in range(count):
+                    x[i] = old[i]
+                    for c in range(width):
+                        dx[i, c] = d_old[i, c]
+                continue
+            if rate * step < 0.2 * LIVELY and pieces > 1:
+                pieces //= 2
+            break
+        for i in range(count):
+            if not abs(x[i]) < HUGE:
+                return -1
+    return taken
