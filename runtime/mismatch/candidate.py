@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from runtime.dynamic.balances import Balances
 from runtime.plan import Array, Plan
 
 TIME = "time"
@@ -152,6 +153,9 @@ class Workshop(Protocol):
         and ``guard:<observer>:<i>`` (positive where the observer exists). Candidates and spots
         that reach no observer of this module do not matter.
         """
+
+    def balances(self, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Balances:
+        """The balances of a plant that stores, with candidates and spots built in."""
 
     def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
         """An additive term at a spot without physics behind it.

@@ -1,0 +1,248 @@
+"""Which explanations, alone and together, the recording asks for.
+
+Two omissions can hide each other: one alone then gains next to nothing. So several of the best
+models are carried along, and each is tried with every further candidate.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.drift import drift_of
+from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
+from runtime.mismatch.dynamic.noise import Noise, gain
+from runtime.mismatch.dynamic.price import needed, price_of
+from runtime.plan import Array
+
+BEAM = 6
+"""Models that are carried along."""
+
+DEEPEST = 4
+"""Explanations at most."""
+
+SCATTERED = 4
+"""Random starts of a trial beside those that its candidate names."""
+
+DESCENDED = 3
+"""The best starts from which a trial is fitted."""
+
+SHARE = 0.7
+"""How far random starts are from the last optimum, in stated uncertainties."""
+
+QUICK, THOROUGH = 10, 60
+"""Evaluations of a trial and of a winner."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Models by their number of explanations, best first, the plain one alone at the beginning.
+
+    `judged` says which samples count; `tried` how many candidates there were.
+    """
+
+    plain: Fitted
+    best: Fitted
+    levels: tuple[tuple[Fitted, ...], ...]
+    judged: Judged
+    tried: int
+
+
+class Searcher:
+    """Fits trials, several at a time."""
+
+    def __init__(self, bench: Bench, judged: Judged, workers: int) -> None:
+        self.bench, self.judged, self._workers = bench, judged, workers
+        self.samples = {n: int(k.sum()) for n, k in judged.known.items()}
+
+    def plain(self) -> Fitted:
+        """The model without anything joined, recalibrated from many starts."""
+        return self.trial(None, (), scattered=4 * SCATTERED, evaluations=THOROUGH)
+
+    def trial(
+        self,
+        on: Fitted | None,
+        joined: tuple[Candidate, ...],
+        scattered: int = SCATTERED,
+        evaluations: int = QUICK,
+    ) -> Fitted:
+        """Fit a model; what `on` knows is where starts are near."""
+        known = on.values if on is not None else {}
+        new = [c for c in joined if on is None or c.id not in on.ids]
+        fixed = dict(self._fixed(on, joined))
+        fitter = Fitter(self.bench, joined, fixed)
+        noise = on.noise if on is not None else self._first_noise()
+        judged = replace(self.judged, noise=noise)
+        basis = judged.basis()
+        random = np.random.default_rng(len(joined))
+        starts = [fitter.vector({**known, **s}) for s in self._starts(on, new)]
+        base = list(starts)
+        for i in range(scattered):
+            starts.append(fitter.scattered(base[i % len(base)], random, SHARE))
+        ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
+        near = [
+            fitter.descend(starts[i], judged, basis, evaluations)
+            for cost, i in ranked[:DESCENDED]
+            if np.isfinite(cost)
+        ]
+        if not near:
+            return replace(self._hopeless(fitter, judged), joined=joined)
+        best = min(near, key=lambda at: fitter.cost(at, judged, basis))
+        return fitter.finish(best, judged, evaluations, 1)
+
+    def polished(self, fitted: Fitted) -> Fitted:
+        """The same, fitted to the end."""
+        fitter = Fitter(self.bench, fitted.joined, self._kept(fitted))
+        judged = replace(self.judged, noise=fitted.noise)
+        return fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 3)
+
+    def trials(self, tasks: Sequence[tuple[Fitted, tuple[Candidate, ...]]]) -> list[Fitted]:
+        """Fit many models."""
+        with ThreadPoolExecutor(self._workers) as pool:
+            return list(pool.map(lambda task: self.trial(*task), tasks))
+
+    def loss(self, fitted: Fitted) -> float:
+        """What is left: logarithm of the spread per piece of news, and what the priors cost."""
+        left = 0.0
+        for name, noise in fitted.noise.items():
+            left += self.samples[name] / noise.memory * float(np.log(noise.spread))
+        return left + fitted.strain
+
+    def gain(self, after: Fitted, before: Fitted) -> float:
+        """Gain in log likelihood over another model, prices of both counted."""
+        found = sum(gain(before.noise[n], after.noise[n], self.samples[n]) for n in before.noise)
+        found += before.strain - after.strain
+        return found - price_of(after, self.news(after)) + price_of(before, self.news(after))
+
+    def news(self, fitted: Fitted) -> float:
+        """Independent pieces of news in the recording, by what a model leaves."""
+        return sum(self.samples[n] / noise.memory for n, noise in fitted.noise.items())
+
+    def _first_noise(self) -> dict[str, Noise]:
+        measured = self.bench.record.measured
+        return {n: Noise(0.3 * float(np.nanstd(v)) + 1e-12, 10.0) for n, v in measured.items()}
+
+    def _kept(self, fitted: Fitted) -> dict[str, float]:
+        fixed = {u.id for c in fitted.joined for u in c.unknowns if u.fixed}
+        return {n: v for n, v in fitted.values.items() if n in fixed}
+
+    def _fixed(self, on: Fitted | None, joined: Sequence[Candidate]) -> Iterable[tuple[str, float]]:
+        """Typical values that parameters stay at."""
+        for unknown in (u for c in joined for u in c.unknowns if u.fixed):
+            if on is not None and unknown.id in on.values:
+                yield unknown.id, on.values[unknown.id]
+                continue
+            course = self._course(on, unknown.driver or "time")
+            if len(unknown.quantiles) == 2:
+                low, high = np.nanquantile(course, unknown.quantiles)
+                yield unknown.id, 0.5 * float(high - low)
+            else:
+                yield unknown.id, float(np.nanmedian(course))
+
+    def _course(self, on: Fitted | None, name: str) -> Array:
+        values = on.values if on is not None else {}
+        return self.bench.trajectory(on.ids if on is not None else (), values, name)
+
+    def _starts(self, on: Fitted | None, new: Sequence[Candidate]) -> list[Mapping[str, float]]:
+        """Every combination of the starts of new unknowns."""
+        names, options = [], []
+        for unknown in (u for c in new for u in c.unknowns if not u.fixed):
+            names.append(unknown.id)
+            if unknown.quantiles:
+                course = self._course(on, unknown.driver or "time")
+                options.append(np.nanquantile(course, unknown.quantiles).tolist())
+            else:
+                options.append(list(unknown.starts))
+        return [dict(zip(names, chosen, strict=True)) for chosen in itertools.product(*options)]
+
+    def _hopeless(self, fitter: Fitter, judged: Judged) -> Fitted:
+        measured = self.bench.record.measured
+        noise = {n: Noise(10.0 * float(np.nanstd(v)) + 1e-12, 1.0) for n, v in measured.items()}
+        errors = {n: np.full(len(v), np.nan) for n, v in measured.items()}
+        at = fitter.vector({})
+        return Fitted((), fitter.values(at), fitter.free, noise, errors, 0.0, np.zeros((0, 0)))
+
+
+def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
+    """Find what is missing."""
+    candidates = bench.candidates
+    tell("recalibrating the plain model")
+    empty = np.zeros((sum(len(k) for k in bench.known.values()), 0))
+    first = Searcher(bench, Judged(bench.known, {}, empty), workers)
+    plain = first.plain()
+    drift = drift_of(bench, (), plain.values)
+    judged = Judged(bench.known, plain.noise, drift)
+    searcher = Searcher(bench, judged, workers)
+    plain = searcher.polished(plain) if drift.shape[1] else plain
+    levels: list[tuple[Fitted, ...]] = [(plain,)]
+    single = tuple(c for c in candidates if not c.members)
+    for depth in range(1, DEEPEST + 1):
+        tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
+        tasks = _tasks(levels[-1], candidates if depth == 1 else single)
+        ranked = sorted(searcher.trials(tasks), key=lambda f: -searcher.gain(f, plain))
+        beam = _distinct(ranked)
+        with ThreadPoolExecutor(workers) as pool:
+            beam = list(pool.map(searcher.polished, beam))
+        beam.sort(key=lambda f: -searcher.gain(f, plain))
+        levels.append(tuple(beam))
+        if depth > 1 and _stands_still(searcher, levels, plain, len(candidates)):
+            break
+    best = plain
+    for level in levels[1:]:
+        for fitted in level[:1]:
+            if searcher.gain(fitted, best) > needed(len(candidates)):
+                best = fitted
+    return Found(plain, best, tuple(levels), judged, len(candidates))
+
+
+def _stands_still(
+    searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted, tried: int
+) -> bool:
+    """Neither of the last two explanations was worth its price."""
+    now = searcher.gain(levels[-1][0], plain)
+    before = max(searcher.gain(level[0], plain) for level in levels[:-1])
+    return now < before + needed(tried)
+
+
+def _tasks(
+    models: Sequence[Fitted], candidates: Sequence[Candidate]
+) -> list[tuple[Fitted, tuple[Candidate, ...]]]:
+    """Each model with each further candidate; the same set once."""
+    seen: set[frozenset[str]] = set()
+    tasks = []
+    for model in models:
+        for candidate in candidates:
+            ids = frozenset({*model.ids, candidate.id})
+            if candidate.id in model.ids or ids in seen or _twice(model, candidate):
+                continue
+            seen.add(ids)
+            tasks.append((model, (*model.joined, candidate)))
+    return tasks
+
+
+def _twice(model: Fitted, candidate: Candidate) -> bool:
+    """Is an explanation of this name at this place in the model, alone or with others?"""
+    return any(
+        c.name == candidate.name
+        and c.place == candidate.place
+        and set(c.modules) & set(candidate.modules)
+        for c in model.joined
+    )
+
+
+def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
+    """The best ones, no two of which have the same explanations in other words."""
+    kept: list[Fitted] = []
+    for fitted in ranked:
+        if len(kept) == BEAM:
+            break
+        kept.append(fitted)
+    return kept
