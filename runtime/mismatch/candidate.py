@@ -135,6 +135,10 @@ class Workshop(Protocol):
         """Parameters of all modules."""
 
     @property
+    def given(self) -> tuple[str, ...]:
+        """Signals that no equation of a plant that stores predicts."""
+
+    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every explanation that fits some place, in a stable order."""
 

@@ -38,7 +38,7 @@ class Bench:
     def __init__(self, ruleset: Ruleset, workshop: Workshop, record: Record) -> None:
         self.ruleset, self.workshop, self.record = ruleset, workshop, record
         self.signals = tuple(record.measured)
-        self.time = record.time - record.time[0]
+        self.time: Array = record.time - record.time[0]
         # Noise and fits may see samples that are open; a reading at the end of its range counts.
         self.known: Mapping[str, Flags] = {
             n: np.isfinite(v) & record.open for n, v in record.measured.items()
@@ -81,9 +81,13 @@ class Bench:
         values: Values,
         seeds: Sequence[str] = (),
         inputs: Mapping[str, Array] | None = None,
+        spots: tuple[str, ...] = (),
     ) -> Simulated:
-        """Simulate the whole recording, or with other `inputs`; raises `RanAway`."""
-        whole = self.balances(joined)
+        """Simulate the whole recording, or with other `inputs`; raises `RanAway`.
+
+        Errors at `spots` are inputs by their unknowns.
+        """
+        whole = self.workshop.balances(joined, spots) if spots else self.balances(joined)
         given = self.record.inputs if inputs is None else inputs
         table = np.column_stack([given[n] for n in whole.inputs] or [np.zeros((len(self.time), 0))])
         held = np.ones(len(whole.inputs), dtype=np.bool_)
@@ -102,8 +106,7 @@ class Bench:
         low = -np.inf if signal.lowest is None else signal.lowest
         high = np.inf if signal.highest is None else signal.highest
         inside = (shown > low) & (shown < high)
-        cut: Array = np.asarray(np.clip(shown, low, high))
-        return cut, np.where(inside[:, None], slopes, 0.0)
+        return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
 
     def trajectory(self, joined: tuple[str, ...], values: Values, name: str) -> Array:
         """Course of a given reading, time, or what the model says of a state, a flow or a sensor.

@@ -124,6 +124,25 @@ class Fitter:
         at = np.array([values.get(n, plain.get(n, 0.0)) for n in self.free])
         return np.asarray(np.clip(at, self._low, self._high))
 
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Between which values a parameter may lie, SI."""
+        i = self.free.index(name)
+        return float(self._low[i]), float(self._high[i])
+
+    def fall(
+        self, at: Array, i: int, value: float, judged: Judged, basis: Array, evaluations: int = 8
+    ) -> float:
+        """The least cost with one parameter held at a value."""
+        low, high = self._low[i], self._high[i]
+        margin = 1e-7 * self._scale[i]
+        self._low[i], self._high[i] = value - margin, value + margin
+        try:
+            there = at.copy()
+            there[i] = value
+            return self.cost(self.descend(there, judged, basis, evaluations), judged, basis)
+        finally:
+            self._low[i], self._high[i] = low, high
+
     def scattered(self, at: Array, random: np.random.Generator, share: float) -> Array:
         """A start somewhere near: the plain parameters moved by a share of their uncertainties."""
         moved = at.copy()
@@ -185,6 +204,7 @@ class Fitter:
 
         low, high = self._low / self._scale, self._high / self._scale
         span = np.minimum(1e-9 * (1.0 + np.abs(low) + np.abs(high)), 1e-6)
+        span = np.minimum(span, 0.25 * (high - low))
         found = least_squares(
             lambda z: both(z)[0],
             np.clip(at / self._scale, low + span, high - span),

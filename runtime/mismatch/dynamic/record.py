@@ -18,8 +18,8 @@ from runtime.ruleset import Ruleset, SignalSpec
 BUDGET = 4096
 """Samples at most; neighbours of longer recordings are averaged."""
 
-BLOCKS = 15
-"""Blocks of a recording: each must be long against the memory of the plant."""
+BLOCKS = 25
+"""Blocks of a recording."""
 
 FAR = 8.0
 """A single reading that is so many times the usual step away from both neighbours is none."""
@@ -80,7 +80,7 @@ def record_of(
     measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > BLOCKS}
     if not measured:
         return None
-    block, part = _split(time, heldout)
+    block, part = _split(time, inputs, heldout)
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
     resolution = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
@@ -148,23 +148,40 @@ def _resolution(values: Array, signal: SignalSpec) -> float:
 
 
 def _split(
-    time: Array, heldout: Sequence[tuple[float, float]]
+    time: Array, inputs: Mapping[str, Array], heldout: Sequence[tuple[float, float]]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Number of the block of each sample, and what it serves for."""
+    """Number of the block of each sample, and what it serves for.
+
+    Which blocks are set aside follows from what is given alone: those whose inputs are most like
+    the others', so that what is proved there was also there to be learnt.
+    """
     n = len(time)
     block = np.arange(n) * BLOCKS // n
-    part = np.array(PATTERN)[block % len(PATTERN)]
     if heldout:
         inside = np.zeros(n, dtype=bool)
         for low, high in heldout:
             inside |= (time >= low) & (time <= high)
-        part = np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
-    return block, part
+        return block, np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
+    turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
+    parts = [turn[block % len(PATTERN)] for turn in turns]
+    return block, min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
+
+
+def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) -> float:
+    """Largest distance between the distributions of smoothed inputs (Kolmogorov, Smirnov)."""
+    far = 0.0
+    for course in inputs.values():
+        smooth = np.convolve(course, np.ones(length) / length)[: len(course)]
+        levels = np.quantile(smooth, np.linspace(0.0, 1.0, 41))
+        inside, outside = np.sort(smooth[flags]), np.sort(smooth[~flags])
+        shares = [np.searchsorted(v, levels, "right") / len(v) for v in (inside, outside)]
+        far = max(far, float(np.max(np.abs(shares[0] - shares[1]))))
+    return round(far, 3)
 
 
 def _told(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str:
     counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
-    chosen = "as asked" if heldout else "every fifth block"
+    chosen = "as asked" if heldout else "every fifth block, by the inputs"
     return (
         f"{len(time)} samples in {BLOCKS} blocks of time: {counts[0]} for estimation, {counts[1]} "
         f"for selection, {counts[2]} held out ({chosen}); simulation runs through all of them"

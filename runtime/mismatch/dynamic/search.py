@@ -18,7 +18,7 @@ from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.drift import drift_of
 from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
 from runtime.mismatch.dynamic.noise import Noise, gain
-from runtime.mismatch.dynamic.price import needed, price_of
+from runtime.mismatch.dynamic.price import price_of
 from runtime.plan import Array
 
 BEAM = 6
@@ -26,6 +26,9 @@ BEAM = 6
 
 DEEPEST = 4
 """Explanations at most."""
+
+STEP = 3.0
+"""Gain of one more explanation below which no further one is tried."""
 
 SCATTERED = 4
 """Random starts of a trial beside those that its candidate names."""
@@ -46,7 +49,8 @@ Progress = Callable[[str], None]
 class Found:
     """Models by their number of explanations, best first, the plain one alone at the beginning.
 
-    `judged` says which samples count; `tried` how many candidates there were.
+    `judged` says which samples count; `tried` how many candidates there were; `alone` what each of
+    them gains by itself, by id.
     """
 
     plain: Fitted
@@ -54,6 +58,7 @@ class Found:
     levels: tuple[tuple[Fitted, ...], ...]
     judged: Judged
     tried: int
+    alone: Mapping[str, float]
 
 
 class Searcher:
@@ -100,7 +105,7 @@ class Searcher:
 
     def polished(self, fitted: Fitted) -> Fitted:
         """The same, fitted to the end."""
-        fitter = Fitter(self.bench, fitted.joined, self._kept(fitted))
+        fitter = Fitter(self.bench, fitted.joined, self.kept(fitted))
         judged = replace(self.judged, noise=fitted.noise)
         return fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 3)
 
@@ -130,7 +135,8 @@ class Searcher:
         measured = self.bench.record.measured
         return {n: Noise(0.3 * float(np.nanstd(v)) + 1e-12, 10.0) for n, v in measured.items()}
 
-    def _kept(self, fitted: Fitted) -> dict[str, float]:
+    def kept(self, fitted: Fitted) -> dict[str, float]:
+        """Typical values that parameters of a model stay at."""
         fixed = {u.id for c in fitted.joined for u in c.unknowns if u.fixed}
         return {n: v for n, v in fitted.values.items() if n in fixed}
 
@@ -183,33 +189,31 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     searcher = Searcher(bench, judged, workers)
     plain = searcher.polished(plain) if drift.shape[1] else plain
     levels: list[tuple[Fitted, ...]] = [(plain,)]
+    alone: dict[str, float] = {}
     single = tuple(c for c in candidates if not c.members)
     for depth in range(1, DEEPEST + 1):
         tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
         tasks = _tasks(levels[-1], candidates if depth == 1 else single)
         ranked = sorted(searcher.trials(tasks), key=lambda f: -searcher.gain(f, plain))
+        if depth == 1:
+            alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
         beam = _distinct(ranked)
         with ThreadPoolExecutor(workers) as pool:
             beam = list(pool.map(searcher.polished, beam))
         beam.sort(key=lambda f: -searcher.gain(f, plain))
         levels.append(tuple(beam))
-        if depth > 1 and _stands_still(searcher, levels, plain, len(candidates)):
+        if depth > 1 and _stands_still(searcher, levels, plain):
             break
-    best = plain
-    for level in levels[1:]:
-        for fitted in level[:1]:
-            if searcher.gain(fitted, best) > needed(len(candidates)):
-                best = fitted
-    return Found(plain, best, tuple(levels), judged, len(candidates))
+    # What is not needed is left out afterwards: of two that hide each other neither is, alone.
+    best = max((level[0] for level in levels), key=lambda f: searcher.gain(f, plain))
+    return Found(plain, best, tuple(levels), judged, len(candidates), alone)
 
 
-def _stands_still(
-    searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted, tried: int
-) -> bool:
+def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
     """Neither of the last two explanations was worth its price."""
     now = searcher.gain(levels[-1][0], plain)
     before = max(searcher.gain(level[0], plain) for level in levels[:-1])
-    return now < before + needed(tried)
+    return now < before + STEP
 
 
 def _tasks(
