@@ -91,8 +91,11 @@ class Binder:
     def _own(self, module: str, driver: Driver) -> list[str]:
         """Own states of a quantity, or else signals: what is stored is what its sensor shows."""
         kind = self._network.plant.modules[module].type
+        if driver.where == "read":
+            signals = (s for s in kind.signals.values() if s.name not in kind.readings)
+            return [s.name for s in signals if s.quantity == driver.quantity]
         states = [s.name for s in kind.states.values() if s.quantity == driver.quantity]
-        if kind.states and driver.quantity == FLOW:
+        if kind.flows and driver.quantity == FLOW:
             return [INFLOW]
         return states or [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
 

@@ -127,13 +127,13 @@ class Bench:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Explanations that reach something that is measured."""
+        """Explanations all of whose parameters reach something that is measured."""
         return tuple(c for c in self.workshop.candidates if self._reaches(c))
 
     def _reaches(self, candidate: Candidate) -> bool:
         plan = self.balances((candidate.id,)).plan
         reached = plan.select(self._watched(plan.outputs)).used_inputs
-        return any(u.id in reached for u in candidate.unknowns if not u.fixed)
+        return all(u.id in reached for u in candidate.unknowns if not u.fixed)
 
     def candidate(self, name: str) -> Candidate:
         """A candidate by id."""

@@ -7,6 +7,7 @@ models are carried along, and each is tried with every further candidate.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -24,6 +25,12 @@ from runtime.plan import Array
 BEAM = 6
 """Models that are carried along."""
 
+KIN = 2
+"""Models carried along that share an explanation, at most."""
+
+NEAR = 1e-4
+"""Share of its range by which a value may be off an end and still count as there."""
+
 DEEPEST = 4
 """Explanations at most."""
 
@@ -33,13 +40,13 @@ STEP = 3.0
 SCATTERED = 4
 """Random starts of a trial beside those that its candidate names."""
 
-DESCENDED = 3
+DESCENDED = 2
 """The best starts from which a trial is fitted."""
 
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
 
-QUICK, THOROUGH = 10, 60
+QUICK, THOROUGH = 8, 60
 """Evaluations of a trial and of a winner."""
 
 Progress = Callable[[str], None]
@@ -114,12 +121,17 @@ class Searcher:
         with ThreadPoolExecutor(self._workers) as pool:
             return list(pool.map(lambda task: self.trial(*task), tasks))
 
-    def loss(self, fitted: Fitted) -> float:
-        """What is left: logarithm of the spread per piece of news, and what the priors cost."""
-        left = 0.0
+    def standing(self, fitted: Fitted, plain: Fitted) -> float:
+        """What a model gains over the plain one where both are counted by the plain one's memory.
+
+        Models of one level stand in this order: by what they leave, not by how it looks.
+        """
+        gained = plain.strain - fitted.strain - price_of(fitted, self.news(plain))
         for name, noise in fitted.noise.items():
-            left += self.samples[name] / noise.memory * float(np.log(noise.spread))
-        return left + fitted.strain
+            before = plain.noise[name]
+            count = self.samples[name] / before.memory
+            gained += count * float(np.log(before.spread / noise.spread))
+        return gained
 
     def gain(self, after: Fitted, before: Fitted) -> float:
         """Gain in log likelihood over another model, prices of both counted."""
@@ -194,12 +206,15 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     for depth in range(1, DEEPEST + 1):
         tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
         tasks = _tasks(levels[-1], candidates if depth == 1 else single)
-        ranked = sorted(searcher.trials(tasks), key=lambda f: -searcher.gain(f, plain))
+        tried = [f for f in searcher.trials(tasks) if not at_an_end(f)]
+        ranked = sorted(tried, key=lambda f: -searcher.standing(f, plain))
         if depth == 1:
             alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
         beam = _distinct(ranked)
         with ThreadPoolExecutor(workers) as pool:
-            beam = list(pool.map(searcher.polished, beam))
+            beam = [f for f in pool.map(searcher.polished, beam) if not at_an_end(f)]
+        if not beam:
+            break
         beam.sort(key=lambda f: -searcher.gain(f, plain))
         levels.append(tuple(beam))
         if depth > 1 and _stands_still(searcher, levels, plain):
@@ -242,11 +257,29 @@ def _twice(model: Fitted, candidate: Candidate) -> bool:
     )
 
 
+def at_an_end(fitted: Fitted) -> bool:
+    """Is the strength of an explanation at an end of what is possible? Then it stands for another.
+
+    The end at which it vanishes, and what only shapes it, do not count.
+    """
+    for unknown in (u for c in fitted.joined for u in c.unknowns):
+        if unknown.fixed or unknown.null is None:
+            continue
+        value, span = fitted.values[unknown.id], unknown.highest - unknown.lowest
+        for end in (unknown.lowest, unknown.highest):
+            if end != unknown.null and abs(value - end) < NEAR * span:
+                return True
+    return False
+
+
 def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
-    """The best ones, no two of which have the same explanations in other words."""
+    """The best ones, of which few share any explanation: their kin would crowd out the rest."""
     kept: list[Fitted] = []
+    count: Counter[str] = Counter()
     for fitted in ranked:
         if len(kept) == BEAM:
             break
-        kept.append(fitted)
+        if max((count[i] for i in fitted.ids), default=0) < KIN:
+            kept.append(fitted)
+            count.update(fitted.ids)
     return kept
