@@ -9,7 +9,7 @@ import numpy as np
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.search import Found, Searcher
+from runtime.mismatch.dynamic.search import Found, Searcher, at_an_end
 from runtime.mismatch.result import Confounded, Rival
 
 CONFOUNDED = 0.9
@@ -50,7 +50,7 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
         if searcher.gain(best, without[worst.id]) < needed(found.tried):
             best = without[worst.id]
             continue
-        better = _exchanged(searcher, best, without)
+        better = _exchanged(searcher, best, without, found.plain)
         if better is None:
             break
         best = better
@@ -61,7 +61,7 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
     for candidate in best.joined:
         bare = without[candidate.id]
         rivals = (Rival("the model without it", searcher.gain(bare, best)),)
-        others = _others(searcher, best, bare, candidate)
+        others = _others(searcher, best, bare, candidate, found.plain)
         accepted.append(Accepted(candidate, searcher.gain(best, bare), others, rivals))
     return best, tuple(accepted)
 
@@ -82,10 +82,12 @@ def _swaps(
     return [(bare, (*bare.joined, c)) for c in single if c.id not in bare.ids and c.id != out.id]
 
 
-def _exchanged(searcher: Searcher, best: Fitted, without: dict[str, Fitted]) -> Fitted | None:
+def _exchanged(
+    searcher: Searcher, best: Fitted, without: dict[str, Fitted], plain: Fitted
+) -> Fitted | None:
     """A better model with one explanation exchanged for another, if there is one."""
     tasks = [t for c in best.joined for t in _swaps(searcher, without[c.id], c)]
-    tried = searcher.trials(tasks)
+    tried = [f for f in searcher.trials(tasks, plain) if not at_an_end(f)]
     ahead = max(tried, key=lambda f: searcher.gain(f, best), default=None)
     if ahead is None or searcher.gain(ahead, best) < 0.0:
         return None
@@ -93,13 +95,14 @@ def _exchanged(searcher: Searcher, best: Fitted, without: dict[str, Fitted]) -> 
     return polished if searcher.gain(polished, best) > 0.5 else None
 
 
-def _others(searcher: Searcher, best: Fitted, bare: Fitted, out: Candidate) -> Odds:
+def _others(searcher: Searcher, best: Fitted, bare: Fitted, out: Candidate, plain: Fitted) -> Odds:
     """Odds of other explanations in its place, the likeliest first."""
     tasks = _swaps(searcher, bare, out)
     odds = []
-    for (_, joined), fitted in zip(tasks, searcher.trials(tasks), strict=True):
-        ahead = searcher.gain(fitted, best)
-        odds.append((joined[-1], float(np.exp(np.clip(ahead, -700.0, 5.0)))))
+    for fitted in searcher.trials(tasks, plain):
+        if not at_an_end(fitted):
+            ahead = searcher.gain(fitted, best)
+            odds.append((fitted.joined[-1], float(np.exp(np.clip(ahead, -700.0, 5.0)))))
     return tuple(sorted(odds, key=lambda o: -o[1]))
 
 

@@ -43,6 +43,12 @@ SCATTERED = 4
 DESCENDED = 2
 """The best starts from which a trial is fitted."""
 
+GLANCE = 4
+"""Evaluations after which it shows whether a trial leads anywhere."""
+
+PROMISING = 14
+"""Trials on each model that are fitted further than that."""
+
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
 
@@ -50,6 +56,9 @@ QUICK, THOROUGH = 8, 60
 """Evaluations of a trial and of a winner."""
 
 Progress = Callable[[str], None]
+
+Task = tuple[Fitted, tuple[Candidate, ...]]
+"""A fitted model, and what is joined instead."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +94,7 @@ class Searcher:
         joined: tuple[Candidate, ...],
         scattered: int = SCATTERED,
         evaluations: int = QUICK,
+        descended: int = DESCENDED,
     ) -> Fitted:
         """Fit a model; what `on` knows is where starts are near."""
         known = on.values if on is not None else {}
@@ -102,13 +112,13 @@ class Searcher:
         ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
         near = [
             fitter.descend(starts[i], judged, basis, evaluations)
-            for cost, i in ranked[:DESCENDED]
+            for cost, i in ranked[:descended]
             if np.isfinite(cost)
         ]
         if not near:
             return replace(self._hopeless(fitter, judged), joined=joined)
         best = min(near, key=lambda at: fitter.cost(at, judged, basis))
-        return fitter.finish(best, judged, evaluations, 1)
+        return fitter.finish(best, judged, evaluations if descended > 1 else 1, 1)
 
     def polished(self, fitted: Fitted) -> Fitted:
         """The same, fitted to the end."""
@@ -116,10 +126,18 @@ class Searcher:
         judged = replace(self.judged, noise=fitted.noise)
         return fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 3)
 
-    def trials(self, tasks: Sequence[tuple[Fitted, tuple[Candidate, ...]]]) -> list[Fitted]:
-        """Fit many models."""
+    def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
+        """Fit many models: all at a glance, those that promise something on each model further."""
         with ThreadPoolExecutor(self._workers) as pool:
-            return list(pool.map(lambda task: self.trial(*task), tasks))
+            seen = list(pool.map(lambda t: self.trial(t[0], t[1], 1, GLANCE, 1), tasks))
+            by_model: dict[tuple[str, ...], list[int]] = {}
+            for i, (on, _) in enumerate(tasks):
+                by_model.setdefault(on.ids, []).append(i)
+            promising: list[int] = []
+            for members in by_model.values():
+                members.sort(key=lambda i: -self.standing(seen[i], plain))
+                promising += members[:PROMISING]
+            return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
 
     def standing(self, fitted: Fitted, plain: Fitted) -> float:
         """What a model gains over the plain one where both are counted by the plain one's memory.
@@ -206,7 +224,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     for depth in range(1, DEEPEST + 1):
         tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
         tasks = _tasks(levels[-1], candidates if depth == 1 else single)
-        tried = [f for f in searcher.trials(tasks) if not at_an_end(f)]
+        tried = [f for f in searcher.trials(tasks, plain) if not at_an_end(f)]
         ranked = sorted(tried, key=lambda f: -searcher.standing(f, plain))
         if depth == 1:
             alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
@@ -231,9 +249,7 @@ def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain:
     return now < before + STEP
 
 
-def _tasks(
-    models: Sequence[Fitted], candidates: Sequence[Candidate]
-) -> list[tuple[Fitted, tuple[Candidate, ...]]]:
+def _tasks(models: Sequence[Fitted], candidates: Sequence[Candidate]) -> list[Task]:
     """Each model with each further candidate; the same set once."""
     seen: set[frozenset[str]] = set()
     tasks = []
