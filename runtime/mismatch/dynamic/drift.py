@@ -1,8 +1,8 @@
-"""What slow errors of the sensors of given flows do: no model is to blame for those.
+"""What errors of sensors within their class do: no model is to blame for those.
 
-A flow meter that is off by a share of its class fills a tank that nothing empties by itself without
-end. Each given reading may be off by its stated uncertainty, slowly changing; what that does to the
-readings that are predicted is taken out of errors, as far as its size allows.
+Each reading may be off by its stated uncertainty. A flow meter that is off by a share of its class
+fills a tank that nothing empties by itself without end; there the error may change slowly too. What
+that does to the readings that are predicted is taken out of errors, as far as its size allows.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from runtime.stationary import systematic_u
 KNOTS = 16
 """Values of a slow error over a recording."""
 
-NOTABLE = 0.05
-"""An error that moves no reading by this share of its scatter does not matter."""
+NOTABLE, LARGE = 0.001, 0.05
+"""An error that moves no reading by this share of its scatter does not matter; it may change with
+time where it moves one by the larger share."""
 
 
 def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float]) -> Array:
@@ -38,11 +39,17 @@ def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float])
         u = systematic_u(bench.ruleset.signal_by_id[name], course)
         u = np.broadcast_to(u, course.shape)
         moved = _stacked(bench, joined, values, {**record.inputs, name: course + u})
-        if np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)) < NOTABLE:
+        size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
+        if size < NOTABLE:
             continue
-        for shape in _hats(bench.time):
+        for shape in _hats(bench.time) if size > LARGE else [np.ones(len(bench.time))]:
             changed = {**record.inputs, name: course + u * shape}
             columns.append(_stacked(bench, joined, values, changed) - plain)
+    for i, (name, course) in enumerate(record.measured.items()):
+        u = systematic_u(bench.ruleset.signal_by_id[name], course)
+        own = np.zeros((len(record.measured), len(bench.time)))
+        own[i] = np.nan_to_num(np.broadcast_to(u, course.shape))
+        columns.append(own.ravel())
     return np.column_stack(columns) if columns else np.zeros((len(plain), 0))
 
 

@@ -24,6 +24,12 @@ WIDEST = 6.0
 SMALLEST = 0.02
 """A parameter keeps its sign, and this share of itself."""
 
+NEAR = 1e-4
+"""Share of its range by which a value may be off an end and still count as there."""
+
+INWARD, PRESSING = 0.1, 0.5
+"""A value is pressed to an end if this share of the way back would cost so much likelihood."""
+
 RUNAWAY = 1e6
 """Error, in standard deviations, of a model whose states grow beyond all bounds."""
 
@@ -35,7 +41,7 @@ class Fitted:
     `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
     (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
     signal, shape (n,); `noise` is what they show. `strain` is half the squares of what the priors
-    cost.
+    cost. `pressed` names unknowns that stand at an end of what is possible and would go on.
     """
 
     joined: tuple[Candidate, ...]
@@ -45,6 +51,7 @@ class Fitted:
     errors: Mapping[str, Array]
     strain: float
     covariance: Array
+    pressed: tuple[str, ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 
 A plain model is off for long stretches. Were its errors counted as if each sample were new, every
 candidate that bends the curve would seem proven a thousand times over. So squares of errors are
-counted once per memory of what remains: the integrated autocorrelation time.
+counted once per memory of what remains.
 
-Source: effective sample size of autocorrelated series (Bayley and Hammersley 1946).
+Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ def noise_of(error: Array, known: Flags, least: float) -> Noise:
 
 
 def memory_of(error: Array, known: Flags) -> float:
-    """Integrated autocorrelation time in samples, at least 1 (Geyer's initial positive pairs)."""
+    """Samples that say one new thing about the size of an error, at least 1.
+
+    That is the sum of squared autocorrelations, up to where they vanish (Bartlett 1946).
+    """
     n = int(known.sum())
     if n < 8:
         return 1.0
@@ -63,10 +66,10 @@ def memory_of(error: Array, known: Flags) -> float:
     if lags[0] <= 0.0:
         return 1.0
     correlation = lags / lags[0]
-    pairs = correlation[1 : most - 1 : 2] + correlation[2:most:2]
-    ends = np.flatnonzero(pairs <= 0.0)
-    kept = pairs[: ends[0]] if len(ends) else pairs
-    return float(np.clip(1.0 + 2.0 * np.sum(kept), 1.0, most))
+    floor = 2.0 / np.sqrt(n)
+    ends = np.flatnonzero(correlation[1:] < floor)
+    kept = correlation[1 : 1 + ends[0]] if len(ends) else correlation[1:]
+    return float(np.clip(1.0 + 2.0 * np.sum(kept**2), 1.0, most))
 
 
 def gain(before: Noise, after: Noise, samples: int) -> float:

@@ -22,19 +22,19 @@ from runtime.mismatch.dynamic.noise import Noise, gain
 from runtime.mismatch.dynamic.price import price_of
 from runtime.plan import Array
 
-BEAM = 6
+BEAM = 8
 """Models that are carried along."""
 
-KIN = 2
+KIN = 3
 """Models carried along that share an explanation, at most."""
-
-NEAR = 1e-4
-"""Share of its range by which a value may be off an end and still count as there."""
 
 DEEPEST = 4
 """Explanations at most."""
 
-STEP = 3.0
+SWAPPED = 2
+"""Models of each level in which single explanations are exchanged."""
+
+STEP = 1.0
 """Gain of one more explanation below which no further one is tried."""
 
 SCATTERED = 4
@@ -45,6 +45,9 @@ DESCENDED = 2
 
 GLANCE = 4
 """Evaluations after which it shows whether a trial leads anywhere."""
+
+WHITE = 1.3
+"""Errors that stay as they are for fewer samples than this have no structure to explain."""
 
 PROMISING = 14
 """Trials on each model that are fitted further than that."""
@@ -139,6 +142,17 @@ class Searcher:
                 promising += members[:PROMISING]
             return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
 
+    def ranked(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
+        """Trials whose parameters are possible, best first."""
+        tried = [f for f in self.trials(tasks, plain) if not at_an_end(f)]
+        return sorted(tried, key=lambda f: -self.standing(f, plain))
+
+    def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
+        """Models fitted to the end, best first."""
+        with ThreadPoolExecutor(self._workers) as pool:
+            fitted = [f for f in pool.map(self.polished, models) if not at_an_end(f)]
+        return sorted(fitted, key=lambda f: -self.standing(f, plain))
+
     def standing(self, fitted: Fitted, plain: Fitted) -> float:
         """What a model gains over the plain one where both are counted by the plain one's memory.
 
@@ -218,24 +232,27 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     judged = Judged(bench.known, plain.noise, drift)
     searcher = Searcher(bench, judged, workers)
     plain = searcher.polished(plain) if drift.shape[1] else plain
+    if all(noise.memory < WHITE for noise in plain.noise.values()):
+        return Found(plain, plain, ((plain,),), judged, len(candidates), {})
     levels: list[tuple[Fitted, ...]] = [(plain,)]
     alone: dict[str, float] = {}
     single = tuple(c for c in candidates if not c.members)
     for depth in range(1, DEEPEST + 1):
         tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
-        tasks = _tasks(levels[-1], candidates if depth == 1 else single)
-        tried = [f for f in searcher.trials(tasks, plain) if not at_an_end(f)]
-        ranked = sorted(tried, key=lambda f: -searcher.standing(f, plain))
+        ranked = searcher.ranked(_tasks(levels[-1], candidates if depth == 1 else single), plain)
         if depth == 1:
             alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
-        beam = _distinct(ranked)
-        with ThreadPoolExecutor(workers) as pool:
-            beam = [f for f in pool.map(searcher.polished, beam) if not at_an_end(f)]
+        beam = _distinct(searcher.refined(_distinct(ranked), plain))
+        if depth > 1 and beam:
+            tell("exchanging single explanations")
+            swapped = [t for model in beam[:SWAPPED] for t in _swaps(model, single)]
+            more = _distinct(searcher.ranked(swapped, plain))[:SWAPPED]
+            every = [*beam, *searcher.refined(more, plain)]
+            beam = _distinct(sorted(every, key=lambda f: -searcher.standing(f, plain)))
         if not beam:
             break
-        beam.sort(key=lambda f: -searcher.gain(f, plain))
         levels.append(tuple(beam))
-        if depth > 1 and _stands_still(searcher, levels, plain):
+        if depth > 2 and _stands_still(searcher, levels, plain):
             break
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = max((level[0] for level in levels), key=lambda f: searcher.gain(f, plain))
@@ -243,10 +260,21 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
 
 
 def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
-    """Neither of the last two explanations was worth its price."""
-    now = searcher.gain(levels[-1][0], plain)
-    before = max(searcher.gain(level[0], plain) for level in levels[:-1])
+    """The last explanation was not worth its price."""
+    now, before = (searcher.standing(level[0], plain) for level in (levels[-1], levels[-2]))
     return now < before + STEP
+
+
+def _swaps(model: Fitted, candidates: Sequence[Candidate]) -> list[Task]:
+    """A model with each of its explanations exchanged for each other candidate."""
+    tasks = []
+    for left in model.joined:
+        rest = tuple(c for c in model.joined if c.id != left.id)
+        values = {n: v for n, v in model.values.items() if not n.startswith(f"{left.id}.")}
+        bare = replace(model, joined=rest, values=values)
+        new = (c for c in candidates if c.id not in model.ids and not _twice(bare, c))
+        tasks += [(bare, (*rest, c)) for c in new]
+    return tasks
 
 
 def _tasks(models: Sequence[Fitted], candidates: Sequence[Candidate]) -> list[Task]:
@@ -274,18 +302,8 @@ def _twice(model: Fitted, candidate: Candidate) -> bool:
 
 
 def at_an_end(fitted: Fitted) -> bool:
-    """Is the strength of an explanation at an end of what is possible? Then it stands for another.
-
-    The end at which it vanishes, and what only shapes it, do not count.
-    """
-    for unknown in (u for c in fitted.joined for u in c.unknowns):
-        if unknown.fixed or unknown.null is None:
-            continue
-        value, span = fitted.values[unknown.id], unknown.highest - unknown.lowest
-        for end in (unknown.lowest, unknown.highest):
-            if end != unknown.null and abs(value - end) < NEAR * span:
-                return True
-    return False
+    """Is the strength of an explanation pressed to an end? Then it stands for another."""
+    return bool(fitted.pressed)
 
 
 def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
