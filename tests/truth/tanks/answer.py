@@ -64,8 +64,12 @@ class Answer:
     hiding: float | None
 
     def to_json(self) -> str:
-        """As text; numbers with six digits, values of parameters with their unit."""
-        return json.dumps(_rounded(dataclasses.asdict(self)), indent=1, ensure_ascii=False) + "\n"
+        """As text; numbers with six digits, parameters as value and unit."""
+        fields = dataclasses.asdict(self)
+        for part in (fields, *fields["effects"]):
+            part["parameters"] = _stated(part["parameters"])
+        fields["sensing"] = _stated(fields["sensing"])
+        return json.dumps(_rounded(fields), indent=1, ensure_ascii=False) + "\n"
 
     @property
     def digest(self) -> str:
@@ -83,6 +87,11 @@ def verdict_of(sorts: list[str]) -> str:
         if set(sorts) == {only}:
             return only
     return "named"
+
+
+def _stated(values: Values) -> dict[str, dict[str, object]]:
+    """Values as the machine form has them."""
+    return {name: {"value": value, "unit": unit} for name, (value, unit) in values.items()}
 
 
 def _rounded(value: object) -> object:

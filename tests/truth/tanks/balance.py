@@ -1,6 +1,7 @@
 """Balances of volume, integrated from sample to sample; every jump of a flow ends a stretch.
 
-Source: conservation of volume; LSODA (Petzold 1983) as in scipy.
+Source: conservation of volume; LSODA (Petzold 1983) as in scipy. Its `odeint` starts anew at every
+sample five times faster than `solve_ivp`, whose LSODA also keeps 2 kB for good each time (1.17).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint
 
 from ..units import Array
 from .laws import bypassed, loss, outflow, overflow, supply
@@ -19,6 +20,12 @@ from .plant import Plant, Tank
 
 RELATIVE, ABSOLUTE = 1e-7, 1e-7
 """Tolerances; levels are of the order of 10 cm."""
+
+MOST_STEPS = 20000
+"""In a stretch; a tank that runs empty takes some hundreds."""
+
+SOLVED = "Integration successful."
+"""What scipy reports then."""
 
 SAME = 1e-6
 """s; times that are closer are one."""
@@ -60,18 +67,19 @@ def integrate(plant: Plant, time: Array, shown: Array) -> Course:
         number = int(np.searchsorted(time, middle - plant.feed.delay, "right")) - 1
         given = supply(plant.feed, float(shown[max(number, 0)]))
         flows[i] = _flows(plant, tanks, begin, states[i].tolist(), given)
-        solved = solve_ivp(
+        solved, report = odeint(
             lambda t, x, tanks=tanks, given=given: _rates(plant, tanks, t, x.tolist(), given),
-            (begin, end),
             states[i],
-            method="LSODA",
-            t_eval=(end,),
+            (begin, end),
+            tfirst=True,
             rtol=RELATIVE,
             atol=ABSOLUTE,
+            mxstep=MOST_STEPS,
+            full_output=True,
         )
-        if not solved.success:
-            raise RuntimeError(f"not solved from {begin} s on: {solved.message}")
-        states[i + 1] = solved.y[:, -1]
+        if report["message"] != SOLVED:
+            raise RuntimeError(f"not solved from {begin} s on: {report['message']}")
+        states[i + 1] = solved[-1]
     flows[-1] = _flows(plant, tanks, float(stops[-1]), states[-1].tolist(), given)
     return _course(plant, stops, sampled, states, flows)
 

@@ -29,6 +29,9 @@ HIDES = 0.8
 """Of effects that hide each other, both together show less than this share of what they add up to
 (root sum of squares)."""
 
+CLEAR = 0.1
+"""V; what is left of effects that hide each other."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -39,13 +42,17 @@ class Case:
     recording: Recording
     answer: Answer
 
-    def write(self, folder: Path) -> Path:
-        """Write `<case>.csv`, its `.truth.csv` and its `.answer.json`; the path of the first."""
+    def write(self, folder: Path, stem: str = "") -> Path:
+        """Write `<stem>.csv`, its `.truth.csv` and its `.answer.json`; the path of the first.
+
+        The stem is the name of the case if none is given, and that tells what was planted.
+        """
         folder.mkdir(parents=True, exist_ok=True)
-        file = folder / f"{self.answer.case}.csv"
+        stem = stem or self.answer.case
+        file = folder / f"{stem}.csv"
         write_csv(file, self.recording.readings)
-        write_csv(folder / f"{self.answer.case}.truth.csv", self.recording.truth)
-        answer = folder / f"{self.answer.case}.answer.json"
+        write_csv(folder / f"{stem}.truth.csv", self.recording.truth)
+        answer = folder / f"{stem}.answer.json"
         answer.write_text(self.answer.to_json(), encoding="utf-8")
         return file
 
@@ -80,7 +87,9 @@ def case(
         share = None
         if len(planted) > 1:
             share = most(change) / math.hypot(*(most(one.change) for one in planted))
-        if not is_inside(plant, course) or (hiding and (share or 0.0) > HIDES):
+        if not is_inside(plant, course) or (planted and most(change) < CLEAR):
+            continue
+        if hiding and share is not None and share > HIDES:
             continue
         label = name or "+".join([layout.name, *effects, str(seed)])
         answer = describe(label, seed, attempt, setup, planted, change, share)

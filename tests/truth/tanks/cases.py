@@ -60,7 +60,8 @@ class Named:
     @property
     def name(self) -> str:
         """Tells a case from all others; the stem of its files."""
-        return "-".join([self.layout.name, self.group, "+".join(self.effects), str(self.number)])
+        planted = ["+".join(self.effects)] if self.effects else []
+        return "-".join([self.layout.name, self.group, *planted, str(self.number)])
 
     @property
     def seed(self) -> int:

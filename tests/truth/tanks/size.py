@@ -98,25 +98,24 @@ def is_inside(plant: Plant, course: Course) -> bool:
 def _sought(scene: Scene, plain: Readings, placed: Placed, aim: float, seed: int) -> Planted | None:
     """Seek the size at which an effect shows as aimed: between bounds, by the ratio missed."""
     low, high = placed.effect.low, placed.effect.high
-    size, best, least = math.sqrt(low * high), None, math.inf
+    largest, size, best, least = high, math.sqrt(low * high), None, math.inf
     for _ in range(TRIES):
         built = _make(scene, scene.setup.plant, placed, size, seed)
         course = run(scene, built.plant)
         change = change_of(shown(built.plant, course), plain)
         reached = max(most(change), 1e-3 * aim)
         off = abs(math.log(reached / aim))
-        if not is_inside(built.plant, course):
-            high = size
-        elif reached < aim:
-            low = size
-        else:
-            high = size
-        if is_inside(built.plant, course) and off < least:
+        inside = is_inside(built.plant, course)
+        low, high = (size, high) if inside and reached < aim else (low, size)
+        if inside and off < least:
             best, least = Planted(placed, size, built, change), off
         if least < math.log(NEAR) or high / low < 1.02:
             break
         guess = size * aim / reached
-        size = guess if low * 1.01 < guess < high / 1.01 else math.sqrt(low * high)
+        if low * 1.01 < guess < high / 1.01:
+            size = guess
+        else:
+            size = high if guess >= high == largest else math.sqrt(low * high)
     if best is None or not ACCEPTED[0] <= most(best.change) <= ACCEPTED[1]:
         return None
     return best
