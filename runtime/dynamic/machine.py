@@ -32,7 +32,7 @@ except ImportError:  # an operator's station may do without numba: slow, but the
 CODES = {name: code for code, name in enumerate(OPERATIONS)}
 """Numbers of the operations of `runtime.plan.OPERATIONS`."""
 
-LIVELY = 1.0
+LIVELY = 0.3
 """Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
 up to 2.8."""
 
@@ -378,7 +378,7 @@ def integrate(
                 continue
             if stiff:
                 stiff = rate * step > 0.5 * LIVELY
-            elif rate * step < 0.2 * LIVELY and pieces > 1:
+            elif rate * step < 0.4 * LIVELY and pieces > 1:
                 pieces //= 2
             break
         for i in range(count):

@@ -24,7 +24,7 @@ WIDEST = 6.0
 SMALLEST = 0.02
 """A parameter keeps its sign, and this share of itself."""
 
-NEAR = 1e-4
+NEAR = 0.01
 """Share of its range by which a value may be off an end and still count as there."""
 
 INWARD, PRESSING = 0.1, 0.5
