@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime.plan import OPERATIONS
-
 try:
     from numba import njit as compiled
 except ImportError:  # an operator's station may do without numba: slow, but the same numbers
@@ -26,9 +24,6 @@ except ImportError:  # an operator's station may do without numba: slow, but the
         """Leave the function as it is."""
         return lambda function: function
 
-
-CODES = {name: code for code, name in enumerate(OPERATIONS)}
-"""Numbers of the operations of `runtime.plan.OPERATIONS`."""
 
 LIVELY = 1.0
 """Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
@@ -56,7 +51,8 @@ def evaluate(
 ) -> None:
     """Run the operations from number `begin` on, values and their slopes, in place.
 
-    What has no value (a root below zero, a division by zero) counts as if at the edge.
+    `codes` are places in `runtime.plan.OPERATIONS`. What has no value (a root below zero, a
+    division by zero) counts as if at the edge.
     """
     for i in range(begin, codes.shape[0]):
         code, a, b, out = codes[i], left[i], right[i], first + i
