@@ -127,3 +127,12 @@ def test_diagnosing_with_a_ruleset_loads_no_compiler(tmp_path: Path) -> None:
     found = loaded("diagnose", str(file), str(recording), "--trace", str(tmp_path / "t.csv"))
     assert not found & HEAVY
     assert {"runtime", "numpy", "rich"} <= found
+
+
+def test_simulating_what_stores_nothing_loads_no_integrator(tmp_path: Path) -> None:
+    """Its compiler alone takes longer than a plant of some modules."""
+    file = tmp_path / "abc.ruleset.json"
+    file.write_text(compiled("abc").to_json(), encoding="utf-8")
+    recording = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
+    found = loaded("simulate", str(file), str(recording), "-o", str(tmp_path / "out.csv"))
+    assert not found & HEAVY
