@@ -72,9 +72,11 @@ def check_dimensions(
         for key, expression in state.equations():
             path = ("states", state.name, key)
             wanted = state.unit.dimension / _SECOND if key == "der" else state.unit.dimension
+            _check_gathered(document, path, expression, provided, found)
             _check_given(document, path, expression, wanted, known, gathered, found)
     for reading in module.readings.values():
         path, wanted = ("readings", reading.name, "is"), known[reading.name]
+        _check_gathered(document, path, reading.expression, provided, found)
         _check_given(document, path, reading.expression, wanted, known, gathered, found)
 
 

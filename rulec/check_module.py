@@ -71,18 +71,17 @@ class _ModuleReader:
         definitions = {
             n: Definition(n, expressions[n], data["definitions"][n].get("title", n)) for n in order
         }
-        observers = {
-            n: self._observer(n, o, known - names) for n, o in data.get("observers", {}).items()
-        }
+        observers = {n: self._observer(n, o, known) for n, o in data.get("observers", {}).items()}
         states, readings = of_states.states(), of_states.readings(signals)
-        for path, expression in of_states.equations(states, readings):
-            self._check_names(expression, known - set(signals), path)
+        stated = dict(of_states.equations(states, readings))
+        for path, expression in stated.items():
+            self._check_names(expression, known, path)
         if len(self.found) == before and not self.reserved:
             self._check_constants(definitions, observers)
-            stated = (e for _, e in of_states.equations(states, readings))
-            self._check_used(signals, parameters, expressions, observers, tuple(stated))
-        gathers = {n for e in self._expressions(expressions, observers) for n, _ in e.gathered()}
-        return ModuleType(
+            self._check_used(signals, parameters, expressions, observers, stated.values())
+        every = (*self._expressions(expressions, observers), *stated.values())
+        gathers = {name for e in every for name, _ in e.gathered()}
+        kind = ModuleType(
             data["module"],
             data["version"],
             data["title"],
@@ -98,6 +97,8 @@ class _ModuleReader:
             states=states,
             readings=readings,
         )
+        of_states.check_still(kind)
+        return kind
 
     def _report(self, place: Place, code: str, message: str, hint: str = "") -> None:
         self.found.append(Diagnostic(place, code, message, hint))
@@ -141,6 +142,7 @@ class _ModuleReader:
             _si(unit, part.get("minimum")),
             _si(unit, part.get("reference")),
             part.get("input", False),
+            part.get("between", "hold"),
         )
 
     def _parameter(self, name: str, part: Mapping[str, Any]) -> Parameter:

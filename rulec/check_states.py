@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from rulec.knowledge import ENDS, Reading, Signal, State
+from rulec.knowledge import ENDS, ModuleType, Reading, Signal, State
 from rulec.language.diagnostics import Diagnostic, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Expression, parse
@@ -92,6 +92,17 @@ class StateReader:
             origin = origin_of(self.document, *path, source=part["source"])
             result[name] = Reading(name, expression, origin)
         return result
+
+    def check_still(self, kind: ModuleType) -> None:
+        """Observers hold at every moment by themselves: they stand on no state, and no flow."""
+        moving = {*kind.states, *ENDS} if kind.flows else set()
+        for observer in kind.observers.values():
+            parts = kind.with_definitions(observer.expression)
+            for name in dict.fromkeys(n for part in parts for n, _ in part.names() if n in moving):
+                place = self.document.place("observers", observer.name, "Q")
+                message = f"an observer knows no past, but '{observer.name}' stands on '{name}'"
+                hint = "read signals; a definition 'inflow' or 'outflow' is a law for a flow"
+                self.found.append(Diagnostic(place, "KB116", message, hint))
 
     @staticmethod
     def equations(

@@ -98,6 +98,7 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
         high,
         signal.is_input,
         _rounded(reference, 12) if reference == reference else 0.0,
+        signal.between,
     )
 
 

@@ -54,7 +54,10 @@ class SensorClass:
 
 @dataclass(frozen=True)
 class Signal:
-    """A measured value of a module type; limits and reference in SI."""
+    """A measured value of a module type; limits and reference in SI.
+
+    `between` says how an input runs between samples: ``hold`` or ``line``.
+    """
 
     name: str
     quantity: str
@@ -66,6 +69,7 @@ class Signal:
     minimum: float | None
     reference: float | None
     is_input: bool
+    between: str = "hold"
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from rulec.amend import Amended
 from rulec.end_flows import EndFlows
 from rulec.fluid import factor_name
 from rulec.graph import Graph, Node
-from rulec.knowledge import ENDS, Fluid
+from rulec.knowledge import ENDS, INFLOW, OUTFLOW, Fluid
 from rulec.language.expression import GATHER, Expression, Rejected, exponent_of, function_of
 from rulec.language.units import PROPERTIES
 from rulec.link import Network
@@ -25,6 +25,12 @@ from runtime.plan import Plan
 
 Shifts = Mapping[tuple[str, str, str], str]
 """Plan inputs that shift places, by module, kind of place (as in `Change`) and name."""
+
+
+Pending = frozenset[tuple[str, str]]
+"""Modules, and what of them is being lowered, in words."""
+
+_WAY = {INFLOW: "into", OUTFLOW: "out of"}
 
 
 class _Names(Protocol):
@@ -182,13 +188,18 @@ def _guarded(equations: Iterator[Expression]) -> Iterator[ast.expr]:
 
 
 class _Scope:
-    """Names of one module and their nodes; a definition is lowered when it is asked for."""
+    """Names of one module and their nodes; a definition is lowered when it is asked for.
 
-    def __init__(self, graph: Graph, what: Lowering, module: str) -> None:
-        self._graph, self._what, self._module = graph, what, module
+    `pending` are flows and readings that are being lowered; asked for once more, they stand on
+    themselves.
+    """
+
+    def __init__(
+        self, graph: Graph, what: Lowering, module: str, pending: Pending = frozenset()
+    ) -> None:
+        self._graph, self._what, self._module, self._pending = graph, what, module, pending
         self._amended, self._instance = what.of(module), what.network.plant.modules[module]
         self._known: dict[str, Node] = {}
-        self._pending: frozenset[str] = frozenset()
 
     def value(self, name: str) -> Node:
         node = self._known.get(name)
@@ -199,7 +210,7 @@ class _Scope:
     def _new(self, name: str) -> Node:
         kind, graph = self._amended.type, self._graph
         if name in kind.signals:
-            return self._shifted("signal", name, graph.input(f"{self._module}.{name}"), graph.sub)
+            return self._shifted("signal", name, self._signal(name), graph.sub)
         if name in kind.definitions:
             node = lower_tree(graph, kind.definitions[name].expression.tree, self)
             return self._shifted("definition", name, node, graph.add)
@@ -225,20 +236,30 @@ class _Scope:
         node = lower_tree(self._graph, self._amended.type.readings[name].expression.tree, self)
         return self._shifted("reading", name, node, self._graph.add)
 
+    def _signal(self, name: str) -> Node:
+        """A reading: given, or in the balances of a whole plant what its sensor shows."""
+        if self._what.ends is None or name not in self._amended.type.readings:
+            return self._graph.input(f"{self._module}.{name}")
+        return self._within(self._module, f"what shows in '{name}' of").shown(name)
+
     def _end(self, end: str) -> Node:
         """What flows at an end without a law of its own."""
         if self._what.ends is None:
             return self._graph.input(f"{self._module}.{end}")
-        if end in self._pending:
-            message = f"what flows at '{self._module}' depends on itself"
-            raise Rejected("KB115", 0, message, "a law for a flow must not need that very flow")
         terms = []
         for sign, known in self._what.ends[self._module, end]:
-            other = _Scope(self._graph, self._what, known.module)
-            other._pending = self._pending | {end} if known.module == self._module else frozenset()
+            other = self._within(known.module, f"what flows {_WAY[end]}")
             flow = other.observer if known.kind == "observer" else other.value
             terms.append((sign, flow(known.name)))
         return self._graph.signed_sum(terms)
+
+    def _within(self, module: str, what: str) -> _Scope:
+        """The scope of a module in which something of this module is looked up."""
+        if (self._module, what) in self._pending:
+            message = f"{what} '{self._module}' depends on itself"
+            raise Rejected("KB115", 0, message, "its law must not need that very value")
+        pending = self._pending | {(self._module, what)}
+        return _Scope(self._graph, self._what, module, pending)
 
     def _shifted(
         self, kind: str, name: str, node: Node, apply: Callable[[Node, Node], Node]
@@ -251,7 +272,7 @@ class _Scope:
         """The sum of readings downstream, each as it should be."""
         nodes = []
         for module, signal in self._what.network.gathers[self._module, name]:
-            other = _Scope(self._graph, self._what, module)
+            other = _Scope(self._graph, self._what, module, self._pending)
             nodes.append(other.value(self._what.of(module).corrected.get(signal, signal)))
         return self._graph.sum(nodes)
 

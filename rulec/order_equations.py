@@ -1,10 +1,10 @@
 """Pass 10, order equations: which readings a simulation predicts, and in which order it solves.
 
-Unknown are the flows of modules and the readings that are not inputs. Where there are more
-unknowns than equations, some readings are given instead, like inputs: flows count as unknown
-first, then at each turn the reading that moves the disagreement of the estimates most, at the
-reference point, in a way that no reading before could. So a power that one estimate hangs on is
-predicted, and a temperature that touches several lightly drives them.
+Unknown are the flows of modules and the readings that are not inputs and follow from no state.
+Where there are more unknowns than equations, some readings are given instead, like inputs: flows
+count as unknown first, then at each turn the reading that moves the disagreement of the estimates
+most, at the reference point, in a way that no reading before could. So a power that one estimate
+hangs on is predicted, and a temperature that touches several lightly drives them.
 
 Each unknown is matched with an equation of its own; what then hangs together in a circle is one
 step, solved together, and the steps follow one another (block-triangular form).
@@ -91,7 +91,11 @@ class _System:
             f"{m.name}.{s.name}": s for m in modules.values() for s in m.type.signals.values()
         }
         self.used: Mapping[str, Signal] = {k: s for k, s in signals.items() if k in reads}
-        self.readings = tuple(name for name, s in self.used.items() if not s.is_input)
+        stored = {f"{m.name}.{name}" for m in modules.values() for name in m.type.readings}
+        # What follows from states is given to equations without time.
+        self.readings = tuple(
+            name for name, s in self.used.items() if not s.is_input and name not in stored
+        )
         self.unknowns = (*self.flows, *self.readings)
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -24,13 +24,18 @@ UNCERTAINTIES = ("full scale", "reading", "value")
 """What the systematic uncertainty of a sensor is a share of, or a value."""
 
 
+SELDOM = {"seldom": True}
+"""Mark of a field that stands in a file only where it has another value than its default."""
+
+
 @dataclass(frozen=True)
 class SignalSpec:
     """A measured value: SI = reading * factor + offset.
 
     `kind` and `standard` give the systematic standard uncertainty (a share of full scale or of
     the reading, or a value in SI). `valid_from`, `valid_to` bound the range in which the equations
-    were calibrated; below `minimum` nothing is judged.
+    were calibrated; below `minimum` nothing is judged. `between` samples a given reading keeps its
+    value (``hold``) or runs straight to the next (``line``).
     """
 
     id: str
@@ -48,6 +53,7 @@ class SignalSpec:
     valid_to: float | None
     is_input: bool
     reference: float
+    between: str = field(default="hold", metadata=SELDOM)
 
 
 @dataclass(frozen=True)
@@ -279,7 +285,7 @@ class Ruleset:
     simulation: Simulation
     plan: Plan
     undo: Plan
-    dynamics: Dynamics | None = None
+    dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:
@@ -332,10 +338,7 @@ class Ruleset:
 
     def to_json(self) -> str:
         """The ruleset as text; the same ruleset always gives the same bytes."""
-        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        if self.dynamics is None:
-            del fields["dynamics"]
-        return _write(fields)
+        return _write(_fields(self))
 
 
 def _write(data: dict[str, Any]) -> str:
@@ -356,4 +359,5 @@ def _dump(value: Any) -> str:
 
 def _fields(value: Any) -> dict[str, Any]:
     """Fields of a dataclass; `asdict` would copy every operation of a plan."""
-    return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    fields = ((f, getattr(value, f.name)) for f in dataclasses.fields(value))
+    return {f.name: v for f, v in fields if not (f.metadata.get("seldom") and v == f.default)}

@@ -13,11 +13,19 @@ import pytest
 
 from tests.conftest import ROOT, compiled
 
-HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema"}
+HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema", "numba"}
 OPERATOR_STATION = {"numpy", "rich"}
 """All that the runtime needs; `runtime/mismatch` may use scipy, imported when it is used."""
 
-CONTRACT = {"runtime.ruleset", "runtime.plan", "runtime.mismatch.candidate"}
+INTEGRATOR = "runtime/dynamic/machine.py"
+"""Compiled by numba where that is installed; loaded when something is integrated."""
+
+CONTRACT = {
+    "runtime.ruleset",
+    "runtime.plan",
+    "runtime.mismatch.candidate",
+    "runtime.dynamic.balances",
+}
 """What the compiler writes; `runtime.tangent` differentiates its plans at the reference point."""
 FILES = sorted(
     path.relative_to(ROOT).as_posix()
@@ -60,6 +68,9 @@ def test_runtime_needs_numpy_and_rich_alone(file: str) -> None:
         if file.startswith("runtime/mismatch/") and top(module) == "scipy":
             assert not at_top, f"{file}: scipy is imported when it is used"
             continue
+        if (file, top(module)) == (INTEGRATOR, "numba"):
+            continue
+        assert not at_top or f"{module.replace('.', '/')}.py" != INTEGRATOR, file
         assert top(module) in {"runtime", *OPERATOR_STATION, *sys.stdlib_module_names}, module
 
 
@@ -109,10 +120,19 @@ def test_help_loads_nothing() -> None:
 
 
 def test_diagnosing_with_a_ruleset_loads_no_compiler(tmp_path: Path) -> None:
-    """Neither sympy nor yaml, scipy, networkx, jsonschema."""
+    """Neither sympy nor yaml, scipy, networkx, jsonschema, numba."""
     file = tmp_path / "abc.ruleset.json"
     file.write_text(compiled("abc").to_json(), encoding="utf-8")
     recording = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
     found = loaded("diagnose", str(file), str(recording), "--trace", str(tmp_path / "t.csv"))
     assert not found & HEAVY
     assert {"runtime", "numpy", "rich"} <= found
+
+
+def test_simulating_what_stores_nothing_loads_no_integrator(tmp_path: Path) -> None:
+    """Its compiler alone takes longer than a plant of some modules."""
+    file = tmp_path / "abc.ruleset.json"
+    file.write_text(compiled("abc").to_json(), encoding="utf-8")
+    recording = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
+    found = loaded("simulate", str(file), str(recording), "-o", str(tmp_path / "out.csv"))
+    assert not found & HEAVY

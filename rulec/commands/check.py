@@ -13,6 +13,7 @@ from rulec.commands.output import console
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
 from rulec.link import link
+from rulec.put_balances import dynamics_of
 from rulec.read import Sources, read_files, read_plant
 
 _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
@@ -50,7 +51,9 @@ def _knowledge(sources: Sources) -> list[Diagnostic]:
 
 def _plant(document: Document) -> list[Diagnostic]:
     try:
-        link(check(read_plant(Path(document.path))))
+        network = link(check(read_plant(Path(document.path))))
+        if network.stores:
+            dynamics_of(network)
     except Refused as refused:
         return list(refused.diagnostics)
     return []

@@ -12,7 +12,8 @@ from rich.console import Console
 
 from rulec.commands.diagnose import load
 from rulec.commands.output import console, written
-from runtime.predict import Injected, Prediction, predict
+from runtime.predict import Prediction, predict
+from runtime.prediction import Injected
 from runtime.recording_file import RecordingFile, files_of, read_file
 from runtime.rewrite import rewrite
 from runtime.ruleset import Ruleset

@@ -9,10 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.dynamic.machine import CODES, evaluate, integrate
-from runtime.plan import UNARY, Array, Plan
+from runtime.plan import OPERATIONS, UNARY, Array, Plan
 
 TIME = "time"
+
+CODES = {name: code for code, name in enumerate(OPERATIONS)}
+"""Numbers of operations, as the integrator knows them."""
 
 Slots = NDArray[np.int64]
 
@@ -71,6 +73,9 @@ class Balances:
 
         Raises `RanAway`.
         """
+        # To load the integrator's compiler takes longer than to read a plant.
+        from runtime.dynamic.machine import integrate
+
         tape = self._tape
         store, slopes = tape.filled(values, seeds)
         n, count = len(time), len(self.outputs)
@@ -154,6 +159,8 @@ class _Tape:
 
     def filled(self, values: Mapping[str, float], seeds: Sequence[str]) -> tuple[Array, Array]:
         """Values and slopes with all that stays the same over a run filled in."""
+        from runtime.dynamic.machine import evaluate
+
         store, slopes = np.zeros(self.size), np.zeros((self.size, len(seeds)))
         for name, i in self._parameters.items():
             store[i] = values.get(name, 0.0)

@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime.plan import OPERATIONS
-
 try:
     from numba import njit as compiled
 except ImportError:  # an operator's station may do without numba: slow, but the same numbers
@@ -29,12 +27,12 @@ except ImportError:  # an operator's station may do without numba: slow, but the
         return lambda function: function
 
 
-CODES = {name: code for code, name in enumerate(OPERATIONS)}
-"""Numbers of the operations of `runtime.plan.OPERATIONS`."""
-
-LIVELY = 0.3
+LIVELY = 1.0
 """Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
 up to 2.8."""
+
+EXACT = 1e-6
+"""Error of a step, as a share of each state's largest value so far, beyond which it is cut."""
 
 PIECES = 4
 """Pieces of a sample's step at most; what is faster still is stepped implicitly."""
@@ -61,7 +59,8 @@ def evaluate(
 ) -> None:
     """Run the operations from number `begin` on, values and their slopes, in place.
 
-    What has no value (a root below zero, a division by zero) counts as if at the edge.
+    `codes` are places in `runtime.plan.OPERATIONS`. What has no value (a root below zero, a
+    division by zero) counts as if at the edge.
     """
     for i in range(begin, codes.shape[0]):
         code, a, b, out = codes[i], left[i], right[i], first + i
@@ -223,6 +222,7 @@ def integrate(
     matrix, work = np.zeros((count, count)), np.zeros((count, count))
     right_side = np.zeros((count, 1 + width))
     jacobian = np.zeros((values.shape[0], count))
+    peak = np.zeros(count)
     for i in range(count):
         jacobian[state_slots[i], i] = 1.0
     k, dk = np.zeros((4, count)), np.zeros((4, count, width))
@@ -281,12 +281,13 @@ def integrate(
             break
         length = time[s + 1] - time[s]
         for i in range(count):
+            peak[i] = max(peak[i], abs(x[i]))
             old[i] = x[i]
             for c in range(width):
                 d_old[i, c] = dx[i, c]
         while True:
             step = length / pieces
-            rate = 0.0
+            rate, error = 0.0, 0.0
             for p in range(pieces):
                 if stiff:
                     for stage in range(2):
@@ -343,14 +344,18 @@ def integrate(
                             for c in range(width):
                                 dk[stage, i, c] = slopes[rate_slots[i], c]
                     # The rate of the fastest mode, from two slopes at the same time.
-                    above, below, size = 0.0, 0.0, 0.0
+                    above, below = 0.0, 0.0
                     for i in range(count):
-                        above += (k[2, i] - k[1, i]) ** 2
-                        below += (0.5 * step * (k[1, i] - k[0, i])) ** 2
-                        size += x[i] ** 2
+                        share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
+                        if share > 0.0:
+                            above += ((k[2, i] - k[1, i]) / share) ** 2
+                            below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
                     # Where nothing moves, rounding would look like a fast mode.
-                    if below > 1e-18 * size:
+                    if below > 1e-18:
                         rate = max(rate, math.sqrt(above / below))
+                    # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
+                    # z**5/120 of it.
+                    error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
                     for i in range(count):
                         for stage in range(4):
                             x[i] += step * weight[stage] * k[stage, i]
@@ -368,8 +373,9 @@ def integrate(
                             x[i] = limit
                             for c in range(width):
                                 dx[i, c] = slopes[slot, c]
-            if rate * step > LIVELY and not stiff:
-                stiff = pieces == PIECES
+            lively = rate * step > LIVELY
+            if not stiff and (lively or (error > EXACT and pieces < PIECES)):
+                stiff = lively and pieces == PIECES
                 pieces = min(2 * pieces, PIECES)
                 for i in range(count):
                     x[i] = old[i]
@@ -378,7 +384,7 @@ def integrate(
                 continue
             if stiff:
                 stiff = rate * step > 0.5 * LIVELY
-            elif rate * step < 0.4 * LIVELY and pieces > 1:
+            elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
                 pieces //= 2
             break
         for i in range(count):

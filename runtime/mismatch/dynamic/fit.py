@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from runtime.dynamic.balances import RanAway
 from runtime.mismatch.candidate import Candidate, Unknown
@@ -196,6 +195,8 @@ class Fitter:
 
     def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
         """A local optimum near a point."""
+        from scipy.optimize import least_squares
+
         kept: dict[bytes, tuple[Array, Array]] = {}
 
         def both(z: Array) -> tuple[Array, Array]:

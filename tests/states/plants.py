@@ -1,0 +1,105 @@
+"""Small plants that store, written for a test, and an independent solution of two tanks."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from runtime.plan import Array
+from tests.conftest import ROOT, recordings_folder
+
+TANKS = ROOT / "plants" / "cascaded-tanks"
+
+FEED = """\
+module: feed
+version: 1
+title: Flow by a signal
+signals:
+  u: {quantity: reading, unit: V, sensor: analog-output, range: [0, 10], input: true, reference: 4}
+parameters:
+  k: {value: 1, unit: l/s/V, u: 0.1, title: flow by signal, source: made up}
+observers:
+  feed: {component: feed, Q: k*u, source: made up}
+"""
+
+STORE = """\
+module: store
+version: 1
+title: Tank from which nothing flows, or as much as flows in
+signals:
+  y: {quantity: level, unit: m, sensor: tunnel-level, range: [0, 2]}
+provides: {l_store: y}
+states:
+  h: {quantity: level, unit: cm, der: inflow/A, start: h0, low: 0, high: top, source: balance}
+parameters:
+  A:   {value: 2, unit: m2, u: 0.1, title: cross-section, source: made up}
+  h0:  {value: 50, unit: cm, u: 1, title: level at the beginning, source: made up}
+  top: {value: 10, unit: m, u: 0, fit: false, title: height of the wall, source: made up}
+readings:
+  y: {is: h, source: made up}
+"""
+
+
+def plant_in(folder: Path, modules: str, connections: str = "", **types: str) -> Path:
+    """A plant with module types of its own; `types` are texts by file name."""
+    shutil.copytree(ROOT / "kb", folder / "kb", dirs_exist_ok=True)
+    for name, text in types.items():
+        (folder / "kb" / "modules" / f"{name}.yaml").write_text(text, encoding="utf-8")
+    text = f"plant: made-up\ntitle: Made up\nkb: kb\nmodules:\n{modules}"
+    text += f"connections: [{connections}]\n" if connections else ""
+    (folder / "plant.yaml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def recorded() -> Path | None:
+    """The real recording of the two tanks, where there is one."""
+    file = recordings_folder() / "cascaded-tanks" / "estimation.csv"
+    return file if file.is_file() else None
+
+
+def write_inputs(file: Path, time: Array, u: Array) -> Path:
+    """A test record of the two tanks: time and voltage alone."""
+    rows = (f"{t:.10g},{v:.10g}" for t, v in zip(time, u, strict=True))
+    file.write_text("\n".join(["time [s],u [V]", *rows, ""]), encoding="utf-8")
+    return file
+
+
+def random_inputs(n: int = 200, seed: int = 5) -> tuple[Array, Array]:
+    """Time, s, and a voltage that steps at random, V."""
+    random = np.random.default_rng(seed)
+    return 4.0 * np.arange(n), np.repeat(random.uniform(0.5, 6.0, n), 7)[:n]
+
+
+SHIPPED = {"k": 4e-6, "A": 15e-4, "a": 0.1e-4, "gain": 50.0, "h0": 0.08, "gravity": 9.81}
+"""Values of the shipped types, SI, by hand; both tanks are alike."""
+
+
+def two_tanks(time: Array, u: Array, values: Mapping[str, float] = SHIPPED) -> Array:
+    """What the lower sensor shows, V, by LSODA from sample to sample; not limited to its range."""
+    v = values
+
+    def flow(h: float) -> float:
+        return v["a"] * float(np.sqrt(2.0 * v["gravity"] * max(h, 0.0)))
+
+    def rates(_: float, h: Array, now: float) -> list[float]:
+        between = flow(h[0])
+        return [(v["k"] * now - between) / v["A"], (between - flow(h[1])) / v["A"]]
+
+    return v["gain"] * stepwise(rates, time, u, [v["h0"], v["h0"]])[:, 1]
+
+
+def stepwise(
+    rates: Callable[[float, Array, float], list[float]], time: Array, u: Array, start: list[float]
+) -> Array:
+    """States at all samples, shape (n, states); the input is held between samples."""
+    states = [np.array(start)]
+    for begin, end, now in zip(time[:-1], time[1:], u[:-1], strict=True):
+        found = solve_ivp(
+            rates, (begin, end), states[-1], "LSODA", args=(now,), rtol=1e-10, atol=1e-13
+        )
+        states.append(np.maximum(found.y[:, -1], 0.0))
+    return np.array(states)

@@ -1,0 +1,263 @@
+"""`rulec simulate` for plants that store: balances integrated over a recording."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.cli import main
+from rulec.pipeline import compile_plant
+from runtime.plan import Array
+from runtime.ruleset_file import read_ruleset
+from tests.conftest import compiled
+from tests.states.plants import (
+    FEED,
+    STORE,
+    TANKS,
+    plant_in,
+    random_inputs,
+    recorded,
+    two_tanks,
+    write_inputs,
+)
+
+CHAIN = "  P: {type: feed}\n  T: {type: store}\n"
+
+
+def table(path: Path) -> list[list[str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))
+
+
+def column(path: Path, title: str) -> Array:
+    """Numbers of a column; NaN where a cell is empty."""
+    header, *rows = table(path)
+    return np.array([float(row[header.index(title)] or "nan") for row in rows])
+
+
+def simulated(inputs: Path, target: Path, *options: str, plant: Path = TANKS) -> Path:
+    assert 0 == main(["simulate", str(plant), str(inputs), "-o", str(target), *options])
+    return target
+
+
+def chain(folder: Path, **replaced: str) -> Path:
+    """A feed and a store: level = 0.5 m + integral of 0.5 mm/s per V."""
+    return plant_in(folder, CHAIN, "P -> T", feed=FEED, store=STORE, **replaced)
+
+
+def test_a_test_record_needs_time_and_input_alone(tmp_path: Path) -> None:
+    """Predicted is the sensor that the column map knows, under its foreign name; no other."""
+    time, u = random_inputs()
+    inputs = write_inputs(tmp_path / "in.csv", time, u)
+    made = simulated(inputs, tmp_path / "out.csv")
+    assert ["time [s]", "u [V]", "y [V]"] == table(made)[0]
+    expected = np.clip(two_tanks(time, u), 0.0, 10.0)
+    np.testing.assert_allclose(column(made, "y [V]"), expected, rtol=0, atol=1e-5)
+
+
+def test_a_real_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was measured is ignored, and no reading is beyond the sensor."""
+    source = recorded()
+    if source is None:
+        pytest.skip("no real recordings (set RULEC_RECORDINGS)")
+    made = simulated(source, tmp_path / "out.csv")
+    assert "1024 rows; predicted lower.y from pump.u" in capsys.readouterr().out
+    measured = column(source, "u [V]")
+    expected = np.clip(two_tanks(column(source, "time [s]"), measured), 0.0, 10.0)
+    np.testing.assert_allclose(column(made, "y [V]"), expected, rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(column(made, "u [V]"), measured)
+
+
+def test_sensors_show_the_ends_of_their_range(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also with sensor errors, and a note says in how many rows."""
+    inputs = write_inputs(tmp_path / "in.csv", 4.0 * np.arange(300), np.full(300, 8.0))
+    plain = column(simulated(inputs, tmp_path / "a.csv"), "y [V]")
+    assert 10.0 == plain.max()
+    assert "lower.y would be above its sensor's range, which then shows 10 V" in (
+        capsys.readouterr().err
+    )
+    noisy = column(simulated(inputs, tmp_path / "b.csv", "--noise", "3"), "y [V]")
+    assert 10.0 == noisy.max()
+    inside = plain < 9.0
+    assert 1e-3 < np.std((noisy - plain)[inside]) < 0.05
+    again = simulated(inputs, tmp_path / "c.csv", "--noise", "3")
+    assert (tmp_path / "b.csv").read_bytes() == again.read_bytes()
+
+
+def test_odd_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Out of order, without a time, without an input, twice at a time, and after a gap."""
+    file = tmp_path / "in.csv"
+    rows = ["time [s],P.u [V]", "0,", "8,4", "4,2", "12,", ",2", "16,6", "16,0", "116,2", "120,2"]
+    file.write_text("\n".join([*rows, ""]))
+    made = simulated(file, tmp_path / "out.csv", plant=chain(tmp_path))
+    # 0.5 mm for each V and second; the first reading, 2 V, counts from the beginning on.
+    expected = 0.5 + 1e-3 * np.array([0.0, 8.0, 4.0, 16.0, np.nan, 24.0, 24.0, 24.0, 28.0])
+    np.testing.assert_allclose(column(made, "T.y [m]"), expected, rtol=1e-9)
+    told = capsys.readouterr().err
+    for note in (
+        "2 of 9 rows (the first is data row 1): P.u has no reading; the last one counts on",
+        "1 of 9 rows (the first is data row 5) have no usable time; they are not predicted",
+        "the rows are not in order of time; they are predicted in it",
+        "a gap of 100 s behind data row 7: integrated across",
+    ):
+        assert f"in.csv: {note}" in told
+
+
+def test_inputs_may_run_in_lines(tmp_path: Path) -> None:
+    """`between: line`: a ramp is a ramp, also across a gap."""
+    feed = FEED.replace("input: true", "input: true, between: line")
+    plant = plant_in(tmp_path, CHAIN, "P -> T", feed=feed, store=STORE)
+    time = np.array([0.0, 4.0, 8.0, 12.0, 16.0, 100.0])
+    rows = [f"{t:g},{t / 10:g}" for t in time]
+    (tmp_path / "in.csv").write_text("\n".join(["time [s],P.u [V]", *rows, ""]))
+    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
+    expected = 0.5 + 0.5e-3 * time**2 / 20
+    np.testing.assert_allclose(column(made, "T.y [m]"), expected, rtol=1e-9)
+    rules = compile_plant(plant)
+    assert ["line", "hold"] == [s.between for s in rules.signals]
+    (tmp_path / "rules.json").write_text(rules.to_json())
+    assert read_ruleset(tmp_path / "rules.json") == rules
+
+
+def test_a_ruleset_says_only_what_is_unusual() -> None:
+    """Where nothing is stored and all inputs are held, a ruleset is what it was."""
+    assert "between" not in compiled("abc").to_json()
+    assert "dynamics" not in compiled("abc").to_json()
+    assert "dynamics" in compiled("cascaded-tanks").to_json()
+
+
+def test_each_file_of_a_folder_starts_anew(tmp_path: Path) -> None:
+    """They are runs of their own, from the start values of the ruleset."""
+    time, u = random_inputs(50)
+    (tmp_path / "in").mkdir()
+    write_inputs(tmp_path / "in" / "a.csv", time, u)
+    write_inputs(tmp_path / "in" / "b.csv", time + 200.0, u)
+    out = simulated(tmp_path / "in", tmp_path / "out")
+    first, second = (column(out / name, "y [V]") for name in ("a.csv", "b.csv"))
+    np.testing.assert_array_equal(first, second)
+    assert 4.0 == first[0]
+
+
+def test_a_ruleset_predicts_as_its_plant(tmp_path: Path) -> None:
+    """An operator's station has the file alone."""
+    file = tmp_path / "tanks.ruleset.json"
+    file.write_text(compiled("cascaded-tanks").to_json(), encoding="utf-8")
+    inputs = write_inputs(tmp_path / "in.csv", *random_inputs(40))
+    a = simulated(inputs, tmp_path / "a.csv", plant=file).read_bytes()
+    assert a == simulated(inputs, tmp_path / "b.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "message"),
+    [
+        ("time [s],y [V]\n0,1\n", (), "it needs the column 'u [V]'"),
+        ("time [s],u [V]\n0,\n4,\n", (), "pump.u has not one reading"),
+        ("time [s],u [V]\n0,1\n", ("--fault", "pump.leek=0.1"), "has no fault 'pump.leek'"),
+    ],
+)
+def test_what_cannot_be_simulated_is_told(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    rows: str,
+    options: tuple[str, ...],
+    message: str,
+) -> None:
+    """A message, no file, no traceback."""
+    source, target = tmp_path / "in.csv", tmp_path / "out.csv"
+    source.write_text(rows)
+    assert 1 == main(["simulate", str(TANKS), str(source), "-o", str(target), *options])
+    assert message in capsys.readouterr().err
+    assert not target.exists()
+
+
+def test_a_state_without_bounds_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A balance that feeds on itself: a message, no file."""
+    store = STORE.replace("inflow/A", "inflow/A + r*h").replace(", high: top", "")
+    store = store.replace("top: {value: 10, unit: m,", "r:   {value: 2, unit: 1/s,")
+    plant = plant_in(tmp_path, CHAIN, "P -> T", feed=FEED, store=store)
+    (tmp_path / "in.csv").write_text("time [s],P.u [V]\n0,1\n100,1\n200,1\n300,1\n")
+    call = ["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "out.csv")]
+    assert 1 == main(call)
+    assert "a state of made-up grows beyond all bounds" in capsys.readouterr().err
+    assert not (tmp_path / "out.csv").exists()
+
+
+PCP = "  P: {type: dosing-pcp, reference: {n: 900}}\n  T: {type: store}\n"
+
+
+def test_balances_need_what_follows_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pump whose pressure follows from its speed fills a store: both are predicted."""
+    plant = plant_in(tmp_path, PCP, "P -> T", store=STORE)
+    (tmp_path / "in.csv").write_text("time [s],P.n [rpm]\n0,900\n60,900\n120,600\n180,0\n240,0\n")
+    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
+    assert ["time [s]", "P.n [rpm]", "P.dp [bar]", "P.P_el [W]", "T.y [m]"] == table(made)[0]
+    level = column(made, "T.y [m]")
+    rules = compile_plant(plant)
+    law = rules.plan.select(["q:P.pump"])
+    dp = 1e5 * column(made, "P.dp [bar]")
+    flow = law.run({"P.n": np.array([15.0, 15.0, 10.0]), "P.dp": dp[:3]})["q:P.pump"]
+    np.testing.assert_allclose(np.diff(level)[:3], flow * 60.0 / 2.0, rtol=1e-6)
+    assert np.isnan(dp[3:]).all()
+    assert "predicted in full" in capsys.readouterr().out
+    call = ["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "x.csv")]
+    assert 1 == main([*call, "--fault", "P.leakage=0.2"])
+    assert "P.leakage changes what flows into what stores" in capsys.readouterr().err
+
+
+PRESSED = """\
+module: pressed-store
+version: 1
+title: Tank emptied by a pump whose pressure follows from the level and the flow
+signals:
+  n:  {quantity: rotational speed, unit: rpm, sensor: converter-speed, input: true, reference: 900}
+  dp: {quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 9],
+       reference: 1}
+  y:  {quantity: level, unit: m, sensor: tunnel-level, range: [0, 2], reference: 0.5}
+states:
+  h: {quantity: level, unit: m, der: (inflow - outflow)/A, start: h0, low: 0, source: balance}
+parameters:
+  A:  {value: 2, unit: m2, u: 0.1, title: cross-section, source: made up}
+  h0: {value: 0.5, unit: m, u: 0.1, title: level at the beginning, source: made up}
+  V:  {value: 10, unit: ml/rev, u: 0.02, title: displacement, source: made up}
+  b:  {value: 0.1, unit: bar/m, u: 0.001, title: pressure by level, source: made up}
+  k:  {value: 100, unit: l/h/bar, u: 1, title: flow by pressure, source: made up}
+definitions:
+  outflow: {is: n*V}
+observers:
+  pump: {component: pump, Q: n*V, source: made up}
+  line: {component: line, Q: k*(dp - b*y), source: made up}
+residuals: [pump-line]
+readings:
+  y: {is: h, source: made up}
+"""
+
+
+def test_what_follows_at_once_needs_balances(tmp_path: Path) -> None:
+    """A pressure over a level: the predicted level counts, not the recorded one."""
+    plant = plant_in(tmp_path, "  T: {type: pressed-store}\n", pressed=PRESSED)
+    (tmp_path / "in.csv").write_text("time [s],T.n [rpm],T.y [m]\n0,900,9\n60,900,9\n120,900,9\n")
+    made = simulated(tmp_path / "in.csv", tmp_path / "out.csv", plant=plant)
+    flow = 15.0 * 10e-6
+    level = 0.5 - flow * np.array([0.0, 60.0, 120.0]) / 2.0
+    np.testing.assert_allclose(column(made, "T.y [m]"), level, rtol=1e-9)
+    dp = 0.1 * level + flow * 3.6e6 / 100
+    np.testing.assert_allclose(column(made, "T.dp [bar]"), dp, rtol=1e-6)
+
+
+def test_balances_that_need_at_once_what_they_give_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A flow by a pressure that follows from the level: such a circle is not solved."""
+    circle = PRESSED.replace("outflow: {is: n*V}", "outflow: {is: k*(dp - b*y)}")
+    plant = plant_in(tmp_path, "  T: {type: pressed-store}\n", pressed=circle)
+    (tmp_path / "in.csv").write_text("time [s],T.n [rpm]\n0,900\n60,900\n")
+    call = ["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "out.csv")]
+    assert 1 == main(call)
+    assert "its balances need T.dp, which follows from T.y" in capsys.readouterr().err
