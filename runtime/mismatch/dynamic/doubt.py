@@ -18,6 +18,9 @@ CONFOUNDED = 0.9
 DROP = 1.92
 """Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
 
+EXCHANGES, WORTH = 2, 0.5
+"""Exchanges at most, and the gain that one must bring."""
+
 REFINED = 5
 """Steps of the search for each end of an interval."""
 
@@ -42,28 +45,39 @@ class Accepted:
 def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
     """Leave out what is not needed, exchange what another explains better, and weigh the rest."""
     best = found.best
-    for _ in range(len(best.joined) + 1):
+    for left in range(EXCHANGES, -1, -1):
+        best, without = _needed_alone(searcher, best, found)
         if not best.joined:
             return best, ()
-        without = {c.id: _without(searcher, best, c, found.plain) for c in best.joined}
-        worst = min(best.joined, key=lambda c: searcher.gain(best, without[c.id]))
-        if searcher.gain(best, without[worst.id]) < needed(found.tried):
-            best = without[worst.id]
-            continue
-        better = _exchanged(searcher, best, without, found.plain)
-        if better is None:
+        tasks = {c.id: _swaps(searcher, without[c.id], c) for c in best.joined}
+        others = {
+            name: [f for f in searcher.trials(own, found.plain) if not at_an_end(f)]
+            for name, own in tasks.items()
+        }
+        better = _better(searcher, best, [f for own in others.values() for f in own])
+        if better is None or not left:
             break
         best = better
-    if not best.joined:
-        return best, ()
-    without = {c.id: _without(searcher, best, c, found.plain) for c in best.joined}
     accepted = []
     for candidate in best.joined:
         bare = without[candidate.id]
         rivals = (Rival("the model without it", searcher.gain(bare, best)),)
-        others = _others(searcher, best, bare, candidate, found.plain)
-        accepted.append(Accepted(candidate, searcher.gain(best, bare), others, rivals))
+        odds = _odds(searcher, best, others[candidate.id])
+        accepted.append(Accepted(candidate, searcher.gain(best, bare), odds, rivals))
     return best, tuple(accepted)
+
+
+def _needed_alone(
+    searcher: Searcher, best: Fitted, found: Found
+) -> tuple[Fitted, dict[str, Fitted]]:
+    """A model of which nothing can be left out, and it without each of its explanations."""
+    while best.joined:
+        without = {c.id: _without(searcher, best, c, found.plain) for c in best.joined}
+        worst = min(best.joined, key=lambda c: searcher.gain(best, without[c.id]))
+        if searcher.gain(best, without[worst.id]) >= needed(found.tried):
+            return best, without
+        best = without[worst.id]
+    return best, {}
 
 
 def _without(searcher: Searcher, model: Fitted, left: Candidate, plain: Fitted) -> Fitted:
@@ -82,27 +96,19 @@ def _swaps(
     return [(bare, (*bare.joined, c)) for c in single if c.id not in bare.ids and c.id != out.id]
 
 
-def _exchanged(
-    searcher: Searcher, best: Fitted, without: dict[str, Fitted], plain: Fitted
-) -> Fitted | None:
+def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | None:
     """A better model with one explanation exchanged for another, if there is one."""
-    tasks = [t for c in best.joined for t in _swaps(searcher, without[c.id], c)]
-    tried = [f for f in searcher.trials(tasks, plain) if not at_an_end(f)]
-    ahead = max(tried, key=lambda f: searcher.gain(f, best), default=None)
+    ahead = max(others, key=lambda f: searcher.gain(f, best), default=None)
     if ahead is None or searcher.gain(ahead, best) < 0.0:
         return None
     polished = searcher.polished(ahead)
-    return polished if searcher.gain(polished, best) > 0.5 else None
+    return polished if searcher.gain(polished, best) > WORTH and not polished.pressed else None
 
 
-def _others(searcher: Searcher, best: Fitted, bare: Fitted, out: Candidate, plain: Fitted) -> Odds:
-    """Odds of other explanations in its place, the likeliest first."""
-    tasks = _swaps(searcher, bare, out)
-    odds = []
-    for fitted in searcher.trials(tasks, plain):
-        if not at_an_end(fitted):
-            ahead = searcher.gain(fitted, best)
-            odds.append((fitted.joined[-1], float(np.exp(np.clip(ahead, -700.0, 5.0)))))
+def _odds(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Odds:
+    """Odds of other explanations in the place of one, the likeliest first."""
+    ahead = ((f.joined[-1], searcher.gain(f, best)) for f in others)
+    odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
     return tuple(sorted(odds, key=lambda o: -o[1]))
 
 

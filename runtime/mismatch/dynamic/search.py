@@ -22,7 +22,7 @@ from runtime.mismatch.dynamic.noise import Noise, gain
 from runtime.mismatch.dynamic.price import price_of
 from runtime.plan import Array
 
-BEAM = 8
+BEAM = 6
 """Models that are carried along."""
 
 KIN = 3
@@ -49,7 +49,7 @@ GLANCE = 4
 WHITE = 1.3
 """Errors that stay as they are for fewer samples than this have no structure to explain."""
 
-PROMISING = 14
+PROMISING = 10
 """Trials on each model that are fitted further than that."""
 
 SHARE = 0.7
