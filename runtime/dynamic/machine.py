@@ -31,7 +31,7 @@ LIVELY = 1.0
 """Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
 up to 2.8."""
 
-EXACT = 1e-6
+EXACT = 1e-7
 """Error of a step, as a share of each state's largest value so far, beyond which it is cut."""
 
 PIECES = 4
