@@ -37,6 +37,9 @@ EXACT = 1e-7
 PIECES = 4
 """Pieces of a sample's step at most; what is faster still is stepped implicitly."""
 
+GROWN = 256
+"""Pieces at most where a state grows by itself."""
+
 GAMMA = 1.0 - math.sqrt(0.5)
 """Parameter of the implicit method at which it damps the fastest modes altogether."""
 
@@ -287,7 +290,7 @@ def integrate(
                 d_old[i, c] = dx[i, c]
         while True:
             step = length / pieces
-            rate, error = 0.0, 0.0
+            rate, error, growing = 0.0, 0.0, False
             for p in range(pieces):
                 if stiff:
                     for stage in range(2):
@@ -344,15 +347,17 @@ def integrate(
                             for c in range(width):
                                 dk[stage, i, c] = slopes[rate_slots[i], c]
                     # The rate of the fastest mode, from two slopes at the same time.
-                    above, below = 0.0, 0.0
+                    above, below, turn = 0.0, 0.0, 0.0
                     for i in range(count):
                         share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
                         if share > 0.0:
                             above += ((k[2, i] - k[1, i]) / share) ** 2
                             below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
+                            turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
                     # Where nothing moves, rounding would look like a fast mode.
                     if below > 1e-18:
                         rate = max(rate, math.sqrt(above / below))
+                        growing = growing or (turn > 0.0 and rate * step > LIVELY)
                     # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
                     # z**5/120 of it.
                     error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
@@ -374,9 +379,13 @@ def integrate(
                             for c in range(width):
                                 dx[i, c] = slopes[slot, c]
             lively = rate * step > LIVELY
-            if not stiff and (lively or (error > EXACT and pieces < PIECES)):
-                stiff = lively and pieces == PIECES
-                pieces = min(2 * pieces, PIECES)
+            # What grows by itself must not be damped: it is followed until it runs away.
+            most = GROWN if growing else PIECES
+            switch = lively and not growing and pieces >= PIECES
+            more = (lively and pieces < most) or (error > EXACT and pieces < PIECES)
+            if not stiff and (switch or more):
+                stiff = switch
+                pieces = min(PIECES if switch else 2 * pieces, most)
                 for i in range(count):
                     x[i] = old[i]
                     for c in range(width):
