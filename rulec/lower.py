@@ -153,8 +153,8 @@ def lower_states(what: Lowering) -> Plan:
                 graph.outputs[f"high:{state_id}"] = lower_tree(graph, state.high.tree, scope)
         for name in kind.readings:
             graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
-        if kind.states:
-            graph.outputs |= {f"{end}:{module}": scope.value(end) for end in ENDS}
+        known = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]
+        graph.outputs |= {f"{end}:{module}": scope.value(end) for end in known}
     return graph.plan()
 
 
