@@ -99,7 +99,7 @@ def amend(amended: Amended, change: Change) -> Amended:
 
 
 def _is_own(kind: ModuleType, source: str) -> bool:
-    return source in kind.signals or source in kind.states
+    return source in kind.signals or source in kind.states or (source in ENDS and kind.flows)
 
 
 def _with_states(

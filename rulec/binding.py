@@ -8,10 +8,13 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from rulec.knowledge import Driver, Effect, Join
+from rulec.knowledge import INFLOW, Driver, Effect, Join
 from rulec.link import Network
 from rulec.places import Site
 from runtime.mismatch.candidate import TIME
+
+FLOW = "volume flow"
+"""Quantity of what flows in and out of a module that stores."""
 
 MANY = 6
 """Readings of other modules to try for one driver; the nearest along the pipes come first."""
@@ -88,7 +91,12 @@ class Binder:
     def _own(self, module: str, driver: Driver) -> list[str]:
         """Own states of a quantity, or else signals: what is stored is what its sensor shows."""
         kind = self._network.plant.modules[module].type
+        if driver.where == "read":
+            signals = (s for s in kind.signals.values() if s.name not in kind.readings)
+            return [s.name for s in signals if s.quantity == driver.quantity]
         states = [s.name for s in kind.states.values() if s.quantity == driver.quantity]
+        if kind.flows and driver.quantity == FLOW:
+            return [INFLOW]
         return states or [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
 
     def _ids(self, modules: Iterable[str], driver: Driver) -> list[str]:

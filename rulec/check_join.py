@@ -111,7 +111,7 @@ class JoinReader:
         if driver is None:
             hint = did_you_mean(name, self.drivers)
             self._report(place, "KB102", f"there is no driver '{name}'", hint)
-        elif driver.where != "own" or driver.quantity == TIME:
+        elif driver.where not in ("own", "read") or driver.quantity == TIME:
             message = f"'{name}' is no signal of the module, so its equations do not read it"
             self._report(place, "KB102", message, "take a driver with 'where: own'")
 

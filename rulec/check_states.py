@@ -24,7 +24,9 @@ class StateReader:
     @property
     def flows(self) -> bool:
         """Do its equations know what flows in and out?"""
-        return "states" in self.document.data or "readings" in self.document.data
+        data = self.document.data
+        laws = any(end in data.get("definitions", {}) for end in ENDS)
+        return laws or "states" in data or "readings" in data
 
     def states(self) -> dict[str, State]:
         """All states by name."""

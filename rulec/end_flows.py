@@ -47,7 +47,7 @@ def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
         for end in ENDS:
             if end in module.type.definitions or not module.type.flows:
                 continue
-            edge = f"{module.name}|{end}" if module.type.states else module.name
+            edge = f"{module.name}|{end}" if module.type.cuts else module.name
             tail, head = edges[edge]
             if edge in known:
                 result[module.name, end] = ((1, known[edge]),)
@@ -72,7 +72,7 @@ def _edges(plant: Plant, graph: FlowGraph) -> tuple[dict[str, tuple[int, int]], 
     known: dict[str, Known] = {}
     for name, (tail, head) in graph.ends.items():
         kind = plant.modules[name].type
-        if kind.states:
+        if kind.cuts:
             edges[f"{name}|{INFLOW}"] = (tail, SURROUNDINGS)
             edges[f"{name}|{OUTFLOW}"] = (SURROUNDINGS, head)
             for end in ENDS:

@@ -24,7 +24,7 @@ def matching(join: Join, sites: Iterable[Site], knowledge: Knowledge, module: Mo
         for s in sites
         if s.kind in ("definition", "observer")
         and s.observers
-        and s.reads
+        and (s.reads or s.name in _ENDS)
         and s.dimension == wanted
         and s.measured == join.measured
         and not _is_reference(s, module)

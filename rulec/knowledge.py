@@ -237,9 +237,14 @@ class ModuleType:
                     stack.append(self.definitions[name].expression)
 
     @property
+    def cuts(self) -> bool:
+        """Need what flows in not flow out: does it store, or has a flow a law of its own?"""
+        return bool(self.states) or any(end in self.definitions for end in ENDS)
+
+    @property
     def flows(self) -> bool:
         """Do its equations know what flows in and out?"""
-        return bool(self.states or self.readings)
+        return self.cuts or bool(self.readings)
 
     def settled(self) -> ModuleType:
         """What holds without time: no states, and nothing that stands on one."""

@@ -51,7 +51,7 @@ def link(plant: Plant) -> Network:
     """
     every = junctions(plant)
     ends = end_flows(plant, FlowGraph.of(every, plant.modules))
-    stores = {m.name for m in plant.modules.values() if m.type.states}
+    stores = {m.name for m in plant.modules.values() if m.type.cuts}
     balances = tuple(b for b in every if not stores.intersection((*b.outlets, *b.inlets)))
     graph = FlowGraph.of(balances, plant.modules)
     observers = sum(len(m.type.observers) for m in plant.modules.values())

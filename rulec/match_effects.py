@@ -19,6 +19,7 @@ from rulec.differentiate import Models, TypeFault, law_of
 from rulec.equation_text import equation_of
 from rulec.join_places import matching
 from rulec.knowledge import (
+    ENDS,
     INFLOW,
     OUTFLOW,
     Effect,
@@ -235,7 +236,8 @@ class _Matcher:
         return f"{site.name}.{site.kind}" if twin else site.name
 
     def _id(self, signal: str) -> str:
-        own = signal in self._module.type.signals or signal in self._module.type.states
+        kind = self._module.type
+        own = signal in (*kind.signals, *kind.states, *ENDS)
         return f"{self._module.name}.{signal}" if own else signal
 
     def _equation(self, change: Change, place: tuple[str, str]) -> str | None:

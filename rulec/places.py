@@ -186,7 +186,7 @@ class _Surveyor:
         """States, and readings, that a definition moves; what flows out counts as the state."""
         kind, found = self._kind, list[str]()
         if OUTFLOW in kind.definitions and definition in self._names_of(OUTFLOW):
-            found += self._stored
+            found += self._stored or (f"{self._module.name}.{OUTFLOW}",)
         for state in kind.states.values():
             if any(definition in self._names(e) for _, e in state.equations()):
                 found.append(f"{self._module.name}.{state.name}")

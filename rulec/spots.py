@@ -45,6 +45,26 @@ def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[
         )
 
 
+def stores_of(module: Module) -> Iterator[Spot]:
+    """Balances of a module that stores, and its sensors."""
+    kind = module.type
+    for state in kind.states.values():
+        name, unit = f"balance:{module.name}.{state.name}", f"{state.unit.text}/s"
+        reached = (f"{module.name}.{state.name}",)
+        title = f"balance of {state.title}"
+        yield Spot(
+            name, "balance", module.name, state.name, title, unit, state.unit.factor, reached,
+            f"{name}.error",
+        )  # fmt: skip
+    for reading in kind.readings:
+        signal, name = kind.signals[reading], f"reading:{module.name}.{reading}"
+        reached = (f"{module.name}.{reading}",)
+        yield Spot(
+            name, "reading", module.name, reading, f"what {reading} shows", signal.unit.text,
+            signal.unit.factor, reached, f"{name}.error",
+        )  # fmt: skip
+
+
 def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:
     """A spot as a shift for `Lowering`."""
     return {(spot.module, spot.kind, spot.place): spot.unknown}

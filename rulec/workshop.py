@@ -22,7 +22,7 @@ from rulec.match_effects import Matched, Matches, match_effects
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import survey
 from rulec.read import read_plant
-from rulec.spots import shift_of, spots_of
+from rulec.spots import shift_of, spots_of, stores_of
 from runtime.dynamic.balances import Balances
 from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
 from runtime.plan import Plan
@@ -89,8 +89,10 @@ class PlantWorkshop:
     def spots(self) -> tuple[Spot, ...]:
         """Places to look at before naming."""
         around = survey(self.network, self._readings)
-        modules = self.network.plant.modules.values()
-        return tuple(s for m in modules for s in spots_of(around, m, self.matches.sites[m.name]))
+        plant, sites = self.network.plant, self.matches.sites
+        modules = plant.modules.values()
+        settled = (s for m in modules for s in spots_of(around, m, sites[m.name]))
+        return (*settled, *(s for m in modules for s in stores_of(m)))
 
     def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
         """The observers of a module with candidates and spots built in.
@@ -130,7 +132,8 @@ class PlantWorkshop:
             states = tuple(
                 f"{module}.{state}" for module, own in amended.items() for state in own.type.states
             )
-            used = tuple(name for name in self.given if name in plan.used_inputs)
+            given = (*self.given, *(self._spot_by_id[s].unknown for s in spots))
+            used = tuple(name for name in given if name in plan.used_inputs)
             outputs = tuple(n for n in plan.outputs if n.partition(":")[0] in (SHOWN, *ENDS))
             self._balances[key] = Balances(plan, states, used, outputs)
         return self._balances[key]

@@ -4,9 +4,10 @@ A plan is data (see `runtime.plan`), so no code is made for a plant, and an anal
 hundreds of variants of a model without compiling any. Derivatives by chosen parameters are carried
 along exactly (forward mode).
 
-Source: Runge and Kutta's method of fourth order with a fixed step per sample, halved where the
-fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2), to be stable or
-to be exact.
+Source: Runge and Kutta's method of fourth order with a fixed step per sample, cut in a few pieces
+where the fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2); where
+that would not do, as at a rim that liquid runs over, the linearly implicit method of second order
+with one Jacobian a step, ROS2 (Verwer, Spee, Blom, Hundsdorfer 1999), which is stable for any step.
 """
 
 from __future__ import annotations
@@ -33,8 +34,14 @@ up to 2.8."""
 EXACT = 1e-7
 """Error of a step, as a share of each state's largest value so far, beyond which it is cut."""
 
-PIECES = 256
-"""Pieces of a sample's step at most."""
+PIECES = 4
+"""Pieces of a sample's step at most; what is faster still is stepped implicitly."""
+
+GROWN = 256
+"""Pieces at most where a state grows by itself."""
+
+GAMMA = 1.0 - math.sqrt(0.5)
+"""Parameter of the implicit method at which it damps the fastest modes altogether."""
 
 TINY = 1e-14
 """Roots and logarithms see at least this: a tank that runs empty has no infinite slope."""
@@ -125,6 +132,58 @@ def evaluate(
 
 
 @compiled(cache=True, nogil=True, fastmath=False)
+def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
+    """Solve a small system for all columns, both in place (Gauss, with pivots)."""
+    n, width = right_side.shape
+    for i in range(n):
+        pivot = i
+        for j in range(i + 1, n):
+            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+                pivot = j
+        if pivot != i:
+            for c in range(n):
+                matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
+            for c in range(width):
+                swapped = right_side[i, c]
+                right_side[i, c] = right_side[pivot, c]
+                right_side[pivot, c] = swapped
+        lead = matrix[i, i]
+        if lead == 0.0:
+            lead = TINY
+        for j in range(i + 1, n):
+            share = matrix[j, i] / lead
+            if share != 0.0:
+                for c in range(i, n):
+                    matrix[j, c] -= share * matrix[i, c]
+                for c in range(width):
+                    right_side[j, c] -= share * right_side[i, c]
+    for i in range(n - 1, -1, -1):
+        lead = matrix[i, i] if matrix[i, i] != 0.0 else TINY
+        for c in range(width):
+            total = right_side[i, c]
+            for j in range(i + 1, n):
+                total -= matrix[i, j] * right_side[j, c]
+            right_side[i, c] = total / lead
+
+
+@compiled(cache=True, nogil=True, fastmath=False)
+def _give(
+    values: np.ndarray,
+    slots: np.ndarray,
+    held: np.ndarray,
+    inputs: np.ndarray,
+    sample: int,
+    share: float,
+) -> None:
+    """Inputs at a share of the way from one sample to the next."""
+    for j in range(slots.shape[0]):
+        u = inputs[sample, j]
+        if not held[j]:
+            u += share * (inputs[sample + 1, j] - u)
+        values[slots[j]] = u
+
+
+@compiled(cache=True, nogil=True, fastmath=False)
 def integrate(
     first: int,
     codes: np.ndarray,
@@ -163,13 +222,17 @@ def integrate(
     """
     n, count, width = time.shape[0], state_slots.shape[0], slopes.shape[1]
     x, dx = np.zeros(count), np.zeros((count, width))
-    z, dz = np.zeros(count), np.zeros((count, width))
+    matrix, work = np.zeros((count, count)), np.zeros((count, count))
+    right_side = np.zeros((count, 1 + width))
+    jacobian = np.zeros((values.shape[0], count))
+    peak = np.zeros(count)
+    for i in range(count):
+        jacobian[state_slots[i], i] = 1.0
     k, dk = np.zeros((4, count)), np.zeros((4, count, width))
     old, d_old = np.zeros(count), np.zeros((count, width))
     half = np.array([0.0, 0.5, 0.5, 1.0])
     weight = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
-    peak = np.zeros(count)
-    taken, pieces = 0, 1
+    taken, pieces, stiff = 0, 1, False
     for j in range(input_slots.shape[0]):
         values[input_slots[j]] = inputs[0, j]
     if clock >= 0:
@@ -227,52 +290,84 @@ def integrate(
                 d_old[i, c] = dx[i, c]
         while True:
             step = length / pieces
-            rate, error = 0.0, 0.0
+            rate, error, growing = 0.0, 0.0, False
             for p in range(pieces):
-                for stage in range(4):
-                    at = (p + half[stage]) / pieces
+                if stiff:
+                    for stage in range(2):
+                        for i in range(count):
+                            values[state_slots[i]] = x[i] + stage * step * k[0, i]
+                            for c in range(width):
+                                moved_slope = dx[i, c] + stage * step * dk[0, i, c]
+                                slopes[state_slots[i], c] = moved_slope
+                        at = (p + stage) / pieces
+                        _give(values, input_slots, held, inputs, s, at)
+                        if clock >= 0:
+                            values[clock] = time[s] + at * length
+                        if stage == 0:
+                            evaluate(first, codes, left, right, begin, values, jacobian, count)
+                            for i in range(count):
+                                for c in range(count):
+                                    matrix[i, c] = -GAMMA * step * jacobian[rate_slots[i], c]
+                                matrix[i, i] += 1.0
+                                total = 0.0
+                                for c in range(count):
+                                    total += abs(jacobian[rate_slots[i], c])
+                                rate = max(rate, total)
+                        evaluate(first, codes, left, right, begin, values, slopes, width)
+                        for i in range(count):
+                            right_side[i, 0] = values[rate_slots[i]] - 2.0 * stage * k[0, i]
+                            for c in range(width):
+                                moved_slope = slopes[rate_slots[i], c] - 2.0 * stage * dk[0, i, c]
+                                right_side[i, 1 + c] = moved_slope
+                        work[:, :] = matrix
+                        _solve(work, right_side)
+                        for i in range(count):
+                            k[stage, i] = right_side[i, 0]
+                            for c in range(width):
+                                dk[stage, i, c] = right_side[i, 1 + c]
                     for i in range(count):
+                        x[i] += step * (1.5 * k[0, i] + 0.5 * k[1, i])
+                        for c in range(width):
+                            dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
+                else:
+                    for stage in range(4):
                         before = stage - 1 if stage > 0 else 0
-                        scale = half[stage] * step
-                        z[i] = x[i] + scale * k[before, i] if stage > 0 else x[i]
-                        for c in range(width):
-                            dz[i, c] = dx[i, c]
-                            if stage > 0:
-                                dz[i, c] += scale * dk[before, i, c]
-                        values[state_slots[i]] = z[i]
-                        for c in range(width):
-                            slopes[state_slots[i], c] = dz[i, c]
-                    for j in range(input_slots.shape[0]):
-                        u = inputs[s, j]
-                        if not held[j]:
-                            u += at * (inputs[s + 1, j] - u)
-                        values[input_slots[j]] = u
-                    if clock >= 0:
-                        values[clock] = time[s] + at * length
-                    evaluate(first, codes, left, right, begin, values, slopes, width)
+                        scale = half[stage] * step if stage > 0 else 0.0
+                        for i in range(count):
+                            values[state_slots[i]] = x[i] + scale * k[before, i]
+                            for c in range(width):
+                                slopes[state_slots[i], c] = dx[i, c] + scale * dk[before, i, c]
+                        at = (p + half[stage]) / pieces
+                        _give(values, input_slots, held, inputs, s, at)
+                        if clock >= 0:
+                            values[clock] = time[s] + at * length
+                        evaluate(first, codes, left, right, begin, values, slopes, width)
+                        for i in range(count):
+                            k[stage, i] = values[rate_slots[i]]
+                            for c in range(width):
+                                dk[stage, i, c] = slopes[rate_slots[i], c]
+                    # The rate of the fastest mode, from two slopes at the same time.
+                    above, below, turn = 0.0, 0.0, 0.0
                     for i in range(count):
-                        k[stage, i] = values[rate_slots[i]]
-                        for c in range(width):
-                            dk[stage, i, c] = slopes[rate_slots[i], c]
-                # The rate of the fastest mode, from two slopes at the same time.
-                above, below = 0.0, 0.0
-                for i in range(count):
-                    share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
-                    if share > 0.0:
-                        above += ((k[2, i] - k[1, i]) / share) ** 2
-                        below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
-                # Where nothing moves, rounding would look like a fast mode.
-                if below > 1e-18:
-                    rate = max(rate, math.sqrt(above / below))
-                # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
-                # z**5/120 of it.
-                error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
+                        share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
+                        if share > 0.0:
+                            above += ((k[2, i] - k[1, i]) / share) ** 2
+                            below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
+                            turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
+                    # Where nothing moves, rounding would look like a fast mode.
+                    if below > 1e-18:
+                        rate = max(rate, math.sqrt(above / below))
+                        growing = growing or (turn > 0.0 and rate * step > LIVELY)
+                    # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
+                    # z**5/120 of it.
+                    error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
+                    for i in range(count):
+                        for stage in range(4):
+                            x[i] += step * weight[stage] * k[stage, i]
+                            for c in range(width):
+                                dx[i, c] += step * weight[stage] * dk[stage, i, c]
                 taken += 1
                 for i in range(count):
-                    for stage in range(4):
-                        x[i] += step * weight[stage] * k[stage, i]
-                        for c in range(width):
-                            dx[i, c] += step * weight[stage] * dk[stage, i, c]
                     # Fixed limits hold within a step too; moving ones are seen at the next sample.
                     for side in range(2):
                         slot = low_slots[i] if side == 0 else high_slots[i]
@@ -283,17 +378,28 @@ def integrate(
                             x[i] = limit
                             for c in range(width):
                                 dx[i, c] = slopes[slot, c]
-            if (rate * step > LIVELY or error > EXACT) and pieces < PIECES:
-                pieces = min(2 * pieces, PIECES)
+            lively = rate * step > LIVELY
+            # What grows by itself must not be damped: it is followed until it runs away.
+            most = GROWN if growing else PIECES
+            switch = lively and not growing and pieces >= PIECES
+            more = (lively and pieces < most) or (error > EXACT and pieces < PIECES)
+            if not stiff and (switch or more):
+                stiff = switch
+                pieces = min(PIECES if switch else 2 * pieces, most)
                 for i in range(count):
                     x[i] = old[i]
                     for c in range(width):
                         dx[i, c] = d_old[i, c]
                 continue
-            if rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
+            if stiff:
+                stiff = rate * step > 0.5 * LIVELY
+            elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
                 pieces //= 2
             break
         for i in range(count):
             if not abs(x[i]) < HUGE:
                 return -1
+            for c in range(width):
+                if not abs(dx[i, c]) < HUGE:
+                    return -1
     return taken

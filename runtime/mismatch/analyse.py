@@ -57,6 +57,15 @@ def analyse(
     """
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
+    if ruleset.dynamics is not None:
+        # Loaded here: a plant that stores nothing needs no integrator.
+        from runtime.mismatch.dynamic.analyse import analyse_stores
+
+        stored = analyse_stores(recording, ruleset, workshop, heldout=heldout, progress=progress)
+        if stored is not None:
+            return stored
+        why = "what drives the plant, or every reading that it predicts, is not in the recording"
+        return _cannot(recording, ruleset, None, why, begin)
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())

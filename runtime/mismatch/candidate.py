@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from runtime.dynamic.balances import Balances
 from runtime.plan import Array, Plan
 
 TIME = "time"
@@ -134,6 +135,10 @@ class Workshop(Protocol):
         """Parameters of all modules."""
 
     @property
+    def given(self) -> tuple[str, ...]:
+        """Signals that no equation of a plant that stores predicts."""
+
+    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every explanation that fits some place, in a stable order."""
 
@@ -152,6 +157,9 @@ class Workshop(Protocol):
         and ``guard:<observer>:<i>`` (positive where the observer exists). Candidates and spots
         that reach no observer of this module do not matter.
         """
+
+    def balances(self, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Balances:
+        """The balances of a plant that stores, with candidates and spots built in."""
 
     def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
         """An additive term at a spot without physics behind it.

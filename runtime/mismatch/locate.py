@@ -139,7 +139,7 @@ def region_of(
         signal = system.ruleset.signal_by_id.get(name)
         if signal is None:
             continue
-        ends = _best_interval(values[known], contribution[known] / total)
+        ends = best_interval(values[known], contribution[known] / total)
         if ends is None:
             continue
         gain, low, high, share = ends
@@ -150,7 +150,7 @@ def region_of(
     return (best[1],) if best is not None and best[0] > TELLING else ()
 
 
-def _best_interval(
+def best_interval(
     values: Array, shares: Array
 ) -> tuple[float, float | None, float | None, float] | None:
     """Interval that holds much of the mismatch and few of the points (Youden's index)."""

@@ -76,7 +76,7 @@ def gain_shown(predictor: Predictor, models: Models) -> float:
         for setting in (models.recalibrated, models.repaired)
     ]
     usable = np.isfinite(off[0]) & np.isfinite(off[1])
-    before, after = (_rms(o[usable]) for o in off)
+    before, after = (rms(o[usable]) for o in off)
     return before / after if after > 0 and np.isfinite(before) else 0.0
 
 
@@ -100,8 +100,8 @@ def prove(predictor: Predictor, models: Models) -> Proof:
         predictor.signal.unit,
         estimation,
         heldout,
-        _interval(errors[1][parts[1]], errors[2][parts[1]]),
-        _closed(heldout),
+        gain_interval(errors[1][parts[1]], errors[2][parts[1]]),
+        closed_share(heldout),
     )
     return Proof(found, predictions[0], predictions[1], predictions[2], judged, int(faulty.sum()))
 
@@ -133,15 +133,15 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
 
 
 def _errors(errors: list[Array], noise: Array, part: np.ndarray) -> Errors:
-    shipped, recalibrated, repaired = (_rms(e[part]) for e in errors)
-    return Errors(shipped, recalibrated, repaired, _rms(noise[part]), int(part.sum()))
+    shipped, recalibrated, repaired = (rms(e[part]) for e in errors)
+    return Errors(shipped, recalibrated, repaired, rms(noise[part]), int(part.sum()))
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
-def _interval(before: Array, after: Array) -> tuple[float, float]:
+def gain_interval(before: Array, after: Array) -> tuple[float, float]:
     """95 % interval of the fall of the error, as share of the error before.
 
     Source: bootstrap over blocks of consecutive points (Kunsch 1989).
@@ -158,7 +158,7 @@ def _interval(before: Array, after: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _closed(errors: Errors) -> float:
+def closed_share(errors: Errors) -> float:
     """Share of what could be explained, in squares, that the repair explains.
 
     Below 0 it makes worse; NaN where nothing was held out, or nothing could be explained.

@@ -74,7 +74,7 @@ def random_inputs(n: int = 200, seed: int = 5) -> tuple[Array, Array]:
     return 4.0 * np.arange(n), np.repeat(random.uniform(0.5, 6.0, n), 7)[:n]
 
 
-SHIPPED = {"k": 4e-6, "A": 15e-4, "a": 0.1e-4, "gain": 50.0, "h0": 0.08, "gravity": 9.81}
+SHIPPED = {"k": 2.5e-6, "A": 15e-4, "a": 0.05e-4, "gain": 50.0, "h0": 0.1, "gravity": 9.81}
 """Values of the shipped types, SI, by hand; both tanks are alike."""
 
 

@@ -140,7 +140,7 @@ def test_each_file_of_a_folder_starts_anew(tmp_path: Path) -> None:
     out = simulated(tmp_path / "in", tmp_path / "out")
     first, second = (column(out / name, "y [V]") for name in ("a.csv", "b.csv"))
     np.testing.assert_array_equal(first, second)
-    assert 4.0 == first[0]
+    assert 5.0 == first[0]
 
 
 def test_a_ruleset_predicts_as_its_plant(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ Shares no code with the packages it tests. Files in order of data flow: `units`,
 `plant` (what is built and how it is run), `faults`, `network` (the operating point), `sensors`,
 `recording` (columns and CSV), `rigs` (ready plants), `runs` (ready runs), `transients`,
 `campaign` (lists of runs with seeds), `__main__`.
+Plants that store liquid are in `tanks`, a package of its own.
 Everything is SI until a sensor reads it; a reading and a CSV are in trade units.
 """
 

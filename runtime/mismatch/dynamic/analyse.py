@@ -1,0 +1,222 @@
+"""From a recording of a plant that stores to an answer: the steps of the comparison in order."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from runtime.mismatch.candidate import Workshop
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.doubt import Accepted, confounded, doubted
+from runtime.mismatch.dynamic.fit import Fitted, Fitter
+from runtime.mismatch.dynamic.locate import Suspect, suspects
+from runtime.mismatch.dynamic.price import needed
+from runtime.mismatch.dynamic.prove import Proof, prove
+from runtime.mismatch.dynamic.record import Record, record_of
+from runtime.mismatch.dynamic.search import Found, Searcher, search
+from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
+from runtime.mismatch.dynamic.terms import variables_of
+from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
+from runtime.mismatch.settle import REPAIRING
+from runtime.mismatch.verdict import headline_of, next_step, verdict_of
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+
+NEARLY = 2.0
+"""Places whose gain is within this of the best are not told from it."""
+
+LEFT = 0.3
+"""Share of the squared errors that an error of free course must explain for a place to be told."""
+
+Progress = Callable[[str], None]
+
+
+def analyse_stores(
+    recording: Recording,
+    ruleset: Ruleset,
+    workshop: Workshop,
+    *,
+    heldout: Sequence[tuple[float, float]] = (),
+    progress: Progress | None = None,
+) -> Mismatch | None:
+    """Compare a recording with a plant that stores; None where nothing can be compared."""
+    begin = time.perf_counter()
+    tell: Progress = progress or (lambda text: None)
+    record = record_of(recording, ruleset, workshop.given, heldout)
+    if record is None:
+        return None
+    bench = Bench(ruleset, workshop, record)
+    workers = max(1, min(os.cpu_count() or 1, 8))
+    found = search(bench, tell, workers)
+    searcher = Searcher(bench, found.judged, workers)
+    tell("leaving out and exchanging explanations")
+    best, accepted = doubted(searcher, found)
+    best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
+    tell("looking for places where something is wrong")
+    places = suspects(bench, found.plain, found.judged)
+    left = suspects(bench, best, found.judged) if best.joined else places
+    tell("working out uncertainties")
+    findings = findings_of(searcher, best, accepted)
+    tell("opening the held-out blocks")
+    proofs = prove(bench, found.plain, best, found.judged)
+    return _answer(recording, bench, found, best, accepted, findings, (places, left), proofs, begin)
+
+
+def _answer(
+    recording: Recording,
+    bench: Bench,
+    found: Found,
+    best: Fitted,
+    accepted: tuple[Accepted, ...],
+    findings: tuple[Finding, ...],
+    places: tuple[list[Suspect], list[Suspect]],
+    proofs: list[Proof],
+    begin: float,
+) -> Mismatch:
+    ruleset = bench.ruleset
+    locations = tuple(location_of(bench, best, f) for f in findings)
+    nameless = _nameless(bench, best, places[1], len(bench.candidates))
+    if not findings:
+        locations = nameless
+    unnamed = bool(nameless) and not findings
+    verdict = verdict_of(findings, unnamed)
+    proofs = sorted(proofs, key=lambda p: -_worse(p))
+    joined = tuple(c for c in best.joined if c.sort in REPAIRING)
+    return Mismatch(
+        ruleset.plant,
+        ruleset.title,
+        "",
+        verdict,
+        headline_of(verdict, findings, locations),
+        locations,
+        findings,
+        proofs[0].fit,
+        tuple(p.fit for p in proofs),
+        confounded(best),
+        None,
+        _untested(bench, best, findings),
+        next_step(verdict, findings, None, bench.workshop.missing),
+        bench.record.split,
+        bench.record.digest,
+        _noise_told(best),
+        found.tried,
+        (*_hiding(found, accepted), *_still(nameless, findings), *_notes(recording, bench)),
+        best.ids,
+        tuple(
+            Changed(n, float(best.values[n]), best.u(n))
+            for n in best.free
+            if n in bench.base.ids or any(n.startswith(f"{c.id}.") for c in joined)
+        ),
+        _covariance(bench, best, tuple(c.id for c in joined)),
+        _curves(bench, best, proofs[0], findings),
+        time.perf_counter() - begin,
+        {n: v for n, v in best.values.items() if n not in best.free},
+        {},
+        {},
+    )
+
+
+def _covariance(bench: Bench, best: Fitted, joined: tuple[str, ...]) -> np.ndarray:
+    rows = [
+        i
+        for i, n in enumerate(best.free)
+        if n in bench.base.ids or any(n.startswith(f"{c}.") for c in joined)
+    ]
+    return np.asarray(best.covariance[np.ix_(rows, rows)])
+
+
+def _worse(proof: Proof) -> float:
+    """How much of an error there was, in noise."""
+    errors = proof.fit.estimation
+    return errors.recalibrated / max(errors.noise, 1e-300)
+
+
+def _nameless(bench: Bench, best: Fitted, left: list[Suspect], tried: int) -> tuple[Location, ...]:
+    """The place where the final model is still wrong, if it is so beyond doubt."""
+    if not left or left[0].gain < needed(tried) or left[0].share < LEFT:
+        return ()
+    also = tuple(s for s in left[1:] if s.gain > left[0].gain - NEARLY)
+    return (place_of(bench, best, left[0], also),)
+
+
+def _untested(bench: Bench, best: Fitted, findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Ranges beyond which a repaired law was never tried."""
+    told: dict[str, None] = {}
+    drivers = {d for c in best.joined if c.sort in REPAIRING for d in c.drivers.values()}
+    variables = variables_of(bench, best, findings[0].module) if findings else {}
+    for name, (course, factor, offset, unit) in variables.items():
+        if name in drivers:
+            low, high = (
+                (float(course.min()) - offset) / factor,
+                (float(course.max()) - offset) / factor,
+            )
+            told[f"{name} below {low:.4g} or above {high:.4g} {unit}"] = None
+    return tuple(told)
+
+
+def _noise_told(best: Fitted) -> str:
+    parts = [f"{n} for {noise.memory:.0f} samples" for n, noise in best.noise.items()]
+    return (
+        "noise by third differences of the readings; errors of the repaired model stay alike "
+        f"({', '.join(parts)}), and count once in that time"
+    )
+
+
+def _notes(recording: Recording, bench: Bench) -> list[str]:
+    record: Record = bench.record
+    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+    for name, count in record.glitches.items():
+        if count:
+            notes.append(f"{count} single readings of {name} that no neighbour bears out left out")
+    return notes
+
+
+def _hiding(found: Found, accepted: tuple[Accepted, ...]) -> list[str]:
+    """Which explanations only show together."""
+    hidden = [a for a in accepted if found.alone.get(a.candidate.id, 0.0) < 0.5 * a.gain]
+    if len(accepted) < 2 or not hidden:
+        return []
+    told = (
+        f"{a.candidate.title.lower()} in {a.candidate.module} gains "
+        f"{found.alone.get(a.candidate.id, 0.0):.0f} alone and {a.gain:.0f} beside the others"
+        for a in hidden
+    )
+    return [f"these hide each other (gain in log likelihood): {'; '.join(told)}"]
+
+
+def _still(nameless: tuple[Location, ...], findings: Sequence[Finding]) -> list[str]:
+    """What the repaired model leaves."""
+    if not nameless or not findings:
+        return []
+    place = nameless[0]
+    return [
+        f"what is left is not noise: an error of {place.module}.{place.place} in time would "
+        f"explain {100 * place.share:.0f} % of it; no further entry of the catalogue does"
+    ]
+
+
+def _curves(bench: Bench, best: Fitted, proof: Proof, findings: Sequence[Finding]) -> Curves:
+    signal = bench.ruleset.signal_by_id[proof.fit.signal]
+    module = findings[0].module if findings else signal.id.partition(".")[0]
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        return np.asarray((values - signal.offset) / signal.factor)
+
+    drivers = {
+        f"{name} [{unit}]": (course - offset) / factor
+        for name, (course, factor, offset, unit) in variables_of(bench, best, module).items()
+    }
+    measured = bench.record.measured[signal.id]
+    return Curves(
+        bench.record.time,
+        shown(measured),
+        shown(proof.shipped),
+        shown(proof.recalibrated),
+        shown(proof.repaired),
+        ~bench.record.open,
+        drivers,
+        np.isfinite(measured),
+    )

@@ -1,0 +1,149 @@
+"""Models of one plant over one recording: simulated as often as the analysis asks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from runtime.dynamic.balances import TIME, Balances, Course
+from runtime.mismatch.candidate import BaseParameters, Candidate, Unknown, Workshop
+from runtime.mismatch.dynamic.noise import Flags
+from runtime.mismatch.dynamic.record import Record
+from runtime.plan import Array
+from runtime.ruleset import Ruleset
+
+SHOWN = "shown:"
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a model says: per measured signal what its sensor shows, shape (n,), SI.
+
+    `slopes` are derivatives by the seeds, shape (n, seeds); `course` is all of it.
+    """
+
+    shown: Mapping[str, Array]
+    slopes: Mapping[str, Array]
+    course: Course
+
+
+class Bench:
+    """The plant, what may join it, and the recording."""
+
+    def __init__(self, ruleset: Ruleset, workshop: Workshop, record: Record) -> None:
+        self.ruleset, self.workshop, self.record = ruleset, workshop, record
+        self.signals = tuple(record.measured)
+        self.time: Array = record.time - record.time[0]
+        # Noise and fits may see samples that are open; a reading at the end of its range counts.
+        self.known: Mapping[str, Flags] = {
+            n: np.isfinite(v) & record.open for n, v in record.measured.items()
+        }
+        self._balances: dict[tuple[str, ...], Balances] = {}
+
+    @property
+    def base(self) -> BaseParameters:
+        """Parameters of the plain plant."""
+        return self.workshop.parameters
+
+    def balances(self, joined: tuple[str, ...]) -> Balances:
+        """The balances with candidates built in."""
+        if joined not in self._balances:
+            whole = self.workshop.balances(joined)
+            self._balances[joined] = whole
+        return self._balances[joined]
+
+    def free(self, joined: Sequence[Candidate]) -> tuple[str, ...]:
+        """Parameters that a fit may move: uncertain ones that reach what is measured, unknowns."""
+        plan = self.balances(tuple(c.id for c in joined)).plan
+        reached = plan.select(self._watched(plan.outputs)).used_inputs
+        known = [n for n in self.base.ids if n in reached]
+        return (*known, *(u.id for c in joined for u in c.unknowns if not u.fixed))
+
+    def _watched(self, outputs: Mapping[str, int]) -> list[str]:
+        shown = [f"{SHOWN}{n}" for n in self.signals]
+        moving = ("der:", "start:", "low:", "high:")
+        return [n for n in outputs if n.startswith(moving) or n in shown]
+
+    @cached_property
+    def plain_values(self) -> dict[str, float]:
+        """Values of all parameters of the plain plant, SI."""
+        base = self.base
+        return {**base.constants, **dict(zip(base.ids, base.values.tolist(), strict=True))}
+
+    def simulate(
+        self,
+        joined: tuple[str, ...],
+        values: Values,
+        seeds: Sequence[str] = (),
+        inputs: Mapping[str, Array] | None = None,
+        spots: tuple[str, ...] = (),
+    ) -> Simulated:
+        """Simulate the whole recording, or with other `inputs`; raises `RanAway`.
+
+        Errors at `spots` are inputs by their unknowns.
+        """
+        whole = self.workshop.balances(joined, spots) if spots else self.balances(joined)
+        given = self.record.inputs if inputs is None else inputs
+        table = np.column_stack([given[n] for n in whole.inputs] or [np.zeros((len(self.time), 0))])
+        held = np.ones(len(whole.inputs), dtype=np.bool_)
+        course = whole.run(self.time, table, held, {**self.plain_values, **values}, seeds)
+        shown, slopes = {}, {}
+        for name in self.signals:
+            i = whole.outputs.index(f"{SHOWN}{name}")
+            shown[name], slopes[name] = self._within(
+                name, course.shown[:, i], course.slopes[:, i, :]
+            )
+        return Simulated(shown, slopes, course)
+
+    def _within(self, name: str, shown: Array, slopes: Array) -> tuple[Array, Array]:
+        """A sensor shows no more than the end of its range."""
+        signal = self.ruleset.signal_by_id[name]
+        low = -np.inf if signal.lowest is None else signal.lowest
+        high = np.inf if signal.highest is None else signal.highest
+        inside = (shown > low) & (shown < high)
+        return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
+
+    def trajectory(self, joined: tuple[str, ...], values: Values, name: str) -> Array:
+        """Course of a given reading, time, or what the model says of a state, a flow or a sensor.
+
+        Shape (n,), SI.
+        """
+        if name == TIME:
+            return self.time
+        if name in self.record.inputs:
+            return np.asarray(self.record.inputs[name])
+        whole = self.balances(joined)
+        course = self.simulate(joined, values).course
+        if name in whole.states:
+            return np.ascontiguousarray(course.states[:, whole.states.index(name)])
+        module, _, end = name.partition(".")
+        output = f"{SHOWN}{name}" if f"{SHOWN}{name}" in whole.outputs else f"{end}:{module}"
+        return np.ascontiguousarray(course.shown[:, whole.outputs.index(output)])
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Explanations all of whose parameters reach something that is measured."""
+        return tuple(c for c in self.workshop.candidates if self._reaches(c))
+
+    def _reaches(self, candidate: Candidate) -> bool:
+        plan = self.balances((candidate.id,)).plan
+        reached = plan.select(self._watched(plan.outputs)).used_inputs
+        return all(u.id in reached for u in candidate.unknowns if not u.fixed)
+
+    def candidate(self, name: str) -> Candidate:
+        """A candidate by id."""
+        return self._by_id[name]
+
+    @cached_property
+    def _by_id(self) -> dict[str, Candidate]:
+        return {c.id: c for c in self.workshop.candidates}
+
+
+def unknowns_of(joined: Sequence[Candidate]) -> dict[str, Unknown]:
+    """All unknowns by id."""
+    return {u.id: u for c in joined for u in c.unknowns}

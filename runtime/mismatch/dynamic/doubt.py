@@ -1,0 +1,162 @@
+"""How sure each explanation is: the model without it, and with others in its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.dynamic.fit import Fitted, Fitter
+from runtime.mismatch.dynamic.price import needed
+from runtime.mismatch.dynamic.search import Found, Searcher, at_an_end
+from runtime.mismatch.result import Confounded, Rival
+
+CONFOUNDED = 0.9
+"""Correlation beyond which two values are not told apart."""
+
+DROP = 1.92
+"""Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
+
+EXCHANGES, WORTH = 2, 0.5
+"""Exchanges at most, and the gain that one must bring."""
+
+REFINED = 5
+"""Steps of the search for each end of an interval."""
+
+Odds = tuple[tuple[Candidate, float], ...]
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An explanation that the final model has: its own gain, and the odds of others instead."""
+
+    candidate: Candidate
+    gain: float
+    others: Odds
+    rivals: tuple[Rival, ...]
+
+    @property
+    def probability(self) -> float:
+        """Against all others that would do."""
+        return 1.0 / (1.0 + sum(odds for _, odds in self.others))
+
+
+def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
+    """Leave out what is not needed, exchange what another explains better, and weigh the rest."""
+    best = found.best
+    for left in range(EXCHANGES, -1, -1):
+        best, without = _needed_alone(searcher, best, found)
+        if not best.joined:
+            return best, ()
+        tasks = {c.id: _swaps(searcher, without[c.id], c) for c in best.joined}
+        others = {
+            name: [f for f in searcher.trials(own, found.plain) if not at_an_end(f)]
+            for name, own in tasks.items()
+        }
+        better = _better(searcher, best, [f for own in others.values() for f in own])
+        if better is None or not left:
+            break
+        best = better
+    accepted = []
+    for candidate in best.joined:
+        bare = without[candidate.id]
+        rivals = (Rival("the model without it", searcher.gain(bare, best)),)
+        odds = _odds(searcher, best, others[candidate.id])
+        accepted.append(Accepted(candidate, searcher.gain(best, bare), odds, rivals))
+    return best, tuple(accepted)
+
+
+def _needed_alone(
+    searcher: Searcher, best: Fitted, found: Found
+) -> tuple[Fitted, dict[str, Fitted]]:
+    """A model of which nothing can be left out, and it without each of its explanations."""
+    while best.joined:
+        without = {c.id: _without(searcher, best, c, found.plain) for c in best.joined}
+        worst = min(best.joined, key=lambda c: searcher.gain(best, without[c.id]))
+        if searcher.gain(best, without[worst.id]) >= needed(found.tried):
+            return best, without
+        best = without[worst.id]
+    return best, {}
+
+
+def _without(searcher: Searcher, model: Fitted, left: Candidate, plain: Fitted) -> Fitted:
+    """The model without one explanation, fitted anew from here and from the plain model."""
+    rest = tuple(c for c in model.joined if c.id != left.id)
+    if not rest:
+        return plain
+    values = {n: v for n, v in model.values.items() if not n.startswith(f"{left.id}.")}
+    return searcher.polished(searcher.trial(replace(model, joined=rest, values=values), rest))
+
+
+def _swaps(
+    searcher: Searcher, bare: Fitted, out: Candidate
+) -> list[tuple[Fitted, tuple[Candidate, ...]]]:
+    single = (c for c in searcher.bench.candidates if not c.members)
+    return [(bare, (*bare.joined, c)) for c in single if c.id not in bare.ids and c.id != out.id]
+
+
+def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | None:
+    """A better model with one explanation exchanged for another, if there is one."""
+    ahead = max(others, key=lambda f: searcher.gain(f, best), default=None)
+    if ahead is None or searcher.gain(ahead, best) < 0.0:
+        return None
+    polished = searcher.polished(ahead)
+    return polished if searcher.gain(polished, best) > WORTH and not polished.pressed else None
+
+
+def _odds(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Odds:
+    """Odds of other explanations in the place of one, the likeliest first."""
+    ahead = ((f.joined[-1], searcher.gain(f, best)) for f in others)
+    odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
+    return tuple(sorted(odds, key=lambda o: -o[1]))
+
+
+def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:
+    """95 % interval of a value by its profile likelihood, all others fitted anew.
+
+    Source: Venzon and Moolgavkar 1988.
+    """
+    fitter = Fitter(searcher.bench, best.joined, searcher.kept(best))
+    judged = replace(searcher.judged, noise=best.noise)
+    basis = judged.basis()
+    at = fitter.vector(best.values)
+    i, u = best.free.index(name), best.u(name)
+    low, high = fitter.bounds(name)
+    bottom = fitter.cost(at, judged, basis)
+    ends = []
+    for side in (-1.0, 1.0):
+        reach = (at[i] - low) if side < 0 else (high - at[i])
+        step, good, bad = min(1.96 * u, reach), 0.0, np.inf
+        for _ in range(REFINED):
+            if step <= 0.0:
+                break
+            fall = fitter.fall(at, i, at[i] + side * step, judged, basis) - bottom
+            if fall < DROP:
+                good = step
+                if step >= reach:
+                    break
+                grow = 3.0 if fall <= 0 else float(np.clip(np.sqrt(DROP / fall), 1.1, 3.0))
+                step = min(step * grow, reach, 0.5 * (good + bad) if np.isfinite(bad) else reach)
+            else:
+                bad = step
+                step = max(step * float(np.sqrt(DROP / fall)), 0.5 * (good + bad) * 0.5)
+            if abs(fall - DROP) < 0.1:
+                break
+        ends.append(float(at[i] + side * step))
+    return ends[0], ends[1]
+
+
+def confounded(best: Fitted) -> tuple[Confounded, ...]:
+    """Unknowns that go along with another value."""
+    brought = {u.id for c in best.joined for u in c.unknowns}
+    size = np.sqrt(np.maximum(np.diag(best.covariance), 1e-300))
+    correlation = best.covariance / np.outer(size, size)
+    found = []
+    for i, first in enumerate(best.free):
+        for j, second in enumerate(best.free):
+            if first in brought and (second not in brought or j > i):
+                value = float(correlation[i, j])
+                if abs(value) > CONFOUNDED:
+                    found.append(Confounded(first, second, value))
+    return tuple(sorted(found, key=lambda c: -abs(c.correlation)))

@@ -1,0 +1,69 @@
+"""What errors of sensors within their class do: no model is to blame for those.
+
+Each reading may be off by its stated uncertainty. A flow meter that is off by a share of its class
+fills a tank that nothing empties by itself without end; there the error may change slowly too. What
+that does to the readings that are predicted is taken out of errors, as far as its size allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.plan import Array
+from runtime.stationary import systematic_u
+
+KNOTS = 16
+"""Values of a slow error over a recording."""
+
+NOTABLE, LARGE = 0.001, 0.05
+"""An error that moves no reading by this share of its scatter does not matter; it may change with
+time where it moves one by the larger share."""
+
+
+def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float]) -> Array:
+    """What each slow error does, times its standard uncertainty.
+
+    Returns shape (signals * samples, errors): all measured signals, one below the other.
+    """
+    record, columns = bench.record, []
+    plain = _stacked(bench, joined, values, record.inputs)
+    spread = np.concatenate(
+        [np.full(len(bench.time), np.nanstd(v)) for v in record.measured.values()]
+    )
+    for name, course in record.inputs.items():
+        if name not in bench.balances(joined).inputs:
+            continue
+        u = systematic_u(bench.ruleset.signal_by_id[name], course)
+        u = np.broadcast_to(u, course.shape)
+        moved = _stacked(bench, joined, values, {**record.inputs, name: course + u})
+        size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
+        if size < NOTABLE:
+            continue
+        for shape in _hats(bench.time) if size > LARGE else [np.ones(len(bench.time))]:
+            changed = {**record.inputs, name: course + u * shape}
+            columns.append(_stacked(bench, joined, values, changed) - plain)
+    for i, (name, course) in enumerate(record.measured.items()):
+        u = systematic_u(bench.ruleset.signal_by_id[name], course)
+        own = np.zeros((len(record.measured), len(bench.time)))
+        own[i] = np.nan_to_num(np.broadcast_to(u, course.shape))
+        columns.append(own.ravel())
+    return np.column_stack(columns) if columns else np.zeros((len(plain), 0))
+
+
+def _stacked(
+    bench: Bench,
+    joined: tuple[str, ...],
+    values: Mapping[str, float],
+    inputs: Mapping[str, Array],
+) -> Array:
+    said = bench.simulate(joined, values, inputs=inputs)
+    return np.concatenate([said.shown[n] for n in bench.signals])
+
+
+def _hats(time: Array) -> list[Array]:
+    """Piecewise linear shapes that add up to one."""
+    knots = np.linspace(time[0], time[-1], KNOTS)
+    return [np.interp(time, knots, row) for row in np.eye(KNOTS)]

@@ -1,0 +1,292 @@
+"""Fit a model to what is open of a recording: simulation error, priors, bounds, its noise.
+
+Source: trust region with bounds (Branch, Coleman, Li 1999; scipy); slow errors of inputs are
+eliminated by projection (variable projection: Golub, Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.dynamic.balances import RanAway
+from runtime.mismatch.candidate import Candidate, Unknown
+from runtime.mismatch.dynamic.bench import Bench, Simulated, unknowns_of
+from runtime.mismatch.dynamic.noise import Flags, Noise, noise_of
+from runtime.plan import Array
+
+WIDEST = 6.0
+"""Stated uncertainties by which a parameter may leave its value."""
+
+SMALLEST = 0.02
+"""A parameter keeps its sign, and this share of itself."""
+
+NEAR = 0.01
+"""Share of its range by which a value may be off an end and still count as there."""
+
+INWARD, PRESSING = 0.1, 0.5
+"""A value is pressed to an end if this share of the way back would cost so much likelihood."""
+
+RUNAWAY = 1e6
+"""Error, in standard deviations, of a model whose states grow beyond all bounds."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model fitted to a recording.
+
+    `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
+    (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
+    signal, shape (n,); `noise` is what they show. `strain` is half the squares of what the priors
+    cost. `pressed` names unknowns that stand at an end of what is possible and would go on.
+    """
+
+    joined: tuple[Candidate, ...]
+    values: Mapping[str, float]
+    free: tuple[str, ...]
+    noise: Mapping[str, Noise]
+    errors: Mapping[str, Array]
+    strain: float
+    covariance: Array
+    pressed: tuple[str, ...] = ()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of what is joined."""
+        return tuple(c.id for c in self.joined)
+
+    def u(self, name: str) -> float:
+        """Standard uncertainty of a parameter, SI."""
+        i = self.free.index(name)
+        return float(np.sqrt(max(self.covariance[i, i], 0.0)))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Which samples count, and how: `known` and `noise` per signal.
+
+    `drift` is what slow errors of inputs do, shape (signals * samples, errors).
+    """
+
+    known: Mapping[str, Flags]
+    noise: Mapping[str, Noise]
+    drift: Array
+
+    def flags(self) -> Flags:
+        """Samples that count, all signals one below the other."""
+        return np.concatenate(list(self.known.values()))
+
+    def weights(self) -> Array:
+        """What errors are divided by, one per sample, stacked alike."""
+        return np.concatenate(
+            [np.full(len(k), self.noise[n].weight) for n, k in self.known.items()]
+        )
+
+    def basis(self) -> Array:
+        """Orthonormal columns that span slow errors and their priors, stacked."""
+        if not self.drift.shape[1]:
+            return np.zeros((int(self.flags().sum()), 0))
+        moved = (self.drift / self.weights()[:, None])[self.flags()]
+        basis, _ = np.linalg.qr(np.vstack([moved, np.eye(moved.shape[1])]))
+        return np.asarray(basis)
+
+
+class Fitter:
+    """Fits models with some candidates joined."""
+
+    def __init__(
+        self, bench: Bench, joined: tuple[Candidate, ...], fixed: Mapping[str, float]
+    ) -> None:
+        self.bench, self.joined, self.fixed = bench, joined, dict(fixed)
+        self.ids = tuple(c.id for c in joined)
+        self.free = bench.free(joined)
+        base = bench.base
+        place = {n: i for i, n in enumerate(base.ids)}
+        self._count = sum(n in place for n in self.free)
+        rows = [place[n] for n in self.free[: self._count]]
+        self._mean = base.values[rows]
+        covariance = base.covariance[np.ix_(rows, rows)]
+        self._u = np.sqrt(np.diag(covariance))
+        scaled = covariance / np.outer(self._u, self._u)
+        self._prior = np.linalg.inv(np.linalg.cholesky(scaled + 1e-12 * np.eye(len(rows))))
+        self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
+        self._scale = np.concatenate([self._u, [_size(u) for u in self._unknowns]])
+        self._low, self._high = self._bounds()
+
+    def _bounds(self) -> tuple[Array, Array]:
+        low, high = self._mean - WIDEST * self._u, self._mean + WIDEST * self._u
+        low = np.where(self._mean > 0, np.maximum(low, SMALLEST * self._mean), low)
+        high = np.where(self._mean < 0, np.minimum(high, SMALLEST * self._mean), high)
+        return (
+            np.concatenate([low, [u.lowest for u in self._unknowns]]),
+            np.concatenate([high, [u.highest for u in self._unknowns]]),
+        )
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """Values of the free parameters, SI, within bounds; plain ones where none is given."""
+        plain = dict(zip(self.free, self._mean, strict=False))
+        at = np.array([values.get(n, plain.get(n, 0.0)) for n in self.free])
+        return np.asarray(np.clip(at, self._low, self._high))
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Between which values a parameter may lie, SI."""
+        i = self.free.index(name)
+        return float(self._low[i]), float(self._high[i])
+
+    def fall(
+        self, at: Array, i: int, value: float, judged: Judged, basis: Array, evaluations: int = 8
+    ) -> float:
+        """The least cost with one parameter held at a value."""
+        low, high = self._low[i], self._high[i]
+        margin = 1e-7 * self._scale[i]
+        self._low[i], self._high[i] = value - margin, value + margin
+        try:
+            there = at.copy()
+            there[i] = value
+            return self.cost(self.descend(there, judged, basis, evaluations), judged, basis)
+        finally:
+            self._low[i], self._high[i] = low, high
+
+    def scattered(self, at: Array, random: np.random.Generator, share: float) -> Array:
+        """A start somewhere near: the plain parameters moved by a share of their uncertainties."""
+        moved = at.copy()
+        moved[: self._count] += share * self._u * random.standard_normal(self._count)
+        return np.clip(moved, self._low, self._high)
+
+    def values(self, at: Array) -> dict[str, float]:
+        """The same by id, with what is fixed."""
+        return {**self.fixed, **dict(zip(self.free, at.tolist(), strict=True))}
+
+    def simulate(self, at: Array, slopes: bool = True) -> Simulated:
+        """Simulate at a point."""
+        seeds = self.free if slopes else ()
+        return self.bench.simulate(self.ids, self.values(at), seeds)
+
+    def _strain(self, at: Array) -> Array:
+        return np.asarray(self._prior @ ((at[: self._count] - self._mean) / self._u))
+
+    def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
+        """Weighted errors and strains of the priors, and their slopes per scaled parameter."""
+        said = self.simulate(at)
+        flags, weights = judged.flags(), judged.weights()
+        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
+        slopes = [said.slopes[n] * self._scale for n in self.bench.signals]
+        columns = np.column_stack([np.concatenate(errors), np.concatenate(slopes)])
+        columns = _projected((columns / weights[:, None])[flags], basis)
+        strain = np.zeros((self._count, len(self.free)))
+        strain[:, : self._count] = self._prior * self._scale[: self._count] / self._u
+        return (
+            np.concatenate([columns[:, 0], self._strain(at)]),
+            np.concatenate([columns[:, 1:], strain]),
+        )
+
+    def cost(self, at: Array, judged: Judged, basis: Array) -> float:
+        """Half the sum of squares; infinite where the model runs away."""
+        try:
+            said = self.simulate(at, slopes=False)
+        except RanAway:
+            return float("inf")
+        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
+        column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
+        total = np.sum(_projected(column, basis) ** 2) + np.sum(self._strain(at) ** 2)
+        return 0.5 * float(total)
+
+    def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
+        """A local optimum near a point."""
+        from scipy.optimize import least_squares
+
+        kept: dict[bytes, tuple[Array, Array]] = {}
+
+        def both(z: Array) -> tuple[Array, Array]:
+            key = z.tobytes()
+            if key not in kept:
+                kept.clear()
+                try:
+                    kept[key] = _compressed(*self.residual(z * self._scale, judged, basis))
+                except RanAway:
+                    count = len(z) + 1
+                    kept[key] = (np.full(count, RUNAWAY), np.zeros((count, len(z))))
+            return kept[key]
+
+        low, high = self._low / self._scale, self._high / self._scale
+        span = np.minimum(1e-9 * (1.0 + np.abs(low) + np.abs(high)), 1e-6)
+        span = np.minimum(span, 0.25 * (high - low))
+        found = least_squares(
+            lambda z: both(z)[0],
+            np.clip(at / self._scale, low + span, high - span),
+            jac=lambda z: both(z)[1],
+            bounds=(low, high),
+            max_nfev=evaluations,
+            xtol=1e-6,
+            ftol=1e-6,
+            gtol=1e-6,
+        )
+        return np.asarray(found.x * self._scale)
+
+    def errors(self, at: Array, judged: Judged, basis: Array) -> dict[str, Array]:
+        """Simulated less measured less slow errors of inputs; NaN where nothing was measured."""
+        said = self.simulate(at, slopes=False)
+        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
+        whole = np.concatenate(errors)
+        count = judged.drift.shape[1]
+        if count:
+            weights, flags = judged.weights(), judged.flags()
+            moved = judged.drift / weights[:, None]
+            left = (whole / weights)[flags]
+            normal = moved[flags].T @ moved[flags] + np.eye(count)
+            whole = whole - judged.drift @ np.linalg.solve(normal, moved[flags].T @ left)
+        return dict(zip(self.bench.signals, np.split(whole, len(errors)), strict=True))
+
+    def finish(self, at: Array, judged: Judged, evaluations: int = 40, rounds: int = 2) -> Fitted:
+        """Fit and look at the noise in turn."""
+        for _ in range(rounds):
+            basis = judged.basis()
+            at = self.descend(at, judged, basis, evaluations)
+            errors = self.errors(at, judged, basis)
+            judged = replace(judged, noise=self._noise(errors, judged))
+        strain = 0.5 * float(np.sum(self._strain(at) ** 2))
+        empty = np.zeros((0, 0))
+        return Fitted(self.joined, self.values(at), self.free, judged.noise, errors, strain, empty)
+
+    def _noise(self, errors: Mapping[str, Array], judged: Judged) -> dict[str, Noise]:
+        """The noise that errors show, per signal."""
+        least = self.bench.record.resolution
+        return {n: noise_of(e, judged.known[n], least[n]) for n, e in errors.items()}
+
+    def with_covariance(self, fitted: Fitted, judged: Judged) -> Fitted:
+        """The same with the covariance of its parameters."""
+        judged = replace(judged, noise=fitted.noise)
+        _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
+        scaled = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+        covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
+        return replace(fitted, covariance=covariance)
+
+
+def _compressed(residual: Array, slopes: Array) -> tuple[Array, Array]:
+    """As many rows as parameters and one more, with the same squares, gradient and curvature.
+
+    The optimiser takes a singular value decomposition at each point; that of all samples would cost
+    more than to simulate them.
+    """
+    count = slopes.shape[1]
+    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([slopes, residual]), mode="r"))
+    return triangle[:, count].copy(), triangle[:, :count].copy()
+
+
+def _projected(columns: Array, basis: Array) -> Array:
+    """What is left of columns when slow errors, as far as their priors allow, explain the rest."""
+    extra = basis.shape[1]
+    if not extra:
+        return columns
+    padded = np.vstack([columns, np.zeros((extra, columns.shape[1]))])
+    return np.asarray(padded - basis @ (basis.T @ padded))
+
+
+def _size(unknown: Unknown) -> float:
+    """A step that matters for an unknown."""
+    null = unknown.null or 0.0
+    sizes = [abs(s - null) for s in unknown.starts if s != null]
+    span = unknown.highest - unknown.lowest
+    return min(sizes, default=0.1 * span if np.isfinite(span) else 1.0)

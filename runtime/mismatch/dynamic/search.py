@@ -1,0 +1,319 @@
+"""Which explanations, alone and together, the recording asks for.
+
+Two omissions can hide each other: one alone then gains next to nothing. So several of the best
+models are carried along, and each is tried with every further candidate.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.drift import drift_of
+from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
+from runtime.mismatch.dynamic.noise import Noise, gain
+from runtime.mismatch.dynamic.price import price_of
+from runtime.plan import Array
+
+BEAM = 6
+"""Models that are carried along."""
+
+KIN = 3
+"""Models carried along that share an explanation, at most."""
+
+DEEPEST = 4
+"""Explanations at most."""
+
+SWAPPED = 2
+"""Models of each level in which single explanations are exchanged."""
+
+STEP = 1.0
+"""Gain of one more explanation below which no further one is tried."""
+
+SCATTERED = 4
+"""Random starts of a trial beside those that its candidate names."""
+
+DESCENDED = 2
+"""The best starts from which a trial is fitted."""
+
+GLANCE = 4
+"""Evaluations after which it shows whether a trial leads anywhere."""
+
+WHITE = 1.3
+"""Errors that stay as they are for fewer samples than this have no structure to explain."""
+
+PROMISING = 10
+"""Trials on each model that are fitted further than that."""
+
+SHARE = 0.7
+"""How far random starts are from the last optimum, in stated uncertainties."""
+
+QUICK, THOROUGH = 8, 60
+"""Evaluations of a trial and of a winner."""
+
+Progress = Callable[[str], None]
+
+Task = tuple[Fitted, tuple[Candidate, ...]]
+"""A fitted model, and what is joined instead."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Models by their number of explanations, best first, the plain one alone at the beginning.
+
+    `judged` says which samples count; `tried` how many candidates there were; `alone` what each of
+    them gains by itself, by id.
+    """
+
+    plain: Fitted
+    best: Fitted
+    levels: tuple[tuple[Fitted, ...], ...]
+    judged: Judged
+    tried: int
+    alone: Mapping[str, float]
+
+
+class Searcher:
+    """Fits trials, several at a time."""
+
+    def __init__(self, bench: Bench, judged: Judged, workers: int) -> None:
+        self.bench, self.judged, self._workers = bench, judged, workers
+        self.samples = {n: int(k.sum()) for n, k in judged.known.items()}
+
+    def plain(self) -> Fitted:
+        """The model without anything joined, recalibrated from many starts."""
+        return self.trial(None, (), scattered=4 * SCATTERED, evaluations=THOROUGH)
+
+    def trial(
+        self,
+        on: Fitted | None,
+        joined: tuple[Candidate, ...],
+        scattered: int = SCATTERED,
+        evaluations: int = QUICK,
+        descended: int = DESCENDED,
+    ) -> Fitted:
+        """Fit a model; what `on` knows is where starts are near."""
+        known = on.values if on is not None else {}
+        new = [c for c in joined if on is None or c.id not in on.ids]
+        fixed = dict(self._fixed(on, joined))
+        fitter = Fitter(self.bench, joined, fixed)
+        noise = on.noise if on is not None else self._first_noise()
+        judged = replace(self.judged, noise=noise)
+        basis = judged.basis()
+        random = np.random.default_rng(len(joined))
+        starts = [fitter.vector({**known, **s}) for s in self._starts(on, new)]
+        base = list(starts)
+        for i in range(scattered):
+            starts.append(fitter.scattered(base[i % len(base)], random, SHARE))
+        ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
+        near = [
+            fitter.descend(starts[i], judged, basis, evaluations)
+            for cost, i in ranked[:descended]
+            if np.isfinite(cost)
+        ]
+        if not near:
+            return replace(self._hopeless(fitter, judged), joined=joined)
+        best = min(near, key=lambda at: fitter.cost(at, judged, basis))
+        return fitter.finish(best, judged, evaluations if descended > 1 else 1, 1)
+
+    def polished(self, fitted: Fitted) -> Fitted:
+        """The same, fitted to the end."""
+        fitter = Fitter(self.bench, fitted.joined, self.kept(fitted))
+        judged = replace(self.judged, noise=fitted.noise)
+        return fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 3)
+
+    def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
+        """Fit many models: all at a glance, those that promise something on each model further."""
+        with ThreadPoolExecutor(self._workers) as pool:
+            seen = list(pool.map(lambda t: self.trial(t[0], t[1], 1, GLANCE, 1), tasks))
+            by_model: dict[tuple[str, ...], list[int]] = {}
+            for i, (on, _) in enumerate(tasks):
+                by_model.setdefault(on.ids, []).append(i)
+            promising: list[int] = []
+            for members in by_model.values():
+                members.sort(key=lambda i: -self.standing(seen[i], plain))
+                promising += members[:PROMISING]
+            return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
+
+    def ranked(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
+        """Trials whose parameters are possible, best first."""
+        tried = [f for f in self.trials(tasks, plain) if not at_an_end(f)]
+        return sorted(tried, key=lambda f: -self.standing(f, plain))
+
+    def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
+        """Models fitted to the end, best first."""
+        with ThreadPoolExecutor(self._workers) as pool:
+            fitted = [f for f in pool.map(self.polished, models) if not at_an_end(f)]
+        return sorted(fitted, key=lambda f: -self.standing(f, plain))
+
+    def standing(self, fitted: Fitted, plain: Fitted) -> float:
+        """What a model gains over the plain one where both are counted by the plain one's memory.
+
+        Models of one level stand in this order: by what they leave, not by how it looks.
+        """
+        gained = plain.strain - fitted.strain - price_of(fitted, self.news(plain))
+        for name, noise in fitted.noise.items():
+            before = plain.noise[name]
+            count = self.samples[name] / before.memory
+            gained += count * float(np.log(before.spread / noise.spread))
+        return gained
+
+    def gain(self, after: Fitted, before: Fitted) -> float:
+        """Gain in log likelihood over another model, prices of both counted."""
+        found = sum(gain(before.noise[n], after.noise[n], self.samples[n]) for n in before.noise)
+        found += before.strain - after.strain
+        return found - price_of(after, self.news(after)) + price_of(before, self.news(after))
+
+    def news(self, fitted: Fitted) -> float:
+        """Independent pieces of news in the recording, by what a model leaves."""
+        return sum(self.samples[n] / noise.memory for n, noise in fitted.noise.items())
+
+    def _first_noise(self) -> dict[str, Noise]:
+        measured = self.bench.record.measured
+        return {n: Noise(0.3 * float(np.nanstd(v)) + 1e-12, 10.0) for n, v in measured.items()}
+
+    def kept(self, fitted: Fitted) -> dict[str, float]:
+        """Typical values that parameters of a model stay at."""
+        fixed = {u.id for c in fitted.joined for u in c.unknowns if u.fixed}
+        return {n: v for n, v in fitted.values.items() if n in fixed}
+
+    def _fixed(self, on: Fitted | None, joined: Sequence[Candidate]) -> Iterable[tuple[str, float]]:
+        """Typical values that parameters stay at."""
+        for unknown in (u for c in joined for u in c.unknowns if u.fixed):
+            if on is not None and unknown.id in on.values:
+                yield unknown.id, on.values[unknown.id]
+                continue
+            course = self._course(on, unknown.driver or "time")
+            if len(unknown.quantiles) == 2:
+                low, high = np.nanquantile(course, unknown.quantiles)
+                yield unknown.id, 0.5 * float(high - low)
+            else:
+                yield unknown.id, float(np.nanmedian(course))
+
+    def _course(self, on: Fitted | None, name: str) -> Array:
+        values = on.values if on is not None else {}
+        return self.bench.trajectory(on.ids if on is not None else (), values, name)
+
+    def _starts(self, on: Fitted | None, new: Sequence[Candidate]) -> list[Mapping[str, float]]:
+        """Every combination of the starts of new unknowns."""
+        names, options = [], []
+        for unknown in (u for c in new for u in c.unknowns if not u.fixed):
+            names.append(unknown.id)
+            if unknown.quantiles:
+                course = self._course(on, unknown.driver or "time")
+                options.append(np.nanquantile(course, unknown.quantiles).tolist())
+            else:
+                options.append(list(unknown.starts))
+        return [dict(zip(names, chosen, strict=True)) for chosen in itertools.product(*options)]
+
+    def _hopeless(self, fitter: Fitter, judged: Judged) -> Fitted:
+        measured = self.bench.record.measured
+        noise = {n: Noise(10.0 * float(np.nanstd(v)) + 1e-12, 1.0) for n, v in measured.items()}
+        errors = {n: np.full(len(v), np.nan) for n, v in measured.items()}
+        at = fitter.vector({})
+        return Fitted((), fitter.values(at), fitter.free, noise, errors, 0.0, np.zeros((0, 0)))
+
+
+def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
+    """Find what is missing."""
+    candidates = bench.candidates
+    tell("recalibrating the plain model")
+    empty = np.zeros((sum(len(k) for k in bench.known.values()), 0))
+    first = Searcher(bench, Judged(bench.known, {}, empty), workers)
+    plain = first.plain()
+    drift = drift_of(bench, (), plain.values)
+    judged = Judged(bench.known, plain.noise, drift)
+    searcher = Searcher(bench, judged, workers)
+    plain = searcher.polished(plain) if drift.shape[1] else plain
+    if all(noise.memory < WHITE for noise in plain.noise.values()):
+        return Found(plain, plain, ((plain,),), judged, len(candidates), {})
+    levels: list[tuple[Fitted, ...]] = [(plain,)]
+    alone: dict[str, float] = {}
+    single = tuple(c for c in candidates if not c.members)
+    for depth in range(1, DEEPEST + 1):
+        tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
+        ranked = searcher.ranked(_tasks(levels[-1], candidates if depth == 1 else single), plain)
+        if depth == 1:
+            alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
+        beam = _distinct(searcher.refined(_distinct(ranked), plain))
+        if depth > 1 and beam:
+            tell("exchanging single explanations")
+            swapped = [t for model in beam[:SWAPPED] for t in _swaps(model, single)]
+            more = _distinct(searcher.ranked(swapped, plain))[:SWAPPED]
+            every = [*beam, *searcher.refined(more, plain)]
+            beam = _distinct(sorted(every, key=lambda f: -searcher.standing(f, plain)))
+        if not beam:
+            break
+        levels.append(tuple(beam))
+        if depth > 2 and _stands_still(searcher, levels, plain):
+            break
+    # What is not needed is left out afterwards: of two that hide each other neither is, alone.
+    best = max((level[0] for level in levels), key=lambda f: searcher.gain(f, plain))
+    return Found(plain, best, tuple(levels), judged, len(candidates), alone)
+
+
+def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
+    """The last explanation was not worth its price."""
+    now, before = (searcher.standing(level[0], plain) for level in (levels[-1], levels[-2]))
+    return now < before + STEP
+
+
+def _swaps(model: Fitted, candidates: Sequence[Candidate]) -> list[Task]:
+    """A model with each of its explanations exchanged for each other candidate."""
+    tasks = []
+    for left in model.joined:
+        rest = tuple(c for c in model.joined if c.id != left.id)
+        values = {n: v for n, v in model.values.items() if not n.startswith(f"{left.id}.")}
+        bare = replace(model, joined=rest, values=values)
+        new = (c for c in candidates if c.id not in model.ids and not _twice(bare, c))
+        tasks += [(bare, (*rest, c)) for c in new]
+    return tasks
+
+
+def _tasks(models: Sequence[Fitted], candidates: Sequence[Candidate]) -> list[Task]:
+    """Each model with each further candidate; the same set once."""
+    seen: set[frozenset[str]] = set()
+    tasks = []
+    for model in models:
+        for candidate in candidates:
+            ids = frozenset({*model.ids, candidate.id})
+            if candidate.id in model.ids or ids in seen or _twice(model, candidate):
+                continue
+            seen.add(ids)
+            tasks.append((model, (*model.joined, candidate)))
+    return tasks
+
+
+def _twice(model: Fitted, candidate: Candidate) -> bool:
+    """Is an explanation of this name at this place in the model, alone or with others?"""
+    return any(
+        c.name == candidate.name
+        and c.place == candidate.place
+        and set(c.modules) & set(candidate.modules)
+        for c in model.joined
+    )
+
+
+def at_an_end(fitted: Fitted) -> bool:
+    """Is the strength of an explanation pressed to an end? Then it stands for another."""
+    return bool(fitted.pressed)
+
+
+def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
+    """The best ones, of which few share any explanation: their kin would crowd out the rest."""
+    kept: list[Fitted] = []
+    count: Counter[str] = Counter()
+    for fitted in ranked:
+        if len(kept) == BEAM:
+            break
+        if max((count[i] for i in fitted.ids), default=0) < KIN:
+            kept.append(fitted)
+            count.update(fitted.ids)
+    return kept

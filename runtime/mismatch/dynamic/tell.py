@@ -1,0 +1,104 @@
+"""From fitted models to findings and places, as the terminal and the report show them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from runtime.mismatch.candidate import Candidate, Unknown
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.doubt import Accepted, profile
+from runtime.mismatch.dynamic.fit import Fitted
+from runtime.mismatch.dynamic.locate import Suspect, region_in
+from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.terms import driving, term_of, variables_of
+from runtime.mismatch.locate import periods_of
+from runtime.mismatch.result import Alternative, Estimate, Finding, Location
+from runtime.mismatch.tell import TOLD, sentence
+
+
+def findings_of(
+    searcher: Searcher, best: Fitted, accepted: tuple[Accepted, ...]
+) -> tuple[Finding, ...]:
+    """What was accepted, in the order of what it explains."""
+    total = sum(a.gain for a in accepted) or 1.0
+    found = [_finding(searcher, best, a, a.gain / total) for a in accepted]
+    return tuple(sorted(found, key=lambda f: -f.closed))
+
+
+def _finding(searcher: Searcher, best: Fitted, own: Accepted, share: float) -> Finding:
+    bench, candidate = searcher.bench, own.candidate
+    parameters = {u.name: _estimate(searcher, best, u) for u in candidate.unknowns if not u.fixed}
+    others = tuple(
+        Alternative(c.id, c.name, _titled(bench, c), odds * own.probability)
+        for c, odds in own.others
+        if odds * own.probability > TOLD
+    )
+    return Finding(
+        candidate.id,
+        candidate.sort,
+        candidate.name,
+        candidate.title,
+        candidate.module,
+        candidate.place,
+        parameters,
+        bench.workshop.equation(candidate.module, best.ids, candidate.place),
+        sentence(candidate, parameters, ()),
+        candidate.action,
+        candidate.source,
+        own.probability,
+        others,
+        own.gain,
+        own.rivals,
+        (),
+        share,
+        candidate.members,
+    )
+
+
+def _titled(bench: Bench, candidate: Candidate) -> str:
+    """An explanation and where, in a few words."""
+    module = bench.ruleset.modules.get(candidate.module, candidate.module)
+    where = ", ".join(candidate.members) or f"{candidate.module}: {module}"
+    return f"{candidate.title} ({where}, {candidate.place})"
+
+
+def _estimate(searcher: Searcher, best: Fitted, unknown: Unknown) -> Estimate:
+    value = best.values[unknown.id]
+    low, high = profile(searcher, best, unknown.id)
+    u = (high - low) / 3.92
+    shown = [(v - unknown.offset) / unknown.factor for v in (value, low, high)]
+    return Estimate(
+        unknown.title, shown[0], u / unknown.factor, min(shown[1:]), max(shown[1:]), unknown.unit
+    )
+
+
+def location_of(bench: Bench, best: Fitted, finding: Finding) -> Location:
+    """Where and when a finding shows."""
+    candidate = next(c for c in best.joined if c.id == finding.id)
+    term = term_of(bench, best, candidate)
+    variables = variables_of(bench, best, finding.module)
+    region = region_in(term, driving(candidate, variables)) or region_in(term, variables)
+    return Location(
+        finding.module,
+        finding.place,
+        bench.ruleset.modules.get(finding.module, finding.module),
+        finding.closed,
+        region,
+        periods_of(bench.time + bench.record.time[0], term),
+    )
+
+
+def place_of(bench: Bench, fitted: Fitted, suspect: Suspect, also: tuple[Suspect, ...]) -> Location:
+    """A place without a name for what is wrong there."""
+    spot = suspect.spot
+    contribution = np.where(bench.record.open, suspect.course**2, np.nan)
+    variables = variables_of(bench, fitted, spot.module)
+    return Location(
+        spot.module,
+        spot.place,
+        spot.title,
+        suspect.share,
+        region_in(contribution, variables),
+        periods_of(bench.time + bench.record.time[0], contribution),
+        tuple(f"{s.spot.module}.{s.spot.place}" for s in also),
+    )

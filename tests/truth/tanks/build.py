@@ -1,0 +1,188 @@
+"""Plants as they truly are: parameters drawn within what their module types state, and the input.
+
+The numbers below are those of `open-tank` and `voltage-pump`, written down once more: the truth
+reads no file of the tool. A test compares them.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..units import Array
+from .drive import PROFILES
+from .laws import GRAVITY
+from .plant import Feed, LevelSensor, Plant, Tank
+
+NOMINAL: Mapping[str, tuple[float, float]] = {
+    "k": (4.0, 1.5),
+    "A": (15.0, 1.0),
+    "a": (0.1, 0.08),
+    "g": (0.5, 0.05),
+    "h0": (8.0, 8.0),
+}
+"""Value and standard uncertainty: flow by voltage, area, outlet, gain, first level; cm, s, V."""
+
+LEAST: Mapping[str, float] = {"k": 1.0, "A": 13.0, "a": 0.015, "g": 0.4, "h0": 1.0}
+"""A drawn value is at least this, and at most two uncertainties above the nominal one."""
+
+UNITS: Mapping[str, str] = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
+
+LEVEL_ZERO, CARD_ZERO, METER_SLOPE = 0.025, 0.01, 0.002
+"""Standard uncertainties: level 0.5 % of 10 V, card 0.2 % of 10 V, flow meter 0.4 %, over 2."""
+
+METER_NOISE = 0.3 * METER_SLOPE
+"""Of a sample, as share of the reading. Source: as in `sensors.Sensing`."""
+
+LITRE_PER_HOUR = 1000.0 / 3600.0
+"""cm3/s"""
+
+CONVERTER = 10.0 / 4096.0
+"""V; 12 bit over 10 V."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What stands on the plant's drawing: names, which tanks are measured, the columns.
+
+    `metered` tells that the input is a flow meter, l/h, and not the voltage of a pump.
+    """
+
+    name: str
+    feed: str
+    tanks: tuple[str, ...]
+    measured: tuple[str, ...]
+    metered: bool
+    interval: float
+    input_column: str
+    columns: Mapping[str, str]
+
+
+CASCADED = Layout(
+    "cascaded-tanks",
+    "pump",
+    ("upper", "lower"),
+    ("lower",),
+    False,
+    4.0,
+    "u [V]",
+    {"lower": "y [V]"},
+)
+ROW = Layout(
+    "tank-row",
+    "inflow",
+    ("first", "middle", "last"),
+    ("first", "last"),
+    True,
+    5.0,
+    "F1 [l/h]",
+    {"first": "L1 [V]", "last": "L3 [V]"},
+)
+LAYOUTS = {layout.name: layout for layout in (CASCADED, ROW)}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A plant without any effect, and how it is run; `shown` is the input as recorded."""
+
+    layout: Layout
+    plant: Plant
+    profile: str
+    time: Array
+    shown: Array
+
+
+def build(layout: Layout, seed: int, samples: int = 1024, profile: str = "") -> Setup:
+    """A plant that can be worked with, and an input that uses its range.
+
+    Drawn again until the levels at the highest input lie well inside tanks and sensors.
+    """
+    random = stream(seed, f"plant {layout.name}")
+    while True:
+        highest = float(random.uniform(7.2, 8.4))  # V
+        plant = _drawn(layout, random)
+        flow = min(_flow_at(plant.tank(s.tank), (highest - s.zero) / s.gain) for s in plant.sensors)
+        if _can_work(layout, plant, flow):
+            break
+    kind = profile or list(PROFILES)[int(random.integers(len(PROFILES)))]
+    course = PROFILES[kind](stream(seed, f"input {layout.name}"), samples)
+    time = layout.interval * np.arange(samples, dtype=np.float64)
+    shown = np.round(course * flow / plant.feed.gain, 3 if layout.metered else 4)
+    return Setup(layout, plant, kind, time, shown)
+
+
+def recorded_input(setup: Setup, seed: int) -> Array:
+    """The input as it stands in the file: a meter adds noise, a set voltage is as it was set."""
+    if not setup.layout.metered:
+        return setup.shown
+    noise = stream(seed, "noise of the meter").standard_normal(setup.shown.size)
+    return np.asarray(setup.shown * (1.0 + METER_NOISE * noise))
+
+
+def stream(seed: int, purpose: str) -> np.random.Generator:
+    """Random numbers of their own for every purpose: what is added changes nothing else."""
+    return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
+
+
+def _drawn(layout: Layout, random: np.random.Generator) -> Plant:
+    if layout.metered:
+        error = METER_SLOPE * _normal(random)
+        feed = Feed(layout.feed, gain=LITRE_PER_HOUR * (1.0 + error))
+    else:
+        feed = Feed(layout.feed, gain=_draw("k", random), zero=CARD_ZERO * _normal(random))
+    tanks = tuple(
+        Tank(name, _draw("A", random), _draw("a", random), _draw("h0", random))
+        for name in layout.tanks
+    )
+    sensors = tuple(
+        LevelSensor(
+            name,
+            _draw("g", random),
+            zero=LEVEL_ZERO * _normal(random),
+            noise=float(random.uniform(0.01, 0.03)),
+            converter=CONVERTER,
+        )
+        for name in layout.measured
+    )
+    plant = Plant(layout.name, feed, tanks, sensors)
+    # Nobody begins with a level that a sensor cannot show.
+    highest = {s.tank: 8.0 / s.gain for s in sensors}
+    return replace(
+        plant,
+        tanks=tuple(replace(t, level=min(t.level, highest.get(t.name, t.level))) for t in tanks),
+    )
+
+
+def _draw(name: str, random: np.random.Generator) -> float:
+    """A parameter, normal about its nominal value, inside its bounds."""
+    value, u = NOMINAL[name]
+    while True:
+        drawn = float(random.normal(value, u))
+        if LEAST[name] <= drawn <= value + 2.0 * u:
+            return drawn
+
+
+def _normal(random: np.random.Generator) -> float:
+    """A standard normal draw inside the bounds of a class of sensors."""
+    while abs(drawn := float(random.standard_normal())) > 2.0:
+        pass
+    return drawn
+
+
+def _flow_at(tank: Tank, level: float) -> float:
+    """Flow through a plain outlet at rest, cm3/s."""
+    return tank.outlet * math.sqrt(2.0 * GRAVITY * level)
+
+
+def _can_work(layout: Layout, plant: Plant, flow: float) -> bool:
+    """Can this flow be set, and does it fill every tank to a level worth having?"""
+    if not 4.0 <= flow <= 40.0:
+        return False
+    if not layout.metered and not 3.0 <= flow / plant.feed.gain <= 9.5:
+        return False
+    levels = [(flow / t.outlet) ** 2 / (2.0 * GRAVITY) for t in plant.tanks]
+    return all(8.0 <= level <= 30.0 for level in levels)

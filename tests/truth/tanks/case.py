@@ -1,0 +1,115 @@
+"""A case: effects planted into a plant, and the recording of it with its answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..recording import Recording, write_csv
+from ..units import Array
+from .answer import Answer
+from .balance import Course, integrate
+from .build import CASCADED, Layout, Setup, build, recorded_input
+from .describe import describe
+from .effect import Scene
+from .effects import possible_effects
+from .plant import Plant
+from .sensing import shown
+from .size import Readings, change_of, is_inside, most, plant_all, plant_each, run
+
+ATTEMPTS = 20
+"""Plants drawn until effects show as they should."""
+
+FURTHER = 1_000_003
+"""Added to the seed for each further plant."""
+
+HIDES = 0.8
+"""Of effects that hide each other, both together show less than this share of what they add up to
+(root sum of squares)."""
+
+CLEAR = 0.1
+"""V; what is left of effects that hide each other."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording with its answer; `setup` is the plant without effects, `plant` that with them."""
+
+    setup: Setup
+    plant: Plant
+    recording: Recording
+    answer: Answer
+
+    def write(self, folder: Path, stem: str = "") -> Path:
+        """Write `<stem>.csv`, its `.truth.csv` and its `.answer.json`; the path of the first.
+
+        The stem is the name of the case if none is given, and that tells what was planted.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        stem = stem or self.answer.case
+        file = folder / f"{stem}.csv"
+        write_csv(file, self.recording.readings)
+        write_csv(folder / f"{stem}.truth.csv", self.recording.truth)
+        answer = folder / f"{stem}.answer.json"
+        answer.write_text(self.answer.to_json(), encoding="utf-8")
+        return file
+
+
+def case(
+    seed: int,
+    effects: Sequence[str] = (),
+    samples: int = 1024,
+    layout: Layout = CASCADED,
+    name: str = "",
+    hiding: bool = False,
+) -> Case:
+    """A case from its seed and the ids of its effects; the same arguments give the same bytes.
+
+    Plants are drawn until every effect shows, and with `hiding`, until they hide each other.
+    Raises ValueError for an unknown effect, or where that never happens.
+    """
+    known = possible_effects(layout)
+    for effect in effects:
+        if effect not in known:
+            raise ValueError(f"no effect '{effect}'; known: {', '.join(known)}")
+    for attempt in range(ATTEMPTS):
+        drawn = seed + attempt * FURTHER
+        setup = build(layout, drawn, samples)
+        scene = Scene(setup, integrate(setup.plant, setup.time, setup.shown))
+        planted = plant_each(scene, [known[e] for e in effects], drawn)
+        if planted is None:
+            continue
+        plant = plant_all(scene, planted, drawn)
+        course = run(scene, plant)
+        change = change_of(shown(plant, course), shown(setup.plant, scene.course))
+        share = None
+        if len(planted) > 1:
+            share = most(change) / math.hypot(*(most(one.change) for one in planted))
+        if not is_inside(plant, course) or (planted and most(change) < CLEAR):
+            continue
+        if hiding and share is not None and share > HIDES:
+            continue
+        label = name or "+".join([layout.name, *effects, str(seed)])
+        answer = describe(label, seed, attempt, setup, planted, change, share)
+        return Case(setup, plant, _recorded(setup, plant, course, drawn), answer)
+    raise ValueError(f"no plant of {ATTEMPTS} shows {' and '.join(effects)} as it should")
+
+
+def _recorded(setup: Setup, plant: Plant, course: Course, seed: int) -> Recording:
+    """Columns as the plant's file of columns names them."""
+    readings: Readings = shown(plant, course, seed)
+    layout = setup.layout
+    columns = {"time [s]": setup.time, layout.input_column: recorded_input(setup, seed)}
+    columns |= {layout.columns[tank]: values for tank, values in readings.items()}
+    return Recording(columns, _truth(setup, course))
+
+
+def _truth(setup: Setup, course: Course) -> dict[str, Array]:
+    """Levels and flows as they were."""
+    columns = {"time [s]": course.time, f"{setup.layout.feed} [cm3/s]": course.fed}
+    for i, tank in enumerate(setup.layout.tanks):
+        columns[f"{tank}.h [cm]"] = course.levels[:, i]
+        columns[f"{tank}.outflow [cm3/s]"] = course.left[:, i]
+    return columns

@@ -1,0 +1,62 @@
+"""How a plant is driven: inputs from 0 to 1 of the highest, one value per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..units import Array
+
+LOWEST = 0.3
+"""Share of the highest input below which a plant at work is not run."""
+
+
+def steps(random: np.random.Generator, samples: int) -> Array:
+    """Random values, each held for 10 to 60 samples."""
+    return _held(random, samples, lambda: float(random.uniform(LOWEST, 1.0)))
+
+
+def multisine(random: np.random.Generator, samples: int) -> Array:
+    """Eight slow sines of random phase, and a few steps on top."""
+    time = np.arange(samples)
+    period = np.geomspace(25.0, max(0.4 * samples, 60.0), 8)
+    phase = random.uniform(0.0, 2.0 * np.pi, 8)
+    waves: Array = np.sum(np.sin(2.0 * np.pi * time[:, None] / period + phase), axis=1)
+    on_top = _held(random, samples, lambda: float(random.choice([-0.2, 0.0, 0.0, 0.2])))
+    return np.asarray(np.clip(0.62 + 0.16 * waves / waves.std() + on_top, 0.1, 1.0))
+
+
+def ramps(random: np.random.Generator, samples: int) -> Array:
+    """Straight lines between random values, 20 to 80 samples apart."""
+    corners = np.cumsum([0, *random.integers(20, 80, samples // 20 + 1)])
+    values = random.uniform(LOWEST, 1.0, len(corners))
+    return np.asarray(np.interp(np.arange(samples), corners, values))
+
+
+def start_stop(random: np.random.Generator, samples: int) -> Array:
+    """On for 25 to 70 samples at a random value, off for 5 to 20."""
+    result, begin = np.zeros(samples), 0
+    while begin < samples:
+        end = begin + int(random.integers(25, 70))
+        result[begin:end] = random.uniform(0.5, 1.0)
+        begin = end + int(random.integers(5, 20))
+    return result
+
+
+PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
+    "steps": steps,
+    "multisine": multisine,
+    "ramps": ramps,
+    "start-stop": start_stop,
+}
+
+
+def _held(random: np.random.Generator, samples: int, draw: Callable[[], float]) -> Array:
+    """Values drawn one after the other, each held for 10 to 60 samples."""
+    result, begin = np.empty(samples), 0
+    while begin < samples:
+        end = begin + int(random.integers(10, 61))
+        result[begin:end] = draw()
+        begin = end
+    return result

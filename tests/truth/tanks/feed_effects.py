@@ -1,0 +1,70 @@
+"""Effects of what feeds the first tank: a pump by its voltage, or a pipe with a flow meter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .effect import Built, Effect, Scene, Values, quantile
+from .plant import Feed, Plant
+
+Random = np.random.Generator
+
+
+def _with(plant: Plant, feed: Feed, values: Values) -> Built:
+    return Built(replace(plant, feed=feed), values)
+
+
+def dead_band(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """The first `size` volts move nothing."""
+    return _with(plant, replace(plant.feed, dead_band=size), {"dead band": (size, "V")})
+
+
+def saturation(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """More voltage gives no more flow; `size` is how often that would be asked for."""
+    limit = quantile(scene.setup.shown, 1.0 - size)
+    return _with(plant, replace(plant.feed, limit=limit), {"limit": (limit, "V")})
+
+
+def droop(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """The flow by voltage bends down; `size` is the share that is missing at the highest."""
+    per_volt = size / float(scene.setup.shown.max())
+    return _with(plant, replace(plant.feed, droop=per_volt), {"droop": (per_volt, "1/V")})
+
+
+def lag(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """The flow follows its input with a time constant."""
+    return _with(plant, replace(plant.feed, lag=size), {"time constant": (size, "s")})
+
+
+def delay(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """A long hose runs partly empty: all flow arrives later."""
+    return _with(plant, replace(plant.feed, delay=size), {"delay": (size, "s")})
+
+
+FEED_EFFECTS = (
+    Effect(
+        "dead-band",
+        "dead band",
+        "physics",
+        "feed",
+        0.02,
+        3.0,
+        dead_band,
+        twins=("seepage of the first tank, while the input stays above the dead band",),
+    ),
+    Effect("saturation", "saturation", "physics", "feed", 0.01, 0.9, saturation),
+    Effect("droop", "flow bends down with the input", "physics", "feed", 0.01, 0.45, droop),
+    Effect("lag", "flow lags", "physics", "feed", 1.0, 200.0, lag, twins=("lag of a sensor",)),
+    Effect(
+        "delay",
+        "flow is delayed",
+        "physics",
+        "feed",
+        1.0,
+        150.0,
+        delay,
+        twins=("dead-time of sensors",),
+    ),
+)

@@ -1,0 +1,84 @@
+"""Laws of flow: what leaves a tank, what runs over, what a feed gives. cm, s, V.
+
+Source: Torricelli 1643 (orifice); Poleni 1717 (weir); Hagen 1839, Poiseuille 1840 (laminar part);
+vortex, bypass: own shapes, made to be in no catalogue.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .plant import Feed, Tank
+
+GRAVITY = 981.0
+"""cm/s2"""
+
+SHARP = 2.0 / 3.0 * 0.61 * math.sqrt(2.0 * GRAVITY)
+"""Strength of a sharp-crested weir per cm of its width. Source: Poleni, contraction 0.61."""
+
+BROAD = (2.0 / 3.0) ** 1.5 * 0.9 * math.sqrt(GRAVITY)
+"""Of a broad-crested one. Source: critical depth over the crest; loss 0.9."""
+
+NEARLY_EMPTY = 1e-4
+"""cm of head below which the root is flattened: an empty tank has no infinite slope."""
+
+WET = 0.01
+"""cm below which a floor that seeps runs dry."""
+
+ONSET = 0.05
+"""Width of the onset of a vortex as share of its flow."""
+
+
+def outflow(tank: Tank, level: float, below: float, time: float) -> float:
+    """Flow through the outlet; `below` is the level of the next tank, 0 for the reservoir."""
+    head = level - tank.height
+    if tank.drowned is not None:
+        head -= max(below - tank.drowned, 0.0)
+    if head <= 0.0:
+        return 0.0
+    if tank.laminar > 0.0:
+        turbulent = 0.5 / (GRAVITY * tank.outlet**2)
+        # Root of laminar q + turbulent q**2 = head, in the form that keeps its digits.
+        flow = 2.0 * head / (tank.laminar + math.sqrt(tank.laminar**2 + 4.0 * turbulent * head))
+    elif tank.power is not None:
+        flow = tank.outlet * math.sqrt(2.0 * GRAVITY * tank.power.level)
+        wet = head / tank.power.level
+        flow *= wet * math.pow(wet + NEARLY_EMPTY, tank.power.exponent - 1.0)
+    else:
+        flow = tank.outlet * math.sqrt(2.0 * GRAVITY) * head / math.sqrt(head + NEARLY_EMPTY)
+    if tank.vortex is not None:
+        over = (flow / tank.vortex.flow - 1.0) / ONSET
+        present = 1.0 / (1.0 + math.exp(-max(min(over, 50.0), -50.0)))
+        surge = 1.0 + 0.5 * math.sin(2.0 * math.pi * time / tank.vortex.period)
+        flow *= 1.0 - tank.vortex.share * present * surge
+    return flow
+
+
+def overflow(tank: Tank, level: float) -> float:
+    """Flow over the rim."""
+    if tank.rim is None or level <= tank.rim.height:
+        return 0.0
+    return tank.rim.strength * math.pow(level - tank.rim.height, 1.5)
+
+
+def loss(tank: Tank, level: float) -> float:
+    """What seeps or leaks away and reaches no other tank."""
+    if level <= 0.0:
+        return 0.0
+    lost = tank.seepage * level / (level + WET)
+    if tank.leak is not None:
+        lost += tank.leak.size * math.sqrt(2.0 * GRAVITY) * level / math.sqrt(level + NEARLY_EMPTY)
+    return lost
+
+
+def supply(feed: Feed, shown: float) -> float:
+    """Flow of a feed at an input as recorded, without lag and delay."""
+    driving = max(min(shown + feed.zero, feed.limit) - feed.dead_band, 0.0)
+    return max(feed.gain * driving * (1.0 - feed.droop * driving), 0.0)
+
+
+def bypassed(feed: Feed, flow: float) -> float:
+    """Part of the flow, cm3/s, that falls past the first tank into the second."""
+    if feed.bypass is None or flow <= feed.bypass.flow:
+        return 0.0
+    return flow * feed.bypass.share * (1.0 - math.exp(1.0 - flow / feed.bypass.flow))

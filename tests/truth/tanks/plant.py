@@ -1,0 +1,190 @@
+"""What is built: tanks in a row, what feeds them, and the level sensors. Every effect is optional.
+
+Lengths in cm, areas in cm2, flows in cm3/s, times in s, readings in V. A default leaves an effect
+out, so `Tank(...)` with the first four values is the plain tank of a text-book.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+BODY_EDGE = 0.05
+"""cm over which a body ends; a step would only cost the solver time."""
+
+
+@dataclass(frozen=True)
+class Rim:
+    """Overflow `strength` (h - height)**1.5; the part `caught` falls into the tank below."""
+
+    height: float
+    strength: float
+    caught: float
+
+
+@dataclass(frozen=True)
+class Body:
+    """Something in the tank that displaces liquid below a height."""
+
+    area: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Power:
+    """Outlet by (h / level)**exponent; at `level` it passes what the plain one does."""
+
+    exponent: float
+    level: float
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Size of a fault and when it begins; before that there is none."""
+
+    size: float
+    begin: float
+
+
+@dataclass(frozen=True)
+class Vortex:
+    """Above `flow` an air core takes the share of the outlet, and the flow surges by `period`."""
+
+    flow: float
+    share: float
+    period: float
+
+
+@dataclass(frozen=True)
+class Tank:
+    """An open tank with a free outlet into what lies below.
+
+    Attributes
+    ----------
+    area : cross-section at the floor; it grows by `growth` per cm of level
+    outlet : effective area of the outlet; `level` : level at the beginning
+    laminar : head lost per flow, cm/(cm3/s); `power` : law of the outlet with another exponent
+    height : of the outlet above the floor; `drowned` : end of its pipe above the next tank's floor
+    seepage : constant loss; `leak` : an orifice to the outside; `clog` : share of the outlet lost
+    """
+
+    name: str
+    area: float
+    outlet: float
+    level: float
+    growth: float = 0.0
+    body: Body | None = None
+    laminar: float = 0.0
+    power: Power | None = None
+    height: float = 0.0
+    drowned: float | None = None
+    rim: Rim | None = None
+    seepage: float = 0.0
+    leak: Fault | None = None
+    clog: Fault | None = None
+    vortex: Vortex | None = None
+
+    def at(self, time: float) -> Tank:
+        """The tank with the faults of that time: both begin long ago, or are absent."""
+        if self.leak is None and self.clog is None:
+            return self
+        clogged = self.clog.size if self.clog and time >= self.clog.begin else 0.0
+        leak = self.leak if self.leak and time >= self.leak.begin else None
+        return replace(self, outlet=self.outlet * (1.0 - clogged), clog=None, leak=leak)
+
+    def surface(self, level: float) -> float:
+        """Area of the liquid's surface, cm2."""
+        area = self.area + self.growth * level
+        if self.body is None:
+            return area
+        over = min((level - self.body.height) / BODY_EDGE, 500.0)
+        return area - self.body.area / (1.0 + math.exp(over))
+
+    def volume(self, level: float) -> float:
+        """Liquid below a level, cm3, but for a constant: the integral of `surface`."""
+        volume = self.area * level + 0.5 * self.growth * level**2
+        if self.body is None:
+            return volume
+        over = (level - self.body.height) / BODY_EDGE
+        covering = max(over, 0.0) + math.log1p(math.exp(-abs(over)))
+        return volume - self.body.area * (level - BODY_EDGE * covering)
+
+
+@dataclass(frozen=True)
+class Bypass:
+    """A jet so fast that it misses the first tank: a share of the flow, above a flow."""
+
+    flow: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Feed:
+    """What the input makes flow into the first tank: `gain` (u - dead_band) (1 - droop (...)).
+
+    `zero` is the error of the output card, `limit` an input beyond which nothing more comes, `lag`
+    a time constant, `delay` what the liquid needs to arrive.
+    """
+
+    name: str
+    gain: float
+    zero: float = 0.0
+    dead_band: float = 0.0
+    limit: float = math.inf
+    droop: float = 0.0
+    lag: float = 0.0
+    delay: float = 0.0
+    bypass: Bypass | None = None
+
+
+@dataclass(frozen=True)
+class LevelSensor:
+    """A level as voltage, `gain` h + `zero`, with white noise, on a converter with steps.
+
+    Errors: `offset`, `slope` (of the gain), `lag`, `dead_time`, `play` (width of the hysteresis),
+    `step` (of a coarse display), `limit` (highest voltage), `drift` (V per s), `stuck` (from, to),
+    `jet` (V per (cm3/s)**2 of what falls in; no plain law knows that).
+    """
+
+    tank: str
+    gain: float
+    zero: float = 0.0
+    noise: float = 0.0
+    converter: float = 0.0
+    offset: float = 0.0
+    slope: float = 0.0
+    lag: float = 0.0
+    dead_time: float = 0.0
+    play: float = 0.0
+    step: float = 0.0
+    limit: float = math.inf
+    drift: float = 0.0
+    stuck: tuple[float, float] | None = None
+    jet: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Tanks from top to bottom; the last one drains into the reservoir."""
+
+    name: str
+    feed: Feed
+    tanks: tuple[Tank, ...]
+    sensors: tuple[LevelSensor, ...]
+
+    def tank(self, name: str) -> Tank:
+        """The tank of a name."""
+        return next(t for t in self.tanks if t.name == name)
+
+    def sensor(self, tank: str) -> LevelSensor:
+        """The sensor of a tank."""
+        return next(s for s in self.sensors if s.tank == tank)
+
+    def with_tank(self, tank: Tank) -> Plant:
+        """The plant with another tank in the place of that of the same name."""
+        return replace(self, tanks=tuple(tank if t.name == tank.name else t for t in self.tanks))
+
+    def with_sensor(self, sensor: LevelSensor) -> Plant:
+        """The plant with another sensor at the same tank."""
+        sensors = tuple(sensor if s.tank == sensor.tank else s for s in self.sensors)
+        return replace(self, sensors=sensors)

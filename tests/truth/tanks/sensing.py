@@ -1,0 +1,61 @@
+"""What a level sensor shows of a level: errors first, then noise, then what the card keeps."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from ..units import Array
+from .balance import Course
+from .plant import LevelSensor, Plant
+
+
+def shown(plant: Plant, course: Course, seed: int | None = None) -> dict[str, Array]:
+    """Voltage of every sensor by tank; without a seed, without noise and converter steps."""
+    names = [t.name for t in plant.tanks]
+    result = {}
+    for j, sensor in enumerate(plant.sensors):
+        falls = course.fallen[:, names.index(sensor.tank)]
+        value = _value(sensor, course.time, course.sensed[:, j], falls)
+        result[sensor.tank] = _kept(sensor, course.time, value, seed)
+    return result
+
+
+def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Array:
+    """Voltage inside the transmitter."""
+    value = sensor.gain * (1.0 + sensor.slope) * level + sensor.zero + sensor.offset
+    value = value + sensor.drift * (time - time[0]) + sensor.jet * falls**2
+    return _with_play(value, sensor.play) if sensor.play else value
+
+
+def _with_play(value: Array, width: float) -> Array:
+    """A pointer with play: it moves when pushed only.
+
+    Source: Prandtl's play operator.
+    """
+    result, pointer = np.empty_like(value), float(value[0])
+    for i, pushed in enumerate(value.tolist()):
+        pointer = min(max(pointer, pushed - 0.5 * width), pushed + 0.5 * width)
+        result[i] = pointer
+    return result
+
+
+def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> Array:
+    """Voltage as recorded: noise, coarse display, highest voltage, converter, and stuck at last.
+
+    Each sensor has its own stream of noise, which no effect changes.
+    """
+    if seed is not None:
+        stream = np.random.default_rng([seed, zlib.crc32(f"noise of {sensor.tank}".encode())])
+        value = value + sensor.noise * stream.standard_normal(value.size)
+    if sensor.step:
+        value = np.round(value / sensor.step) * sensor.step
+    value = np.minimum(value, sensor.limit)
+    if sensor.converter and seed is not None:
+        value = np.round(value / sensor.converter) * sensor.converter
+    if sensor.stuck is not None:
+        begin, end = sensor.stuck
+        stuck = (time >= begin) & (time < end)
+        value = np.where(stuck, value[np.argmax(stuck)], value)
+    return value
