@@ -14,8 +14,9 @@ import numpy as np
 
 from rulec.amend import Amended
 from rulec.gathering import Gathering
-from rulec.knowledge import ModuleType, Origin, Parameter, Signal
-from rulec.language.units import BASES, Dimension, Unit
+from rulec.hold_back import held_back
+from rulec.knowledge import ENDS, ModuleType, Origin, Parameter, Signal, State
+from rulec.language.units import Unit
 from rulec.link import Network
 from rulec.plant import Module, Plant
 from rulec.repair import AdoptRefused, Repair
@@ -92,6 +93,8 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
         )
         for module in network.plant.modules.values()
     }
+    types = held_back(network, {name: own.type for name, own in instances.items()})
+    instances = {name: replace(own, type=types[name]) for name, own in instances.items()}
     named = _named(instances, network.plant)
     changed = {a.type.name: a for a in named.values() if a.changed}
     return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
@@ -142,46 +145,55 @@ def _instance(
         amended.type,
         parameters={**amended.type.parameters, **brought},
         signals=_given(module.type, amended.type),
+        states={
+            name: state if name in module.type.states else _stored(plant, state)
+            for name, state in amended.type.states.items()
+        },
     )
     return Adopted(module, kind, brought, amended.inputs)
 
 
+def _stored(plant: Plant, state: State) -> State:
+    """A state that was brought in, in a unit that a file may have."""
+    return replace(state, unit=_writable(plant, state.unit))
+
+
 def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
     """Signals; those that only the new physics reads drive it: they are given, not results."""
-    before, after = _read(plain), _read(amended)
+    new = _read(amended) - _read(plain) - amended.readings.keys()
     return {
-        name: replace(signal, is_input=signal.is_input or name in after - before)
+        name: replace(signal, is_input=signal.is_input or name in new)
         for name, signal in amended.signals.items()
     }
 
 
 def _read(kind: ModuleType) -> set[str]:
-    """Signals that some observer depends on."""
-    equations = (o.expression for o in kind.observers.values())
+    """Signals that some observer, state, reading or flow depends on."""
+    equations = [o.expression for o in kind.observers.values()]
+    equations += [e for state in kind.states.values() for _, e in state.equations()]
+    equations += [r.expression for r in kind.readings.values()]
+    equations += [kind.definitions[end].expression for end in ENDS if end in kind.definitions]
     parts = (part for equation in equations for part in kind.with_definitions(equation))
     return {name for part in parts for name, _ in part.names() if name in kind.signals}
 
 
 def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
-    """A unit that a file may have; a typical reading is shown as its signal is."""
+    """A unit that a file may have; a typical reading is shown as its signal or state is."""
     if unknown.fixed and unknown.driver:
-        module, signal = unknown.driver.split(".")
-        unit = plant.modules[module].type.signals[signal].unit
-        if unit.dimension == parameter.unit.dimension:
-            return unit
+        module, _, name = unknown.driver.partition(".")
+        kind = plant.modules[module].type
+        shown = kind.states.get(name) or kind.signals.get(name)
+        if shown is not None and shown.unit.dimension == parameter.unit.dimension:
+            return shown.unit
+    return _writable(plant, parameter.unit)
+
+
+def _writable(plant: Plant, unit: Unit) -> Unit:
+    """The unit, or where a file cannot have it, one of SI."""
     try:
-        return plant.knowledge.units.parse(parameter.unit.text)
+        return plant.knowledge.units.parse(unit.text)
     except ValueError:
-        dimension = parameter.unit.dimension
-        return Unit(_spelled(dimension), 1.0, dimension)
-
-
-def _spelled(dimension: Dimension) -> str:
-    """A dimension in units of SI, as in m**3/s."""
-    powers = list(zip(BASES, dimension.exponents, strict=True))
-    top = [f"{base}**{e}" if e != 1 else base for base, e in powers if e > 0]
-    bottom = [f"/{base}**{-e}" if e != -1 else f"/{base}" for base, e in powers if e < 0]
-    return ("*".join(top) or "1") + "".join(bottom)
+        return plant.knowledge.units.plain(unit.dimension)
 
 
 def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]:
@@ -221,4 +233,8 @@ def _shape(own: Adopted) -> object:
     kind = own.type
     equations = [(d.name, d.expression.text) for d in kind.definitions.values()]
     equations += [(o.name, o.expression.text) for o in kind.observers.values()]
+    equations += [
+        (f"{s.name}.{key}", e.text) for s in kind.states.values() for key, e in s.equations()
+    ]
+    equations += [(r.name, r.expression.text) for r in kind.readings.values()]
     return tuple(equations), tuple(own.brought)

@@ -250,7 +250,7 @@ def _join_signal(
     observers = {
         name: replace(o, expression=over(o.expression, there)) for name, o in kind.observers.items()
     }
-    states = {name: _state_over(s, there) for name, s in kind.states.items()}
+    states = {name: state_over(s, there) for name, s in kind.states.items()}
     readings = {
         name: replace(r, expression=over(r.expression, there)) for name, r in kind.readings.items()
     }
@@ -273,7 +273,9 @@ def _join_signal(
     return joined, place
 
 
-def _state_over(state: State, table: Mapping[str, ast.expr]) -> State:
+def state_over(state: State, table: Mapping[str, ast.expr]) -> State:
+    """A state with names in its equations replaced."""
+
     def told(expression: Expression | None) -> Expression | None:
         return None if expression is None else over(expression, table)
 

@@ -20,6 +20,7 @@ from rulec.advise import Adviser
 from rulec.cheapest import SMALL
 from rulec.derive_rules import Rules
 from rulec.neighbourhood import Sensor
+from rulec.reach import seen_through_states
 
 SAME_DIRECTION = 1.0 - 1e-9
 
@@ -66,7 +67,9 @@ def analyse_isolability(rules: Rules) -> Isolability:
         o.split(".")[0] for r in assembly.residuals.residuals for _, o in r.terms
     }
     watched |= {c.fault.split(".")[0] for c in rules.signatures.cells}
-    blind = [m for m in assembly.residuals.network.plant.modules if m not in watched]
+    network = assembly.residuals.network
+    watched |= seen_through_states(network) if network.stores else set()
+    blind = [m for m in network.plant.modules if m not in watched]
     return Isolability(rules, tuple(groups), (*blind, *silent))
 
 

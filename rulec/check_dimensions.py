@@ -13,7 +13,7 @@ from rulec.language.document import Document
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import read_unit, within
 from rulec.language.symbolic import to_sympy
-from rulec.language.units import PROPERTIES, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
+from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
 
 def provided_names(
@@ -71,16 +71,13 @@ def check_dimensions(
     for state in module.states.values():
         for key, expression in state.equations():
             path = ("states", state.name, key)
-            wanted = state.unit.dimension / _SECOND if key == "der" else state.unit.dimension
+            wanted = state.unit.dimension / SECOND if key == "der" else state.unit.dimension
             _check_gathered(document, path, expression, provided, found)
             _check_given(document, path, expression, wanted, known, gathered, found)
     for reading in module.readings.values():
         path, wanted = ("readings", reading.name, "is"), known[reading.name]
         _check_gathered(document, path, reading.expression, provided, found)
         _check_given(document, path, reading.expression, wanted, known, gathered, found)
-
-
-_SECOND = Dimension.of({"s": 1})
 
 
 def _check_given(

@@ -44,20 +44,20 @@ class StateReader:
     def _state(self, name: str) -> State:
         path, part = ("states", name), self.document.data["states"][name]
         unit = read_unit(self.document, (*path, "unit"), self.units, self.found)
-        wanted = self.units.quantities.get(part["quantity"])
-        if wanted is None:
+        wanted = self.units.quantities.get(part.get("quantity", ""))
+        if wanted is None and "quantity" in part:
             hint = did_you_mean(part["quantity"], self.units.quantities)
             message = f"there is no quantity '{part['quantity']}'"
             place = self.document.place(*path, "quantity")
             self.found.append(Diagnostic(place, "KB054", message, hint))
-        elif not wanted.fits(unit.dimension):
+        elif wanted is not None and not wanted.fits(unit.dimension):
             message = f"'{unit.text}' is not a unit of {part['quantity']}"
             place = self.document.place(*path, "unit")
             self.found.append(Diagnostic(place, "KB053", message, self.units.like(wanted)))
             unit = replace(unit, dimension=UNKNOWN)
         return State(
             name,
-            part["quantity"],
+            part.get("quantity", ""),
             unit,
             part.get("title", name),
             read_expression(self.document, (*path, "der"), self.found),

@@ -80,13 +80,13 @@ def _edges(plant: Plant, graph: FlowGraph) -> tuple[dict[str, tuple[int, int]], 
                     known[f"{name}|{end}"] = Known(name, "end", end)
             continue
         edges[name] = (tail, head)
-        law = _law_of(kind)
+        law = law_of(kind)
         if law:
             known[name] = Known(name, "observer", law)
     return edges, known
 
 
-def _law_of(kind: ModuleType) -> str:
+def law_of(kind: ModuleType) -> str:
     """The observer that gives the flow: the first that reads inputs alone, else the first."""
     given = {n for n, s in kind.signals.items() if not s.is_input}
     for observer in kind.observers.values():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from dataclasses import replace
 
-from rulec.amend import Amended, fresh
+from rulec.amend import Amended, fresh, state_over
 from rulec.downstream import Downstream, Undefined
 from rulec.knowledge import ModuleType
 from rulec.language.expression import GATHER
@@ -34,6 +34,8 @@ class Gathering:
 
     def _found(self, module: str, source: str) -> str:
         owner, signal = source.split(".")
+        if signal not in self._network.plant.modules[owner].type.signals:
+            return ""
         kind = self._network.plant.modules[owner].type.name
         for name, provided in self._provides[kind].items():
             if provided == signal and self._sum(module, name) == ((owner, signal),):
@@ -71,6 +73,12 @@ class Gathering:
         observers = {
             n: replace(o, expression=over(o.expression, table)) for n, o in kind.observers.items()
         }
-        kind = replace(kind, definitions=definitions, observers=observers)
+        states = {n: state_over(s, table) for n, s in kind.states.items()}
+        readings = {
+            n: replace(r, expression=over(r.expression, table)) for n, r in kind.readings.items()
+        }
+        kind = replace(
+            kind, definitions=definitions, observers=observers, states=states, readings=readings
+        )
         gathers = {name for e in kind.equations() for name, _ in e.gathered()}
         return replace(amended, type=replace(kind, gathers=tuple(sorted(gathers))), outside={})

@@ -113,7 +113,8 @@ class Observer:
 class State:
     """What a module stores: `rate` is its derivative by time, `start` its value at the beginning.
 
-    It stays between `low` and `high`, where they are given; all equations, in SI.
+    It stays between `low` and `high`, where they are given; all equations, in SI. `quantity` is
+    empty where no sensor measures such a thing.
     """
 
     name: str

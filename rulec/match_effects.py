@@ -33,7 +33,7 @@ from rulec.knowledge import (
 )
 from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.invert import invert
-from rulec.language.units import NONE, Unit
+from rulec.language.units import NONE, SECOND, Unit
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
 from rulec.spots import unit_of
@@ -198,7 +198,7 @@ class _Matcher:
             {n: f"{id_}.{n}" for n in parameters},
             join.law.substitutes,
             tuple((("end", _END[end]), law.expression) for end, law in join.also.items()),
-            {n: self._state(n, state, site) for n, state in effect.states.items()},
+            {n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()},
         )
         drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
         unknowns = tuple(_unknown(f"{id_}.{n}", p, drivers) for n, p in parameters.items())
@@ -222,11 +222,13 @@ class _Matcher:
         )
         return [Matched(candidate, change)]
 
-    def _state(self, name: str, state: EffectState, site: Site) -> State:
+    def _state(self, name: str, state: EffectState, site: Site, origin: Origin) -> State:
         """Something that an effect stores at a place, as a module type has it."""
         unit = unit_of(self._plant, self._module, site)
+        if site.kind == "balance":
+            unit = self._plant.knowledge.units.plain(unit.dimension / SECOND)
         equations = state.rate, state.start, state.low, state.high
-        return State(name, "", unit, f"delayed {site.name}", *equations, Origin("", 0))
+        return State(name, "", unit, f"delayed {site.name}", *equations, origin)
 
     def _place(self, site: Site) -> str:
         """Name of a place; with its kind where a definition has the name of an observer."""

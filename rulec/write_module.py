@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge import Definition, ModuleType, Parameter
+from rulec.knowledge import Definition, ModuleType, Parameter, State
 from rulec.language.document import Document
-from rulec.language.expression import Expression
+from rulec.language.expression import Expression, constant
 from rulec.language.yaml_text import lines
 
 HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"
@@ -51,9 +51,13 @@ def _data(
         "title": kind.title,
         "signals": {
             name: {**entry, "input": True} if kind.signals[name].is_input else entry
-            for name, entry in old["signals"].items()
+            for name, entry in old.get("signals", {}).items()
         },
         "provides": dict(kind.provides),
+        "states": {
+            name: _state(old.get("states", {}).get(name), state)
+            for name, state in kind.states.items()
+        },
         "parameters": {
             **old.get("parameters", {}),
             **{name: parameter_entry(p) for name, p in brought.items()},
@@ -61,6 +65,10 @@ def _data(
         "definitions": {
             name: _definition(old.get("definitions", {}).get(name), d)
             for name, d in kind.definitions.items()
+        },
+        "readings": {
+            name: {**part, "is": _equation(part["is"], kind.readings[name].expression)}
+            for name, part in old.get("readings", {}).items()
         },
         "observers": {
             name: {**part, "Q": _equation(part["Q"], kind.observers[name].expression)}
@@ -85,14 +93,34 @@ def parameter_entry(parameter: Parameter) -> dict[str, Any]:
 
 
 def _six(value: float) -> float:
-    rounded = float(f"{value:.6g}")
-    return int(rounded) if rounded.is_integer() else rounded
+    return _whole(float(f"{value:.6g}"))
+
+
+def _full(value: float) -> float:
+    return _whole(float(f"{value:.15g}"))
+
+
+def _whole(value: float) -> float:
+    return int(value) if value.is_integer() else value
 
 
 def _definition(old: Mapping[str, Any] | None, definition: Definition) -> dict[str, Any]:
     if old is None:
         return {"is": definition.expression.text, "title": definition.title}
     return {**old, "is": _equation(old["is"], definition.expression)}
+
+
+def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
+    """A state; one that no author wrote has the quantity of no sensor."""
+    entry: dict[str, Any] = dict(old or {"unit": state.unit.text})
+    for key, expression in state.equations():
+        entry[key] = _equation(entry.get(key), expression)
+        number = constant(expression, {})
+        if key != "der" and number is not None:
+            entry[key] = _full(state.unit.from_si(number))
+    if old is None:
+        entry |= {"title": state.title, "source": state.origin.source or "[assumed]"}
+    return entry
 
 
 def _equation(old: Any, expression: Expression) -> Any:

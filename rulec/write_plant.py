@@ -77,7 +77,7 @@ def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, floa
             at_median = unknown.fixed and len(unknown.quantiles) < 2
             if at_median and unknown.driver and unknown.driver.startswith(f"{name}."):
                 result[unknown.driver.split(".")[1]] = found[unknown.id]
-    return result
+    return {name: value for name, value in result.items() if name in own.module.type.signals}
 
 
 def _calibration(values: Mapping[str, Any], repair: Repair) -> str:

@@ -20,7 +20,9 @@ from rulec.match_effects import Matches, match_effects
 from rulec.order_equations import Ordered
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant
+from rulec.put_balances import Balanced
 from rulec.read import Sources
+from rulec.tell_balances import balances_told
 from rulec.workshop import open_workshop
 from runtime.ruleset import Ruleset
 
@@ -146,6 +148,16 @@ def _signed(terms: Mapping[str, float]) -> str:
     return text.removeprefix("+ ") or "0"
 
 
+def _balanced(balanced: Balanced) -> Iterator[str]:
+    if balanced.dynamics is None:
+        yield "nothing is stored"
+        return
+    network = balanced.ordered.isolability.rules.signatures.assembly.residuals.network
+    yield f"given: {', '.join(balanced.dynamics.inputs) or 'nothing'}"
+    for module in network.plant.modules.values():
+        yield from balances_told(network, module)
+
+
 def _ruleset(ruleset: Ruleset) -> Iterator[str]:
     plan = ruleset.plan
     yield f"plan: {len(plan.inputs)} inputs, {len(plan.operations)} operations"
@@ -187,6 +199,7 @@ _LINES: dict[type, Callable[[Any], Iterator[str]]] = {
     Rules: _rules,
     Isolability: _isolability,
     Ordered: _ordered,
+    Balanced: _balanced,
     Ruleset: _ruleset,
     Matches: _matches,
 }

@@ -55,6 +55,7 @@ NONE = Dimension()
 UNKNOWN = Dimension(())
 VOLUME_FLOW = Dimension.of({"m": 3, "s": -1})
 TEMPERATURE = Dimension.of({"K": 1})
+SECOND = Dimension.of({"s": 1})
 PROPERTIES = {
     "density": Dimension.of({"kg": 1, "m": -3}),
     "viscosity": Dimension.of({"kg": 1, "m": -1, "s": -1}),

@@ -63,7 +63,7 @@ def recorded() -> Path | None:
 
 def write_inputs(file: Path, time: Array, u: Array) -> Path:
     """A test record of the two tanks: time and voltage alone."""
-    rows = (f"{t:.10g},{v:.10g}" for t, v in zip(time, u, strict=True))
+    rows = (f"{t:.17g},{v:.17g}" for t, v in zip(time, u, strict=True))
     file.write_text("\n".join(["time [s],u [V]", *rows, ""]), encoding="utf-8")
     return file
 

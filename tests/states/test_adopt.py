@@ -1,0 +1,235 @@
+"""Physics that a plant left out in what it stores, taken over: it predicts as the analysis did."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rulec.adopt import adopt
+from rulec.cli import main
+from rulec.knowledge import ModuleType
+from rulec.pipeline import compile_plant
+from rulec.read import read_plant
+from rulec.repair import read_repair
+from rulec.workshop import PlantWorkshop
+from rulec.write_plant import plant_files
+from runtime.plan import Array
+from runtime.predict import predict
+from runtime.recording_file import read_file
+from tests.conftest import ROOT
+from tests.states.plants import TANKS, random_inputs, write_inputs
+from tests.test_adopt import Found, adopted, mismatch, models_of, opened
+
+CAUGHT = "upper.overflow-caught@inflow"
+
+
+TYPICAL = {"h": 0.12, "inflow": 1e-5, "outflow": 1e-5, "u": 3.0, "y": 5.0}
+"""Readings, levels and flows of the tanks, SI."""
+
+
+def unknowns_of(workshop: PlantWorkshop, name: str) -> dict[str, float]:
+    """For each parameter of a candidate its first start, or a typical value of its driver."""
+    candidate = next(c for c in workshop.candidates if c.id == name)
+    return {
+        u.name: u.starts[0] if u.starts else TYPICAL[str(u.driver).partition(".")[2]]
+        for u in candidate.unknowns
+    }
+
+
+def type_of(plant: Path, module: str) -> ModuleType:
+    return models_of(plant).residuals.network.plant.modules[module].type
+
+
+def assert_same_course(
+    folder: Path, new: Path, data: Mapping[str, Any], workshop: PlantWorkshop
+) -> Array:
+    """The new plant, read from its files, predicts what the analysis had: to 1e-9 V."""
+    repair = data["repair"]
+    values = {**workshop.parameters.constants}
+    values |= dict(zip(repair["parameters"], repair["values"], strict=True))
+    values |= {k: v for entry in repair["joined"] for k, v in entry["fixed"].items()}
+    balances = workshop.balances(tuple(entry["id"] for entry in repair["joined"]))
+    time, u = random_inputs(300)
+    course = balances.run(time, u[:, None], np.array([True]), values)
+    expected = course.shown[:, balances.outputs.index("shown:lower.y")]
+    rules = compile_plant(new)
+    file = read_file(write_inputs(folder / "in.csv", time, u), rules, [])
+    # Beyond its range a sensor shows the end of it.
+    shown = predict(rules, [file]).values["lower.y"]
+    np.testing.assert_allclose(shown, np.clip(expected, 0.0, 10.0), rtol=0, atol=1e-9)
+    return expected
+
+
+def adopted_tanks(folder: Path, *names: str) -> tuple[Path, dict[str, Any], PlantWorkshop]:
+    workshop = opened(TANKS)
+    found: Found = [(name, unknowns_of(workshop, name)) for name in names]
+    data, workshop = mismatch(TANKS, found)
+    return adopted(folder, data), data, workshop
+
+
+def test_overflow_of_one_tank(tmp_path: Path) -> None:
+    """That tank gets a type of its own; what it loses and what is caught stand in its laws."""
+    new, data, workshop = adopted_tanks(tmp_path, CAUGHT)
+    upper, lower = type_of(new, "upper"), type_of(new, "lower")
+    assert ("open-tank-upper", 2) == (upper.name, upper.version)
+    assert ("open-tank", 1) == (lower.name, lower.version)
+    assert "(inflow_true - outflow)/A" == upper.states["h"].rate.text
+    assert upper.definitions["inflow_true"].expression.text.startswith("inflow - ")
+    assert upper.definitions["outflow"].expression.text.startswith("outflow_plain + f*")
+    shown = assert_same_course(tmp_path, new, data, workshop)
+    plain = workshop.balances(()).run(*plain_inputs(), values_of(data, workshop)).shown
+    assert np.abs(shown - plain[:, 0]).max() > 0.05
+    assert 0 == main(["check", str(new)])
+
+
+def plain_inputs() -> tuple[Array, Array, Array]:
+    time, u = random_inputs(300)
+    return time, u[:, None], np.array([True])
+
+
+def values_of(data: Mapping[str, Any], workshop: PlantWorkshop) -> dict[str, float]:
+    repair = data["repair"]
+    moved = dict(zip(repair["parameters"], repair["values"], strict=True))
+    return {**workshop.parameters.constants, **moved}
+
+
+def test_initial_states_are_taken_over(tmp_path: Path) -> None:
+    """What was estimated of the beginning of a recording is where the new plant begins."""
+    new, data, _ = adopted_tanks(tmp_path, CAUGHT)
+    repair = data["repair"]
+    dynamics = compile_plant(new).dynamics
+    assert dynamics is not None
+    for name in ("upper.h0", "lower.h0"):
+        fitted = repair["values"][repair["parameters"].index(name)]
+        assert fitted == pytest.approx(dynamics.values[name], rel=1e-12)
+        assert 0.08 != pytest.approx(fitted, rel=1e-3)
+
+
+def test_values_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing but other parameters: the types stay, states and readings as they were written."""
+    data, workshop = mismatch(TANKS, [])
+    new = adopted(tmp_path, data)
+    assert "no equation was changed" in " ".join(capsys.readouterr().out.split())
+    assert 1 == type_of(new, "upper").version
+    assert_same_course(tmp_path, new, data, workshop)
+
+
+LAG = """\
+effect: lag
+title: Something that follows late
+sort: physics
+joins:
+  - {gives: volume flow, law: z}
+  - {flows: in, law: z}
+  - {stores: level, law: z}
+  - {shows: reading, law: z}
+parameters:
+  tau: {unit: s, null: 0, starts: [10, 60], range: [0, 1e5], title: time constant}
+states:
+  z: {der: (law - z)/tau, start: law}
+regime: after each change
+text: "{module}: {place} follows with a lag of {tau}"
+action: add what stores
+source: "[assumed] for a test"
+"""
+
+STICK = """\
+effect: stick
+title: Something that turns back late
+sort: physics
+joins:
+  - {shows: reading, law: z}
+parameters:
+  d: {unit: "1", null: 0, starts: [0.2], range: [0, 1e5], title: half the width}
+states:
+  z: {der: 0, start: law, low: law - d, high: law + d}
+regime: where the reading turns back
+text: "{module}: {place} turns back after twice {d}"
+action: free it
+source: "[assumed] for a test"
+"""
+
+
+@pytest.fixture(scope="module")
+def sticky(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The two tanks beside a knowledge base with effects that store."""
+    folder = tmp_path_factory.mktemp("sticky")
+    shutil.copytree(ROOT / "kb", folder / "kb")
+    for name, text in (("lag", LAG), ("stick", STICK)):
+        (folder / "kb" / "effects" / f"{name}.yaml").write_text(text, encoding="utf-8")
+    return Path(shutil.copytree(TANKS, folder / "tanks"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pump.lag@pump",
+        "upper.lag@inflow",
+        "upper.lag@outflow",
+        "lower.lag@h",
+        "lower.lag@y",
+        "upper+lower.lag@outflow",
+        "lower.stick@y",
+    ],
+)
+def test_states_that_an_effect_brings_in(tmp_path: Path, sticky: Path, name: str) -> None:
+    """Wherever it joins: written, read again, the same course."""
+    workshop = opened(sticky)
+    data, workshop = mismatch(sticky, [(name, unknowns_of(workshop, name))])
+    new = adopted(tmp_path, data)
+    shown = assert_same_course(tmp_path, new, data, workshop)
+    plain = workshop.balances(()).run(*plain_inputs(), values_of(data, workshop))
+    assert np.abs(shown - plain.shown[:, -1]).max() > 0.02
+    assert 0 == main(["check", str(new)])
+
+
+def test_a_pump_that_follows_late(tmp_path: Path, sticky: Path) -> None:
+    """Its observer tells the settled flow; the tank gets the flow that follows late."""
+    workshop, name = opened(sticky), "pump.lag@pump"
+    data, _ = mismatch(sticky, [(name, unknowns_of(workshop, name))])
+    kind = type_of(adopted(tmp_path, data), "pump")
+    assert "pump_plain" == kind.observers["pump"].expression.text
+    assert "z" == kind.definitions["outflow"].expression.text
+    state = kind.states["z"]
+    assert ("", "(pump_plain - z)/tau", "pump_plain") == (
+        state.quantity,
+        state.rate.text,
+        state.start.text,
+    )
+
+
+def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
+    """Physics at the first place where it joins the tanks: built in, written, read again."""
+    workshop, sources = opened(TANKS), read_plant(TANKS)
+    known = {c.name: c.id for c in reversed(workshop.candidates) if c.sort == "physics"}
+    assert known
+    for effect, name in known.items():
+        data, _ = mismatch(TANKS, [(name, unknowns_of(workshop, name))])
+        (tmp_path / "mismatch.json").write_text(json.dumps(data), encoding="utf-8")
+        repair = read_repair(tmp_path / "mismatch.json")
+        adoption = adopt(workshop, workshop.network, repair)
+        assert [name] == [c.id for c in adoption.taken], adoption.left
+        for path, text in plant_files(sources, adoption, repair):
+            file = tmp_path / effect / path
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+        assert_same_course(tmp_path, tmp_path / effect, data, workshop)
+
+
+def test_again(tmp_path: Path) -> None:
+    """An adopted plant can be adopted into: what was written stays."""
+    new, _, _ = adopted_tanks(tmp_path, CAUGHT)
+    workshop = opened(new)
+    name = next(c.id for c in workshop.candidates if c.id.startswith("lower.overflow-caught"))
+    data, workshop = mismatch(new, [(name, unknowns_of(workshop, name))])
+    (tmp_path / "second").mkdir()
+    second = adopted(tmp_path / "second", data)
+    assert "inflow_true" in type_of(second, "lower").definitions
+    assert "inflow_true" in type_of(second, "upper").definitions
+    assert_same_course(tmp_path, second, data, workshop)
