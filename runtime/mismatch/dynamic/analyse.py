@@ -16,6 +16,7 @@ from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, prove
+from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Searcher, search
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
@@ -60,7 +61,7 @@ def analyse_stores(
     places = suspects(bench, found.plain, found.judged)
     left = suspects(bench, best, found.judged) if best.joined else places
     tell("working out uncertainties")
-    findings = findings_of(searcher, best, accepted)
+    findings = (*findings_of(searcher, best, accepted), *failing(recording, ruleset))
     tell("opening the held-out blocks")
     proofs = prove(bench, found.plain, best, found.judged)
     whole = fitted_to_all(searcher, best)
@@ -93,11 +94,11 @@ def _answer(
     begin: float,
 ) -> Mismatch:
     ruleset = bench.ruleset
-    locations = tuple(location_of(bench, best, f) for f in findings)
+    locations = tuple(location_of(bench, best, f) for f in findings if f.id in best.ids)
     nameless = _nameless(bench, best, places[1], len(bench.candidates))
-    if not findings:
+    if not best.joined:
         locations = nameless
-    unnamed = bool(nameless) and not findings
+    unnamed = bool(nameless) and not best.joined
     verdict = verdict_of(findings, unnamed)
     proofs = sorted(proofs, key=lambda p: -_worse(p))
     return Mismatch(

@@ -296,7 +296,9 @@ class Fitter:
         """The same with the covariance of its parameters."""
         judged = replace(judged, noise=fitted.noise, slow=fitted.slow)
         _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
-        scaled = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+        # What the data leave open is uniform between its bounds, and no more uncertain than that.
+        span = np.minimum(self._high - self._low, 1e6 * self._scale) / self._scale
+        scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
         covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
         return replace(fitted, covariance=covariance)
 
