@@ -8,9 +8,10 @@ import runtime.ruleset as contract
 from rulec.analyse_isolability import Group
 from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signatures
-from rulec.knowledge import Origin, Signal
+from rulec.knowledge import FaultType, Origin, Signal, Variant
 from rulec.plant import Module, Plant
 from rulec.put_balances import Balanced
+from rulec.store_faults import StoreFault
 
 
 def emit(balanced: Balanced) -> contract.Ruleset:
@@ -47,7 +48,10 @@ def emit(balanced: Balanced) -> contract.Ruleset:
             )
             for r in assembly.residuals.residuals
         ),
-        tuple(_fault(h) for h in assembly.hypotheses),
+        (
+            *(_fault(h) for h in assembly.hypotheses),
+            *(_of_store(f) for f in balanced.faults if not f.settled),
+        ),
         tuple(
             contract.Cell(
                 rule.signature.fault,
@@ -129,21 +133,36 @@ def _observers(assembly: Assembly, signatures: Signatures) -> tuple[contract.Obs
 
 
 def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
-    fault, variant = hypothesis.fault.fault, hypothesis.fault.variant
+    fault = hypothesis.fault
+    return _spec(hypothesis, fault.fault, fault.variant, hypothesis.affects, hypothesis.scales)
+
+
+def _of_store(fault: StoreFault) -> contract.FaultSpec:
+    """A fault that balances alone know; it touches no estimate of a settled flow."""
+    return _spec(fault, fault.fault, fault.variant, (), ())
+
+
+def _spec(
+    where: Hypothesis | StoreFault,
+    fault: FaultType,
+    variant: Variant,
+    affects: tuple[str, ...],
+    scales: tuple[str, ...],
+) -> contract.FaultSpec:
     return contract.FaultSpec(
-        hypothesis.id,
-        hypothesis.module,
+        where.id,
+        where.module,
         fault.name,
-        f"{hypothesis.target} {variant.title}" if variant.name else fault.title,
-        _sentence(hypothesis),
+        f"{where.target} {variant.title}" if variant.name else fault.title,
+        _sentence(fault.text, where.module, where.target, variant),
         fault.action,
         fault.status,
         float(variant.lowest),
         float(variant.highest),
         float(fault.tolerance),
         variant.meaning,
-        hypothesis.affects,
-        hypothesis.scales,
+        affects,
+        scales,
         fault.acts_on == "signal",
         _origin(fault.origin),
     )
@@ -164,14 +183,9 @@ def _rounded(value: float, digits: int = 9) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def _sentence(hypothesis: Hypothesis) -> str:
+def _sentence(text: str, module: str, target: str, variant: Variant) -> str:
     """The operator's sentence with all slots filled but the degree."""
-    slots = {
-        "{module}": hypothesis.module,
-        "{where}": hypothesis.target,
-        "{variant}": hypothesis.fault.variant.title,
-    }
-    text = hypothesis.fault.fault.text
+    slots = {"{module}": module, "{where}": target, "{variant}": variant.title}
     for slot, value in slots.items():
         text = text.replace(slot, value)
     return text
