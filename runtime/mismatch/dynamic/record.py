@@ -9,20 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.dynamic.thin import filled, resolution, thinned, without_glitches
 from runtime.mismatch.dynamic.noise import Flags
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.ruleset import Ruleset, SignalSpec
+from runtime.ruleset import Ruleset
 
 BUDGET = 4096
 """Samples at most; neighbours of longer recordings are averaged."""
 
 BLOCKS = 25
 """Blocks of a recording."""
-
-FAR = 8.0
-"""A single reading that is so many times the usual step away from both neighbours is none."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +69,11 @@ def record_of(
     measured: dict[str, Array] = {}
     glitches: dict[str, int] = {}
     for name in shown:
-        measured[name], glitches[name] = _without_glitches(recording.values[name])
+        measured[name], glitches[name] = without_glitches(recording.values[name])
     inputs = {n: v for n, v in recording.values.items() if n in given}
-    time, inputs, measured = _thinned(recording.time, inputs, measured)
-    inputs = {n: _filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
+    factor = -(-len(recording.time) // BUDGET)
+    time, inputs, measured = thinned(recording.time, inputs, measured, factor)
+    inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
     if any(n not in inputs for n in dynamics.inputs) or len(time) < BLOCKS:
         return None
     measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > BLOCKS}
@@ -82,69 +81,9 @@ def record_of(
         return None
     block, part = _split(time, inputs, heldout)
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
-    resolution = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
+    steps = {n: resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
-    return Record(time, inputs, measured, resolution, glitches, part, block, text, digest)
-
-
-def _without_glitches(values: Array) -> tuple[Array, int]:
-    """Readings without single ones that neither neighbour bears out, and how many those were."""
-    step = np.abs(np.diff(values))
-    usual = 1.4826 * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
-    usual = max(usual, 1e-12 + 0.02 * float(np.nanstd(values)))
-    odd = np.zeros(len(values), dtype=bool)
-    before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
-    with np.errstate(invalid="ignore"):
-        odd[1:-1] = (before * after > 0) & (np.minimum(abs(before), abs(after)) > FAR * usual)
-    return np.where(odd, np.nan, values), int(odd.sum())
-
-
-def _thinned(
-    time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array]
-) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Neighbours averaged: inputs over the time for which they hold, readings around its start."""
-    factor = -(-len(time) // BUDGET)
-    if factor == 1:
-        return time, dict(inputs), dict(measured)
-    count = len(time) // factor
-    used = count * factor
-    shift = factor // 2
-
-    def mean(values: Array) -> Array:
-        table = values[:used].reshape(count, factor)
-        known = np.isfinite(table)
-        total = np.where(known, table, 0.0).sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            result: Array = np.where(known.any(axis=1), total / known.sum(axis=1), np.nan)
-        return result
-
-    def around(values: Array) -> Array:
-        return mean(np.concatenate([np.full(shift, np.nan), values])[: len(values)])
-
-    thin = time[:used].reshape(count, factor)[:, 0]
-    return (
-        np.ascontiguousarray(thin),
-        {n: mean(v) for n, v in inputs.items()},
-        {n: around(v) for n, v in measured.items()},
-    )
-
-
-def _filled(values: Array) -> Array:
-    """Gaps hold the last value; before the first one stands the first."""
-    known = np.isfinite(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    first = int(np.argmax(known))
-    result: Array = values[np.maximum(last, first)]
-    return result
-
-
-def _resolution(values: Array, signal: SignalSpec) -> float:
-    """Smallest step between readings over root 12, or a thousandth of what they span."""
-    steps = np.diff(np.unique(values[np.isfinite(values)]))
-    steps = steps[steps > 1e-9 * (abs(signal.factor) + np.ptp(values[np.isfinite(values)]))]
-    smallest = float(np.quantile(steps, 0.05)) if len(steps) else abs(signal.factor)
-    span = float(np.nanstd(values))
-    return float(max(min(smallest / np.sqrt(12.0), 0.05 * span), 1e-4 * span, 1e-300))
+    return Record(time, inputs, measured, steps, glitches, part, block, text, digest)
 
 
 def _split(
