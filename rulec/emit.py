@@ -66,7 +66,7 @@ def emit(balanced: Balanced) -> contract.Ruleset:
             for rule in rules.rules
         ),
         tuple(_ambiguous(group) for group in isolability.groups),
-        isolability.unobserved,
+        _unobserved(isolability.unobserved, balanced),
         _parameters(plant),
         ordered.simulation,
         assembly.graph.plan(),
@@ -176,6 +176,15 @@ def _ambiguous(group: Group) -> contract.AmbiguousGroup:
         tuple(_rounded(d, 4) if math.isfinite(d) else None for d in group.degrees),
         tuple(contract.AdvisedSensor(s.module, s.signal, s.cost) for s in group.sensors),
     )
+
+
+def _unobserved(names: tuple[str, ...], balanced: Balanced) -> tuple[str, ...]:
+    """Modules and faults that neither estimates nor balances see."""
+    dynamics = balanced.dynamics
+    if dynamics is None:
+        return names
+    seen = {*dynamics.faults, *(fault.partition(".")[0] for fault in dynamics.faults)}
+    return tuple(name for name in names if name not in seen)
 
 
 def _rounded(value: float, digits: int = 9) -> float:

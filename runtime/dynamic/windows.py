@@ -12,7 +12,7 @@ from runtime.dynamic.thin import filled, resolution, thinned, without_glitches
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Dynamics, Ruleset, SignalSpec
-from runtime.stationary import GAP, NEGLIGIBLE, systematic_u
+from runtime.stationary import NEGLIGIBLE, systematic_u
 
 BUDGET = 4096
 """Samples at most; neighbours of longer recordings are averaged."""
@@ -25,6 +25,10 @@ SHORTEST, LONGEST = 48, 256
 
 FEWEST = 24
 """Samples of a window at least; shorter recordings are not judged."""
+
+PAUSE = 20.0
+"""Sampling intervals without a sample that balances cannot be followed across: what is given may
+have been anything."""
 
 KNOWN = 0.8
 """Share of samples of a window in which given readings, and some measured one, must be there."""
@@ -110,7 +114,9 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
 def _pieces(recording: Recording) -> Iterator[slice]:
     """Runs of samples without a pause."""
     steps = np.diff(recording.time)
-    ends = np.flatnonzero((np.diff(recording.segment) != 0) | (steps > GAP * np.median(steps))) + 1
+    ends = (
+        np.flatnonzero((np.diff(recording.segment) != 0) | (steps > PAUSE * np.median(steps))) + 1
+    )
     edges = [0, *ends.tolist(), len(recording)]
     yield from (slice(a, b) for a, b in pairwise(edges) if b > a)
 
@@ -166,8 +172,9 @@ def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: in
         if s < KNOWN
     ]
     if not (shown >= KNOWN).any():
-        names: Sequence[str] = dynamics.outputs
-        because.append(f"no reading within its range of {' and '.join(names)}")
+        some = [bool(np.isfinite(column).any()) for column in piece.measured.T]
+        names = [n for n, s in zip(dynamics.outputs, some, strict=True) if s] or dynamics.outputs
+        because.append(f"{' and '.join(names)}: no reading, or none within its range")
     if not because:
         inputs = np.column_stack([filled(c) for c in inputs.T]) if inputs.size else inputs
     return Window(piece.time[first:last], inputs, measured, number, first, "; ".join(because))

@@ -18,9 +18,6 @@ from tests.conftest import ROOT
 Fault = tuple[str, float, float]
 """Id, degree, and the share of the recording behind which it is there."""
 
-LEVELS = {"cascaded-tanks": (2.0, 4.0), "wastewater-lab": (0.0, 0.0)}
-
-
 @cache
 def plant(name: str) -> Ruleset:
     """A plant of plants/."""
@@ -68,7 +65,7 @@ def _true(
 def given(name: str, random: np.random.Generator, time: Array) -> dict[str, Array]:
     """Courses of the readings that are given, SI."""
     if name == "cascaded-tanks":
-        return {"pump.u": _steps(random, time, 15, 1.5, 4.5)}
+        return {"pump.u": _steps(random, time, 15, 1.5, 3.2)}
     litre = 1e-3 / 60.0
     supply, first = _steps(random, time, 20, 3.0, 9.0), _steps(random, time, 20, 3.0, 9.0)
     lateral = _steps(random, time, 25, 1.0, 5.0)
@@ -81,9 +78,7 @@ def given(name: str, random: np.random.Generator, time: Array) -> dict[str, Arra
     }
 
 
-def _steps(
-    random: np.random.Generator, time: Array, length: int, low: float, high: float
-) -> Array:
+def _steps(random: np.random.Generator, time: Array, length: int, low: float, high: float) -> Array:
     levels = random.uniform(low, high, len(time) // length + 1)
     return np.repeat(levels, length)[: len(time)]
 
