@@ -139,7 +139,8 @@ def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
 
 def _of_store(fault: StoreFault) -> contract.FaultSpec:
     """A fault that balances alone know; it touches no estimate of a settled flow."""
-    return _spec(fault, fault.fault, fault.variant, (), ())
+    scales = (fault.target,) if fault.fault.acts_on == "signal" else ()
+    return _spec(fault, fault.fault, fault.variant, (), scales)
 
 
 def _spec(

@@ -8,7 +8,7 @@ before; only every second one is learned from, as no sample may count twice.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from runtime.dynamic.windows import Window
 from runtime.isolate import alarm_chance, quantile
 from runtime.plan import Array
 from runtime.redundancy import chi_square_limit
+from runtime.ruleset import FaultSpec
 
 HIDDEN = 1e-9
 """Share of a fault's effect that is left beside all errors below which it shows nothing."""
@@ -29,12 +30,16 @@ FIRST = 0.02
 
 @dataclass(frozen=True)
 class Tested:
-    """A fault in a window: degree and its standard uncertainty, chi-square left, does it fit?"""
+    """A fault in a window: degree and its standard uncertainty, chi-square left, does it fit?
+
+    `fitted` is where the next window starts from.
+    """
 
     degree: float
     u: float
     chi: float
     fits: bool
+    fitted: Fitted | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,8 @@ class Judge:
         learned = -np.inf
         for window in windows:
             now = known.later(window.middle, drifts) if known.windows else known
-            judged = self._judged(window, now, self._start(result, window, guess), chance)
+            before = result[-1] if result and result[-1].window.piece == window.piece else None
+            judged = self._judged(window, now, before, guess, chance)
             result.append(judged)
             if learning and window.time[0] > learned and self._is_calm(judged):
                 known = self._learned(judged)
@@ -87,18 +93,14 @@ class Judge:
         found = plan.run({n: np.asarray(v) for n, v in dynamics.values.items()})
         return np.array([found[f"start:{s.id}"].item() for s in dynamics.states])
 
-    def _start(self, before: Sequence[Judged], window: Window, nominal: Array) -> list[Array]:
-        """Starts to try: where the window before was at that time, and the nominal one."""
-        if before and before[-1].plain is not None and before[-1].window.piece == window.piece:
-            last = before[-1]
-            at = int(np.searchsorted(last.window.time, window.time[0]))
-            if last.plain is not None and at < len(last.plain.states):
-                return [last.plain.states[at], nominal]
-        return [nominal]
-
-    def _judged(self, window: Window, known: Known, starts: list[Array], chance: float) -> Judged:
+    def _judged(
+        self, window: Window, known: Known, before: Judged | None, nominal: Array, chance: float
+    ) -> Judged:
+        """Judge a window; it starts from where the one before was at that time."""
         if window.because:
             return Judged(window, known, None, 0, False, {})
+        last = before.plain if before is not None else None
+        starts = [*_left_at(before, last, window), nominal]
         plain = self._plain(window, known, starts, chance)
         if plain is None:
             return Judged(window, known, None, 0, False, {})
@@ -116,8 +118,19 @@ class Judge:
         tests = {}
         for i in seen:
             if pull[i] > 0.0:
-                start = pull[i] / information[i]
-                tests[self.faults[i]] = self._test(window, known, plain, i, start, limit)
+                fault = self.model.ruleset.fault_by_id[self.faults[i]]
+                degree = float(np.clip(pull[i] / information[i], FIRST, 0.5 * fault.highest))
+                start = plain.guess.starts
+                guesses = [
+                    Guess(start, e, np.array([degree])) for e in (known.mean, plain.guess.errors)
+                ]
+                last = (
+                    before.tests[fault.id].fitted if before and fault.id in before.tests else None
+                )
+                for earlier in _left_at(before, last, window):
+                    assert last is not None
+                    guesses.insert(0, Guess(earlier, known.mean, last.guess.degrees))
+                tests[fault.id] = self._test(window, known, plain, fault, guesses, limit)
         return Judged(window, known, plain, freedom, True, floor, tests)
 
     def _plain(
@@ -160,20 +173,49 @@ class Judge:
         return pull, np.where(information > HIDDEN * whole, information, 0.0)
 
     def _test(
-        self, window: Window, known: Known, plain: Fitted, i: int, start: float, limit: float
+        self,
+        window: Window,
+        known: Known,
+        plain: Fitted,
+        fault: FaultSpec,
+        guesses: Sequence[Guess],
+        limit: float,
     ) -> Tested:
-        """The window with the degree of one fault free."""
-        fault = self.model.ruleset.fault_by_id[self.faults[i]]
-        degree = float(np.clip(start, FIRST, 0.5 * fault.highest))
-        guess = Guess(plain.guess.starts, plain.guess.errors, np.array([degree]))
-        found = self.model.fit(window, known, guess, (fault.id,))
+        """The window with the degree of one fault free; guesses are tried until one does."""
+        found: Fitted | None = None
+        for guess in guesses:
+            trial = self.model.fit(window, known, guess, (fault.id,))
+            if trial is not None and (found is None or trial.chi < found.chi):
+                found = trial
+            if found is not None and found.chi < limit:
+                break
         if found is None or found.chi > plain.chi:
             return Tested(0.0, np.inf, plain.chi, False)
         u = float(np.sqrt(found.covariance[-1, -1]))
         # A real fault never looks quite like its law.
         tolerated = fault.tolerance**2 * (plain.chi - found.chi)
         degree = float(found.guess.degrees[0])
-        return Tested(degree, u, found.chi, found.chi <= limit + tolerated)
+        fits = found.chi <= limit + tolerated and self._is_possible(window, found, fault)
+        return Tested(degree, u, found.chi, fits, found)
+
+    def _is_possible(self, window: Window, found: Fitted, fault: FaultSpec) -> bool:
+        """Is what a sensor should show, but for its fault, within the range it was built for?
+
+        Else a wrong level may do duty for whatever is missing in the balances.
+        """
+        outputs = self.model.dynamics.outputs
+        own = [i for i, name in enumerate(outputs) if name in fault.scales]
+        if not own:
+            return True
+        shown, _, _ = self.model.simulate(window, replace(found.guess, degrees=np.zeros(0)))
+        signals = self.model.ruleset.signal_by_id
+        for i in own:
+            signal, level = signals[outputs[i]], float(np.median(shown[:, i]))
+            low = -np.inf if signal.lowest is None else signal.lowest
+            high = np.inf if signal.highest is None else signal.highest
+            if not low <= level <= high:
+                return False
+        return True
 
     def _is_calm(self, judged: Judged) -> bool:
         if judged.plain is None or judged.deviating:
@@ -188,3 +230,11 @@ class Judge:
         covariance = plain.covariance[starts:, starts:]
         time, windows = judged.window.middle, judged.known.windows + 1
         return Known(plain.guess.errors, covariance, time, windows)
+
+
+def _left_at(before: Judged | None, fitted: Fitted | None, window: Window) -> list[Array]:
+    """States of a fit of the window before at the time at which a window begins, if known."""
+    if before is None or fitted is None:
+        return []
+    at = int(np.searchsorted(before.window.time, window.time[0]))
+    return [fitted.states[at]] if at < len(fitted.states) else []

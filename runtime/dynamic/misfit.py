@@ -28,6 +28,10 @@ PASSES = 4
 MORE = 1.1
 """Chi-square over freedom from which on the usual misfit was taken too small."""
 
+MOST = 5.0
+"""Factor by which the misfit of windows that know of each other may exceed that of windows on
+their own: beyond it, something is wrong in most of them."""
+
 SLOW = 1.5
 """Memory, in samples, from which on an error counts as slow."""
 
@@ -53,11 +57,13 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     misfit, memory = _left(alone, windows.noise)
     judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), 1.0 / memory, dynamics.faults)
     judged = judge.judge(windows.members)
+    left = MOST**2
     for _ in range(PASSES):
         ratios = [j.plain.chi / j.freedom for j in judged if j.plain is not None]
-        more = float(np.quantile(ratios, USUAL)) if ratios else 0.0
+        more = min(float(np.quantile(ratios, USUAL)) if ratios else 0.0, left)
         if more < MORE:
             break
+        left /= more
         misfit = misfit * np.sqrt(more)
         judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), judge.share, judge.faults)
         judged = judge.judge(windows.members)

@@ -17,7 +17,7 @@ from runtime.dynamic.windows import Window
 from runtime.plan import Array
 from runtime.ruleset import Dynamics, Ruleset
 
-STEPS = 25
+STEPS = 40
 SETTLED = 1e-3
 """A fit ends when chi-square falls by less than this."""
 

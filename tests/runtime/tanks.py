@@ -18,6 +18,7 @@ from tests.conftest import ROOT
 Fault = tuple[str, float, float]
 """Id, degree, and the share of the recording behind which it is there."""
 
+
 @cache
 def plant(name: str) -> Ruleset:
     """A plant of plants/."""
