@@ -16,7 +16,7 @@ from runtime.dynamic.evidence import evidence_of
 from runtime.dynamic.judge import Judged
 from runtime.dynamic.misfit import Weighed, weighed
 from runtime.dynamic.spells import PERSISTENCE, Cause, Spell, spells_of
-from runtime.dynamic.windows import FEWEST, Windows, windows_of
+from runtime.dynamic.windows import FEWEST, KNOWN, NO_READING, Windows, windows_of
 from runtime.findings import Finding, Period, percent
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
@@ -45,7 +45,7 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     found = weighed(ruleset, windows)
     spells = spells_of(found.judged, {f.id: i for i, f in enumerate(ruleset.faults)})
     findings, unknown = [], []
-    not_judged = _not_judged(windows, found.judged)
+    not_judged = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
     for place, spell in enumerate(spells):
         since, until = _times(found.judged, spell)
         if spell.brief:
@@ -104,8 +104,8 @@ def _finding(
 ) -> Finding:
     fault, judged, model = ruleset.fault_by_id[cause.fault], found.judged, found.judge.model
     since, until = _times(judged, spell)
-    before = _sound(judged, range(spell.first - 1, -1, -1), spell.first)
-    behind = _sound(judged, range(spell.last, len(judged)), spell.last - 1)
+    before = _sound(judged, range(spell.first - 1, -1, -1), spell.first, fault.id)
+    behind = _sound(judged, range(spell.last, len(judged)), spell.last - 1, fault.id)
     inside = spell.inside
     if before is not None:
         since = edge_of(model, windows, before, judged[inside[0]], fault.id, cause.degree)
@@ -131,14 +131,17 @@ def _finding(
     )
 
 
-def _sound(judged: Sequence[Judged], places: Iterable[int], beside: int) -> Judged | None:
-    """The nearest window of the same piece without a deviation, if brief ones alone are between."""
+def _sound(
+    judged: Sequence[Judged], places: Iterable[int], beside: int, fault: str
+) -> Judged | None:
+    """The nearest window of the same piece that would show a fault but does not, if brief
+    deviations alone are between."""
     for i in places:
         one = judged[i]
         if one.window.piece != judged[beside].window.piece or one.plain is None:
             return None
         if not one.deviating:
-            return one
+            return one if fault in one.floor else None
         if abs(i - beside) > PERSISTENCE:
             return None
     return None
@@ -156,14 +159,21 @@ def _readings(ruleset: Ruleset, one: Judged) -> tuple[tuple[str, float], ...]:
     )
 
 
-def _not_judged(windows: Windows, judged: Sequence[Judged]) -> list[Period]:
+def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[str]) -> list[Period]:
     """Windows that say nothing, neighbours with the same reason joined."""
     found: list[Period] = []
     last = -2
+    there = np.any([np.isfinite(p.measured).any(axis=0) for p in windows.pieces], axis=0)
     for i, one in enumerate(judged):
-        if one.plain is not None:
+        because = one.window.because
+        if one.plain is None:
+            because = because or "the balances have no solution here"
+        else:
+            known = np.isfinite(one.window.measured).mean(axis=0) >= KNOWN
+            blind = [n for n, t, k in zip(outputs, there, known, strict=True) if t and not k]
+            because = f"in part: {NO_READING.format(' and '.join(blind))}" if blind else ""
+        if not because:
             continue
-        because = one.window.because or "the balances have no solution here"
         since, until = float(one.window.time[0]), float(one.window.time[-1])
         if found and last == i - 1 and found[-1].text == because:
             found[-1] = Period(found[-1].since, until, because)

@@ -21,6 +21,9 @@ STEPS = 40
 SETTLED = 1e-3
 """A fit ends when chi-square falls by less than this."""
 
+SLIGHT = 1e-5
+"""Or by less than this share: what is far off is not worth the last step."""
+
 TINY = 1e-12
 """Share of the largest curvature by which none is smaller: keeps matrices regular."""
 
@@ -134,7 +137,7 @@ class Model:
             if trial is not None and trial.chi < best.chi:
                 fall = best.chi - trial.chi
                 best, damping = trial, damping * 0.2
-                if fall < SETTLED:
+                if fall < max(SETTLED, SLIGHT * best.chi):
                     break
             else:
                 damping *= 8.0

@@ -34,6 +34,9 @@ KNOWN = 0.8
 """Share of samples of a window in which given readings, and some measured one, must be there."""
 
 
+NO_READING = "{}: no reading, or none within its range"
+
+
 @dataclass(frozen=True)
 class Window:
     """Samples in a row.
@@ -114,9 +117,8 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
 def _pieces(recording: Recording) -> Iterator[slice]:
     """Runs of samples without a pause."""
     steps = np.diff(recording.time)
-    ends = (
-        np.flatnonzero((np.diff(recording.segment) != 0) | (steps > PAUSE * np.median(steps))) + 1
-    )
+    longest = PAUSE * float(np.median(steps)) if len(steps) else 0.0
+    ends = np.flatnonzero((np.diff(recording.segment) != 0) | (steps > longest)) + 1
     edges = [0, *ends.tolist(), len(recording)]
     yield from (slice(a, b) for a, b in pairwise(edges) if b > a)
 
@@ -174,7 +176,7 @@ def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: in
     if not (shown >= KNOWN).any():
         some = [bool(np.isfinite(column).any()) for column in piece.measured.T]
         names = [n for n, s in zip(dynamics.outputs, some, strict=True) if s] or dynamics.outputs
-        because.append(f"{' and '.join(names)}: no reading, or none within its range")
+        because.append(NO_READING.format(" and ".join(names)))
     if not because:
         inputs = np.column_stack([filled(c) for c in inputs.T]) if inputs.size else inputs
     return Window(piece.time[first:last], inputs, measured, number, first, "; ".join(because))

@@ -32,7 +32,7 @@ def made(
     ruleset, random = plant(name), np.random.default_rng(seed)
     dynamics = ruleset.dynamics
     assert dynamics is not None
-    time = np.arange(count) * 4.0
+    time: Array = np.arange(count, dtype=np.float64) * 4.0
     inputs = given(name, random, time)
     values = _true(dynamics.values, dynamics.uncertainties, random, spread)
     moving = (f"x.{fault[0]}",) if fault else ()

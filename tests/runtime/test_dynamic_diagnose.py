@@ -83,7 +83,8 @@ def test_a_fault_that_begins_in_the_middle_is_found(fault: str) -> None:
     assert among <= {fault} | alike
     begin = 0.5 * recording.time[-1]
     assert abs(finding.since - begin) < HALF_WINDOW
-    assert finding.until == recording.time[-1]
+    # A tank that runs full or empty shows no more.
+    assert finding.until == recording.time[-1] or said.not_judged
     if finding.fault.id == fault:
         assert finding.lower <= 0.2 <= finding.upper
         assert finding.upper - finding.lower < 0.12
