@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from rulec.commands.matrix import machine_form
 from runtime.diagnose import Diagnosis, diagnose
 from runtime.explain import explain
 from runtime.machine_form import diagnosis_form, trace_csv
@@ -170,6 +171,14 @@ def test_every_form_tells_the_finding(tmp_path: Path) -> None:
     assert result.degree[row, -1] == pytest.approx(0.2, abs=0.02)
     assert len(trace_csv(result, ruleset).splitlines()) == len(recording) + 1
     assert "lower: at this level 20" in report(recording, said, result, "made", None)
+
+
+def test_matrix_says_what_acts_alike() -> None:
+    """Signs of the readings, and the faults that none of them tells apart."""
+    form = machine_form(plant("wastewater-lab"))["stores"]
+    signs = dict(zip(form["faults"], form["signs"], strict=True))
+    assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])
+    assert ("supply.Q.high", "tank1.lost-inflow") in form["alike"]
 
 
 def _with(recording: Recording, changed: dict[str, np.ndarray]) -> Recording:
