@@ -91,7 +91,7 @@ class _ModuleReader:
             definitions,
             observers,
             self._residuals(observers),
-            self._fault_uses(signals, definitions, observers),
+            self._fault_uses(signals, definitions, observers, of_states.flows),
             tuple(sorted(gathers)),
             self.document.path,
             states=states,
@@ -331,12 +331,16 @@ class _ModuleReader:
         signals: Mapping[str, Signal],
         definitions: Mapping[str, Definition],
         observers: Mapping[str, Observer],
+        flows: bool,
     ) -> tuple[FaultUse, ...]:
         uses = []
+        # A law of the module for a flow is a definition like any other; what flows without one
+        # can be lost on the way.
+        ends = [end for end in ENDS if flows and end not in definitions]
         targets: dict[str, Iterable[str]] = {
             "signal": signals,
             "definition": definitions,
-            "flow": {o.component for o in observers.values()},
+            "flow": dict.fromkeys([*(o.component for o in observers.values()), *ends]),
         }
         for i, text in enumerate(self.document.data.get("faults", ())):
             name, target = text.rstrip(")").split("(")
@@ -350,7 +354,9 @@ class _ModuleReader:
                 continue
             known = targets[fault.acts_on]
             if target not in known:
-                kind = {"flow": "component"}.get(fault.acts_on, fault.acts_on)
+                kind = {"flow": "component or flow without a law" if flows else "component"}.get(
+                    fault.acts_on, fault.acts_on
+                )
                 hint = did_you_mean(target, known)
                 message = f"'{name}' acts on a {kind}; '{target}' is none of this module"
                 self._report(spot, "KB048", message, hint)

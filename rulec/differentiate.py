@@ -7,14 +7,14 @@ second derivatives, and the observers with all faults undone.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import sympy
 
 from rulec.derive_residuals import Residuals
 from rulec.fluid import closed_forms
-from rulec.knowledge import FaultType, Knowledge, ModuleType, Variant
+from rulec.knowledge import FaultType, FaultUse, Knowledge, ModuleType, Variant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
@@ -262,18 +262,26 @@ def _faults(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> Iterator[TypeFault]:
-    uses = [(use, knowledge.faults[use.fault]) for use in kind.faults]
+    for use, variant, name in fault_names(kind.faults, knowledge):
+        fault = knowledge.faults[use.fault]
+        affects = _affected(kind, fault, use.target, symbols, observers)
+        yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
+
+
+def fault_names(
+    declared: Iterable[FaultUse], knowledge: Knowledge
+) -> Iterator[tuple[FaultUse, Variant, str]]:
+    """Every variant of the faults of a module type with its local id."""
+    uses = [(use, knowledge.faults[use.fault]) for use in declared]
     shared = [fault.name for _, fault in uses if fault.acts_on != "signal"]
     for use, fault in uses:
-        affects = _affected(kind, fault, use.target, symbols, observers)
         stem = use.target if fault.acts_on == "signal" else fault.name
         if fault.acts_on != "signal" and shared.count(fault.name) > 1:
             stem = f"{fault.name}.{use.target}"
         if fault.acts_on == "signal" and [u.target for u, _ in uses].count(use.target) > 1:
             stem = f"{use.target}.{fault.name}"
         for variant in fault.variants:
-            name = f"{stem}.{variant.name}" if variant.name else stem
-            yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
+            yield use, variant, f"{stem}.{variant.name}" if variant.name else stem
 
 
 def _affected(

@@ -8,9 +8,10 @@ import runtime.ruleset as contract
 from rulec.analyse_isolability import Group
 from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signatures
-from rulec.knowledge import Origin, Signal
+from rulec.knowledge import FaultType, Origin, Signal, Variant
 from rulec.plant import Module, Plant
 from rulec.put_balances import Balanced
+from rulec.store_faults import StoreFault
 
 
 def emit(balanced: Balanced) -> contract.Ruleset:
@@ -47,7 +48,10 @@ def emit(balanced: Balanced) -> contract.Ruleset:
             )
             for r in assembly.residuals.residuals
         ),
-        tuple(_fault(h) for h in assembly.hypotheses),
+        (
+            *(_fault(h) for h in assembly.hypotheses),
+            *(_of_store(f) for f in balanced.faults if not f.settled),
+        ),
         tuple(
             contract.Cell(
                 rule.signature.fault,
@@ -62,7 +66,7 @@ def emit(balanced: Balanced) -> contract.Ruleset:
             for rule in rules.rules
         ),
         tuple(_ambiguous(group) for group in isolability.groups),
-        isolability.unobserved,
+        _unobserved(isolability.unobserved, balanced),
         _parameters(plant),
         ordered.simulation,
         assembly.graph.plan(),
@@ -130,21 +134,37 @@ def _observers(assembly: Assembly, signatures: Signatures) -> tuple[contract.Obs
 
 
 def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
-    fault, variant = hypothesis.fault.fault, hypothesis.fault.variant
+    fault = hypothesis.fault
+    return _spec(hypothesis, fault.fault, fault.variant, hypothesis.affects, hypothesis.scales)
+
+
+def _of_store(fault: StoreFault) -> contract.FaultSpec:
+    """A fault that balances alone know; it touches no estimate of a settled flow."""
+    scales = (fault.target,) if fault.fault.acts_on == "signal" else ()
+    return _spec(fault, fault.fault, fault.variant, (), scales)
+
+
+def _spec(
+    where: Hypothesis | StoreFault,
+    fault: FaultType,
+    variant: Variant,
+    affects: tuple[str, ...],
+    scales: tuple[str, ...],
+) -> contract.FaultSpec:
     return contract.FaultSpec(
-        hypothesis.id,
-        hypothesis.module,
+        where.id,
+        where.module,
         fault.name,
-        f"{hypothesis.target} {variant.title}" if variant.name else fault.title,
-        _sentence(hypothesis),
+        f"{where.target} {variant.title}" if variant.name else fault.title,
+        _sentence(fault.text, where.module, where.target, variant),
         fault.action,
         fault.status,
         float(variant.lowest),
         float(variant.highest),
         float(fault.tolerance),
         variant.meaning,
-        hypothesis.affects,
-        hypothesis.scales,
+        affects,
+        scales,
         fault.acts_on == "signal",
         _origin(fault.origin),
     )
@@ -160,19 +180,23 @@ def _ambiguous(group: Group) -> contract.AmbiguousGroup:
     )
 
 
+def _unobserved(names: tuple[str, ...], balanced: Balanced) -> tuple[str, ...]:
+    """Modules and faults that neither estimates nor balances see."""
+    dynamics = balanced.dynamics
+    if dynamics is None:
+        return names
+    seen = {*dynamics.faults, *(fault.partition(".")[0] for fault in dynamics.faults)}
+    return tuple(name for name in names if name not in seen)
+
+
 def _rounded(value: float, digits: int = 9) -> float:
     """Fewer digits than a solver's last ones: the same bytes on every machine."""
     return float(f"{value:.{digits}g}")
 
 
-def _sentence(hypothesis: Hypothesis) -> str:
+def _sentence(text: str, module: str, target: str, variant: Variant) -> str:
     """The operator's sentence with all slots filled but the degree."""
-    slots = {
-        "{module}": hypothesis.module,
-        "{where}": hypothesis.target,
-        "{variant}": hypothesis.fault.variant.title,
-    }
-    text = hypothesis.fault.fault.text
+    slots = {"{module}": module, "{where}": target, "{variant}": variant.title}
     for slot, value in slots.items():
         text = text.replace(slot, value)
     return text

@@ -7,16 +7,14 @@ each candidate stands for.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import sympy
-
 from rulec.amend import Amended, Change, amend
 from rulec.binding import Binder, Binding, drivers_of
-from rulec.differentiate import Models, TypeFault, law_of
+from rulec.differentiate import Models, TypeFault
 from rulec.equation_text import equation_of
+from rulec.fault_laws import undoing
 from rulec.join_places import matching
 from rulec.knowledge import (
     ENDS,
@@ -29,10 +27,8 @@ from rulec.knowledge import (
     Origin,
     Parameter,
     State,
-    Variant,
 )
-from rulec.language.expression import Expression, Rejected, parse
-from rulec.language.invert import invert
+from rulec.language.expression import Rejected
 from rulec.language.units import NONE, SECOND, Unit
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
@@ -307,20 +303,6 @@ class _Matcher:
             kind.origin.source,
         )
         return Matched(candidate, change)
-
-
-@functools.lru_cache(maxsize=100)
-def undoing(variant: Variant, acts_on: str) -> Expression:
-    """What should be there, over ``law`` (what is there) and the degree ``x``.
-
-    A flow fault takes away behind the observer, whose flow is what should be there.
-    """
-    g, x, law = (sympy.Symbol(name, real=True) for name in ("g", "x", "law"))
-    if acts_on == "flow":
-        return parse(sympy.sstr(law_of(variant, law, x)))
-    solved = invert(law_of(variant, g, x), g, law)
-    assert solved is not None, "checked when the fault was read"
-    return parse(sympy.sstr(solved))
 
 
 def cheapest_sensor(plant: Plant, quantity: str) -> str:

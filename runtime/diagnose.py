@@ -35,6 +35,8 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
     """
+    if ruleset.dynamics is not None:
+        return _of_stores(recording, ruleset, mode)
     noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     notes = list(recording.notes)
@@ -65,6 +67,29 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
         tuple(sorted(unknown, key=lambda p: p.since)),
         tuple(sorted(not_judged, key=lambda p: p.since)),
         tuple(notes),
+    )
+
+
+def _of_stores(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
+    """The diagnosis of a plant that stores: there is one mode only."""
+    # The integrator takes a second to load, and plants that store nothing do without it.
+    from runtime.dynamic.diagnose import judge_stores
+
+    said = judge_stores(recording, ruleset)
+    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+    if mode != "default":
+        notes.append(f"mode {mode} knows no balances of what is stored: judged as by default")
+    samples = int(said.covered.sum())
+    return Diagnosis(
+        ruleset,
+        mode,
+        len(recording),
+        samples,
+        _status(list(said.findings), list(said.unknown), samples),
+        tuple(sorted(said.findings, key=lambda f: f.since)),
+        said.unknown,
+        said.not_judged,
+        (*notes, *said.notes),
     )
 
 

@@ -19,7 +19,10 @@ from runtime.wording import (
     context,
     estimates,
     flow_unit,
+    ground,
     headline,
+    readings_of,
+    told_residual,
     worst_first,
 )
 
@@ -37,8 +40,9 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
         f"\n[bold {colour}]{symbol} {diagnosis.status} {meaning}[/]  "
         f"{escape(diagnosis.ruleset.title)}"
     )
+    settled = "" if diagnosis.ruleset.dynamics is not None else "settled and "
     out.print(
-        f"[dim]{diagnosis.samples} samples, {share:.0f} % of them settled and judged, "
+        f"[dim]{diagnosis.samples} samples, {share:.0f} % of them {settled}judged, "
         f"mode {diagnosis.mode}[/]"
     )
     _summary(out, diagnosis)
@@ -101,19 +105,24 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     )
     tree.add(f"do: {escape(finding.fault.action)}")
     unit = flow_unit(ruleset)
-    why = tree.add(f"because these estimates of the same flow disagree ({unit.name})")
+    flow = "" if ruleset.dynamics is not None else f" ({unit.name})"
+    why = tree.add(f"because {ground(ruleset)}{flow}")
     why.add(_residual_table(ruleset, finding))
-    flows = why.add("estimates and the readings behind them")
-    for e in estimates(ruleset, finding):
+    behind = list(estimates(ruleset, finding))
+    rows = "estimates and the readings behind them"
+    if ruleset.dynamics is not None:
+        rows = f"typical readings there: {readings_of(ruleset, finding)}"
+    flows = why.add(escape(rows))
+    for e in behind:
         flows.add(
             f"{escape(e.equation)} = [bold]{unit.factor * e.flow:.1f}[/] "
             f"±{unit.factor * e.half:.1f} {unit.name}  "
             f"[dim]{escape(', '.join(e.readings))}[/]"
         )
-    for text in context(finding):
+    for text in context(ruleset, finding):
         why.add(escape(text))
     _doubt(diagnosis, finding, tree)
-    rules = tree.add("rules and sources")
+    rules = tree.add("rules and sources" if ruleset.cells_of_fault[finding.fault.id] else "source")
     for cell in ruleset.cells_of_fault[finding.fault.id][:SHOWN]:
         rules.add(f"[dim]{escape(cell.equation)}[/]")
     rules.add(f"[dim]{escape(finding.fault.origin)}[/]")
@@ -125,14 +134,15 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
     for title in ("residual", "value", "limit", "fired", "expected", ""):
         justify = "right" if title in ("value", "limit") else "left"
         table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    factor = flow_unit(ruleset).factor
+    flow = flow_unit(ruleset)
     ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
     for e in ordered[:12]:
         kind, words = agreement(ruleset, finding, e)
+        row = told_residual(ruleset, e, flow)
         table.add_row(
             e.residual,
-            f"{factor * e.value:.1f}" if e.verdict != "invalid" else "-",
-            f"±{factor * e.threshold:.1f}" if e.verdict != "invalid" else "-",
+            row.value if e.verdict != "invalid" else "-",
+            row.limit if e.verdict != "invalid" else "-",
             e.verdict,
             e.expected,
             f"[{_AGREEMENT.get(kind, 'dim')}]{words}[/]",

@@ -187,11 +187,12 @@ def _finding(
         _readings(ruleset, seen.observed, strongest),
         _flows(ruleset, seen.observed, strongest),
         len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
-        fault.text.replace("{degree}", _percent(cause.degree)),
+        fault.text.replace("{degree}", percent(cause.degree)),
     )
 
 
-def _percent(degree: float) -> str:
+def percent(degree: float) -> str:
+    """A degree as a share."""
     return f"{100 * degree:.3g} %"
 
 

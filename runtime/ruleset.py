@@ -250,7 +250,8 @@ class Dynamics:
     The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
     ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``; it gives
     ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, and
-    ``shown:<signal>`` for each of `outputs`.
+    ``shown:<signal>`` for each of `outputs`. `uncertainties` are those of `values`, SI, without
+    their correlations.
     """
 
     states: tuple[StateSpec, ...]
@@ -258,6 +259,7 @@ class Dynamics:
     outputs: tuple[str, ...]
     faults: tuple[str, ...]
     values: Mapping[str, float]
+    uncertainties: Mapping[str, float]
     plan: Plan
 
 

@@ -108,6 +108,7 @@ def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
     yield from _references_of_steps(ruleset.simulation)
     if ruleset.dynamics is not None:
         yield from (("signal", s) for s in (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs))
+        yield from (("fault", f) for f in ruleset.dynamics.faults)
 
 
 def _references_of_steps(simulation: Simulation) -> Iterator[tuple[str, str]]:

@@ -31,7 +31,16 @@ class Trace:
 
 
 def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
-    """Judge every sample of the settled stretches on its own; the others are ``moving``."""
+    """Judge every sample of the settled stretches on its own; the others are ``moving``.
+
+    Samples of a plant that stores have the verdict of their windows.
+    """
+    if ruleset.dynamics is not None:
+        # Loaded when it is needed: see `diagnose`.
+        from runtime.dynamic.diagnose import judge_stores
+        from runtime.dynamic.trace import trace_stores
+
+        return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
     noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
     words = ["moving"] * len(recording)

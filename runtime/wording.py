@@ -47,6 +47,40 @@ def flow_unit(ruleset: Ruleset) -> FlowUnit:
     return FlowUnit("m3/h", 3600.0) if large else FlowUnit("l/h", 3.6e6)
 
 
+@dataclass(frozen=True)
+class Told:
+    """A residual as it is told: its value and limit in `unit`; "–" where it is not available."""
+
+    unit: str
+    value: str
+    limit: str
+
+
+def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> Told:
+    """A residual of flows in a unit of flows, that of a reading in the reading's own unit."""
+    signal = ruleset.signal_by_id.get(evidence.residual)
+    unit = signal.unit if signal else flow.name
+    if evidence.verdict == "invalid":
+        return Told(unit, "–", "–")
+    if signal is None:
+        value, limit = flow.factor * evidence.value, flow.factor * evidence.threshold
+        return Told(unit, f"{value:.1f}", f"±{limit:.1f}")
+    value, limit = evidence.value / signal.factor, evidence.threshold / signal.factor
+    return Told(unit, f"{value:.3g} {unit}", f"±{limit:.2g} {unit}")
+
+
+def ground(ruleset: Ruleset) -> str:
+    """What a finding rests on."""
+    if ruleset.dynamics is not None:
+        return "these readings are not what the balances foretell"
+    return "these estimates of the same flow disagree"
+
+
+def part_judged(ruleset: Ruleset) -> str:
+    """In what kind of part of a recording a diagnosis looks."""
+    return "in windows" if ruleset.dynamics is not None else "in settled stretches"
+
+
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
     """The largest finding of each fault, at most five: enough to see why."""
     largest: dict[str, Finding] = {}
@@ -124,12 +158,23 @@ def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
         yield Estimate(spec.equation, flow, 2 * u, tuple(parts))
 
 
-def context(finding: Finding) -> Iterator[str]:
+def readings_of(ruleset: Ruleset, finding: Finding) -> str:
+    """Readings that a finding rests on, each in its unit."""
+    parts = []
+    for name, value in finding.readings:
+        signal = ruleset.signal_by_id[name]
+        parts.append(f"{name} {(value - signal.offset) / signal.factor:.4g} {signal.unit}")
+    return ", ".join(parts)
+
+
+def context(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
     """What the residuals are compared with, and what else was found with the finding."""
     if finding.baseline:
-        plural = "es" * (finding.baseline > 1)
+        stored = ruleset.dynamics is not None
+        plural = ("s" if stored else "es") * (finding.baseline > 1)
+        part = "window" if stored else "stretch"
         yield (
-            f"compared with {finding.baseline} fault-free stretch{plural} of this recording: what "
+            f"compared with {finding.baseline} fault-free {part}{plural} of this recording: what "
             "was off there as well counts as an error of sensors or calibration"
         )
     for name in finding.together:

@@ -53,7 +53,7 @@ def _plant(document: Document) -> list[Diagnostic]:
     try:
         network = link(check(read_plant(Path(document.path))))
         if network.stores:
-            dynamics_of(network)
+            dynamics_of(network, {name: [] for name in network.plant.modules})
     except Refused as refused:
         return list(refused.diagnostics)
     return []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
@@ -13,6 +13,9 @@ from rich.table import Table
 from rulec.commands.output import console, write_json
 from rulec.pipeline import compile_plant
 from runtime.ruleset import Cell, Ruleset
+
+if TYPE_CHECKING:
+    from runtime.dynamic.signature import Signature
 
 NARROW = 7
 """Characters a column of the matrix takes."""
@@ -28,8 +31,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def machine_form(ruleset: Ruleset) -> dict[str, Any]:
-    """The matrix as JSON data; rows are faults, columns residuals."""
+    """The matrix as JSON data; rows are faults, columns residuals.
+
+    Of a plant that stores, `stores` has the same for readings that balances foretell.
+    """
+    stores = _of_stores(ruleset)
     return {
+        **({"stores": dataclasses.asdict(stores)} if stores else {}),
         "plant": ruleset.plant,
         "residuals": [r.id for r in ruleset.residuals],
         "faults": [f.id for f in ruleset.faults],
@@ -59,6 +67,33 @@ def machine_form(ruleset: Ruleset) -> dict[str, Any]:
     }
 
 
+def _of_stores(ruleset: Ruleset) -> Signature | None:
+    """How faults move what balances foretell; None where nothing is stored."""
+    if ruleset.dynamics is None:
+        return None
+    # The integrator takes a second to load, and plants that store nothing do without it.
+    from runtime.dynamic.signature import signature_of
+
+    return signature_of(ruleset)
+
+
+def _show_stores(out: Console, stores: Signature) -> None:
+    """Readings that balances foretell: which way each fault moves them."""
+    table = Table(pad_edge=False, box=None, padding=(0, 1))
+    table.add_column("fault", no_wrap=True)
+    for reading in stores.readings:
+        table.add_column(reading, justify="center")
+    marks = {1: "[green]+[/]", -1: "[red]-[/]", 0: "[dim]·[/]"}
+    for fault, signs in zip(stores.faults, stores.signs, strict=True):
+        table.add_row(fault, *(marks[s] for s in signs))
+    out.print(table)
+    out.print(
+        "[dim]+ the reading stands higher than the balances foretell, - lower, · as they do[/]"
+    )
+    for group in stores.alike:
+        out.print(f"  {', '.join(group)}: act alike on all readings")
+
+
 def _dense(ruleset: Ruleset, value: Any, absent: Any = 0) -> list[list[Any]]:
     column = {r.id: i for i, r in enumerate(ruleset.residuals)}
     rows = []
@@ -72,7 +107,13 @@ def _dense(ruleset: Ruleset, value: Any, absent: Any = 0) -> list[list[Any]]:
 
 def show(out: Console, ruleset: Ruleset) -> None:
     """Draw the matrix: sign and smallest detectable degree of each cell."""
-    out.print(f"\n[bold]{ruleset.title}[/]: how each fault moves each residual\n")
+    what = "reading" if ruleset.dynamics is not None else "residual"
+    out.print(f"\n[bold]{ruleset.title}[/]: how each fault moves each {what}\n")
+    stores = _of_stores(ruleset)
+    if stores:
+        _show_stores(out, stores)
+    if ruleset.dynamics is not None and not ruleset.residuals:
+        return
     residuals = [r.id for r in ruleset.residuals]
     longest = max(len(f.id) for f in ruleset.faults) if ruleset.faults else 0
     fitting = max(3, (out.width - longest - 2) // NARROW)

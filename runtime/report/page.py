@@ -12,6 +12,7 @@ from runtime.report.story import UNSEEN, evidence, remarks, told
 from runtime.report.text import counted, moment, percent
 from runtime.report.truth import Truth, cases_of
 from runtime.trace import Trace
+from runtime.wording import part_judged
 
 
 def report(
@@ -49,6 +50,8 @@ def _nothing(diagnosis: Diagnosis) -> str:
         return "<p>Nothing could be judged; the reasons are above.</p>"
     if diagnosis.unknown:
         return "<p>The pictures show which estimates disagree; no known fault explains how.</p>"
+    if diagnosis.ruleset.dynamics is not None:
+        return "<p>All readings are as the balances foretell, wherever they could be judged.</p>"
     return (
         "<p>All estimates of the same flow agree within their uncertainty wherever the recording "
         "could be judged.</p>"
@@ -73,7 +76,7 @@ def _facts(recording: Recording, diagnosis: Diagnosis, name: str, truth: Truth |
         ),
         (
             "Judged",
-            [f"{counted(diagnosis.judged, 'sample')} ({percent(share)}) in settled stretches"],
+            [f"{counted(diagnosis.judged, 'sample')} ({percent(share)}) {part_judged(ruleset)}"],
         ),
         ("Mode", [mode]),
         ("Truth", [truth.name] if truth else ["not given; --truth FILE.csv compares with it"]),

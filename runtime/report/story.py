@@ -11,6 +11,7 @@ from runtime.ruleset import Ruleset
 from runtime.wording import (
     EITHER,
     STATUS,
+    FlowUnit,
     advice,
     agreement,
     causes,
@@ -18,9 +19,14 @@ from runtime.wording import (
     estimates,
     headline,
     l_per_h,
+    readings_of,
     titled,
+    told_residual,
     worst_first,
 )
+
+LITRES = FlowUnit("l/h", 3.6e6)
+"""Unit of flows in a report."""
 
 LISTED = 12
 """Findings listed one by one; of more, one row a fault."""
@@ -110,7 +116,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
         rows.append(("To tell them apart", safe(apart or "no single reading is known to do so")))
     if finding.remote:
         rows.append(("Less likely", safe(causes(finding.remote))))
-    rows += [("Note", safe(text)) for text in context(finding)]
+    rows += [("Note", safe(text)) for text in context(ruleset, finding)]
     body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
     return (
         f'<section class="finding is-{fault.status}"><h3>{badge(fault.status, True)} '
@@ -176,8 +182,17 @@ def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     for finding in worst_first(diagnosis.findings):
         title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
         residuals = _residuals(diagnosis.ruleset, finding)
-        flows = _estimates(diagnosis.ruleset, finding)
+        flows = (
+            _estimates(diagnosis.ruleset, finding)
+            if finding.flows
+            else _read(diagnosis.ruleset, finding)
+        )
         yield f'<div class="evidence"><h3>{safe(title)}</h3>{residuals}{flows}</div>'
+
+
+def _read(ruleset: Ruleset, finding: Finding) -> str:
+    """Readings where there are no estimates of flows."""
+    return f'<p class="soft">typical readings there: {safe(readings_of(ruleset, finding))}</p>'
 
 
 def _residuals(ruleset: Ruleset, finding: Finding) -> str:
@@ -185,9 +200,12 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
     body = "".join(_residual_row(ruleset, finding, e) for e in ordered[:ROWS])
     left = len(ordered) - ROWS
     more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
+    what, unit = "estimates that should agree", " [l/h]"
+    if ruleset.dynamics is not None:
+        what, unit = "readings that balances foretell", ""
     return (
-        '<div class="scroll"><table><thead><tr><th>estimates that should agree</th>'
-        '<th class="num">differ by [l/h]</th><th class="num">limit [l/h]</th>'
+        f'<div class="scroll"><table><thead><tr><th>{what}</th>'
+        f'<th class="num">differ by{unit}</th><th class="num">limit{unit}</th>'
         '<th class="mid">fired</th><th class="mid">expected</th><th></th></tr></thead>'
         f"<tbody>{body}</tbody></table></div>{more}"
     )
@@ -195,9 +213,8 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
 
 def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> str:
     kind, words = agreement(ruleset, finding, e)
-    absent = e.verdict == "invalid"
-    value = "–" if absent else f"{l_per_h(e.value):.1f}".replace("-", "−")
-    limit = "–" if absent else f"±{l_per_h(e.threshold):.1f}"
+    row = told_residual(ruleset, e, LITRES)
+    value, limit = row.value.replace("-", "−"), row.limit
     fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
     return (
         f'<tr><td>{safe(e.residual)}</td><td class="num">{value}</td><td class="num">{limit}</td>'

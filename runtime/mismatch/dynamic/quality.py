@@ -10,31 +10,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from runtime.dynamic.thin import glitches_in
 from runtime.mismatch.result import Finding
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset, SignalSpec
-
-FAR = 8.0
-"""A single reading that is so many times the usual step away from both neighbours is none."""
 
 OFTEN, MANY = 0.005, 20
 """Share of all readings, and number, from which such readings are the sensor's fault."""
 
 SURE = 0.99
 """Nothing else does this [assumed]."""
-
-
-def glitches_in(values: Array) -> np.ndarray:
-    """Flags of single readings that neither neighbour bears out, shape (n,)."""
-    step = np.abs(np.diff(values))
-    usual = 1.4826 * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
-    usual = max(usual, 1e-12 + 0.02 * float(np.nanstd(values)))
-    odd = np.zeros(len(values), dtype=bool)
-    before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
-    with np.errstate(invalid="ignore"):
-        odd[1:-1] = (before * after > 0) & (np.minimum(abs(before), abs(after)) > FAR * usual)
-    return odd
 
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:

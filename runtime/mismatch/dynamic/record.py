@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.dynamic.thin import filled, glitches_in, resolution, thinned
 from runtime.mismatch.dynamic.noise import Flags
-from runtime.mismatch.dynamic.quality import glitches_in
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.ruleset import Ruleset, SignalSpec
+from runtime.ruleset import Ruleset
 
 BUDGET = 4096
 """Samples at most; neighbours of longer recordings are averaged."""
@@ -73,8 +73,9 @@ def record_of(
         measured[name] = np.where(odd, np.nan, recording.values[name])
         glitches[name] = int(odd.sum())
     inputs = {n: v for n, v in recording.values.items() if n in given}
-    time, inputs, measured = _thinned(recording.time, inputs, measured)
-    inputs = {n: _filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
+    factor = -(-len(recording.time) // BUDGET)
+    time, inputs, measured = thinned(recording.time, inputs, measured, factor)
+    inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
     if any(n not in inputs for n in dynamics.inputs) or len(time) < BLOCKS:
         return None
     measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > BLOCKS}
@@ -82,57 +83,9 @@ def record_of(
         return None
     block, part = _split(time, inputs, heldout)
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
-    resolution = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
+    steps = {n: resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
-    return Record(time, inputs, measured, resolution, glitches, part, block, text, digest)
-
-
-def _thinned(
-    time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array]
-) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Neighbours averaged: inputs over the time for which they hold, readings around its start."""
-    factor = -(-len(time) // BUDGET)
-    if factor == 1:
-        return time, dict(inputs), dict(measured)
-    count = len(time) // factor
-    used = count * factor
-    shift = factor // 2
-
-    def mean(values: Array) -> Array:
-        table = values[:used].reshape(count, factor)
-        known = np.isfinite(table)
-        total = np.where(known, table, 0.0).sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            result: Array = np.where(known.any(axis=1), total / known.sum(axis=1), np.nan)
-        return result
-
-    def around(values: Array) -> Array:
-        return mean(np.concatenate([np.full(shift, np.nan), values])[: len(values)])
-
-    thin = time[:used].reshape(count, factor)[:, 0]
-    return (
-        np.ascontiguousarray(thin),
-        {n: mean(v) for n, v in inputs.items()},
-        {n: around(v) for n, v in measured.items()},
-    )
-
-
-def _filled(values: Array) -> Array:
-    """Gaps hold the last value; before the first one stands the first."""
-    known = np.isfinite(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    first = int(np.argmax(known))
-    result: Array = values[np.maximum(last, first)]
-    return result
-
-
-def _resolution(values: Array, signal: SignalSpec) -> float:
-    """Smallest step between readings over root 12, or a thousandth of what they span."""
-    steps = np.diff(np.unique(values[np.isfinite(values)]))
-    steps = steps[steps > 1e-9 * (abs(signal.factor) + np.ptp(values[np.isfinite(values)]))]
-    smallest = float(np.quantile(steps, 0.05)) if len(steps) else abs(signal.factor)
-    span = float(np.nanstd(values))
-    return float(max(min(smallest / np.sqrt(12.0), 0.05 * span), 1e-4 * span, 1e-300))
+    return Record(time, inputs, measured, steps, glitches, part, block, text, digest)
 
 
 def _split(

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.dynamic.quality import failing, glitches_in
+from runtime.dynamic.thin import glitches_in
+from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import BUDGET, record_of
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 

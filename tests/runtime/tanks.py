@@ -1,0 +1,93 @@
+"""Recordings of plants that store, made with their own balances and true parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+
+from rulec.pipeline import compile_plant
+from runtime.dynamic.freed import freed, start_of
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from runtime.sensing import SensorErrors, sense
+from tests.conftest import ROOT
+
+Fault = tuple[str, float, float]
+"""Id, degree, and the share of the recording behind which it is there."""
+
+
+@cache
+def plant(name: str) -> Ruleset:
+    """A plant of plants/."""
+    return compile_plant(ROOT / "plants" / name)
+
+
+def made(
+    name: str, seed: int, fault: Fault | None = None, count: int = 1024, spread: float = 0.5
+) -> Recording:
+    """A recording: true parameters within `spread` uncertainties, sensors within their class."""
+    ruleset, random = plant(name), np.random.default_rng(seed)
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    time: Array = np.arange(count, dtype=np.float64) * 4.0
+    inputs = given(name, random, time)
+    values = _true(dynamics.values, dynamics.uncertainties, random, spread)
+    moving = (f"x.{fault[0]}",) if fault else ()
+    balances = freed(dynamics, moving)
+    table = [inputs[n] for n in dynamics.inputs]
+    if fault:
+        table.append(np.where(time >= fault[2] * time[-1], fault[1], 0.0))
+    starts = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
+    begin = starts.run({n: np.asarray(v) for n, v in dynamics.values.items()})
+    values |= {start_of(s.id): begin[f"start:{s.id}"].item() for s in dynamics.states}
+    held = np.ones(len(table), dtype=bool)
+    shown = balances.run(time, np.column_stack(table), held, values).shown
+    true = {**inputs, **dict(zip(dynamics.outputs, shown.T, strict=True))}
+    true = {n: v for n, v in true.items() if n != "upper.y"}
+    readings = sense(ruleset, true, SensorErrors(bounded=True), random)
+    for signal in (ruleset.signal_by_id[n] for n in readings):
+        readings[signal.id] = np.clip(readings[signal.id], signal.lowest, signal.highest)
+    missing = tuple(n for n in dynamics.outputs if n not in readings)
+    return Recording(time, readings, np.zeros(count, dtype=int), missing, ())
+
+
+def _true(
+    values: Mapping[str, float], u: Mapping[str, float], random: np.random.Generator, spread: float
+) -> dict[str, float]:
+    """Parameters as they truly are."""
+    errors = {n: float(np.clip(random.standard_normal(), -2.0, 2.0)) * spread for n in values}
+    sizes = {n: np.log1p(u[n] / abs(v)) for n, v in values.items()}
+    return {n: float(v * np.exp(sizes[n] * errors[n])) for n, v in values.items()}
+
+
+def given(name: str, random: np.random.Generator, time: Array) -> dict[str, Array]:
+    """Courses of the readings that are given, SI."""
+    if name == "cascaded-tanks":
+        return {"pump.u": _steps(random, time, 15, 1.5, 3.2)}
+    litre = 1e-3 / 60.0
+    supply, first = _steps(random, time, 20, 3.0, 9.0), _steps(random, time, 20, 3.0, 9.0)
+    lateral = _steps(random, time, 25, 1.0, 5.0)
+    # Switched so that the tanks neither run empty nor over.
+    return {
+        "supply.Q": litre * supply,
+        "pump1.Q": litre * _balanced(supply, first),
+        "lateral.Q": litre * lateral,
+        "pump2.Q": litre * _balanced(_balanced(supply, first) + lateral, first + 2.0),
+    }
+
+
+def _steps(random: np.random.Generator, time: Array, length: int, low: float, high: float) -> Array:
+    levels = random.uniform(low, high, len(time) // length + 1)
+    return np.repeat(levels, length)[: len(time)]
+
+
+def _balanced(inflow: Array, wish: Array) -> Array:
+    """An outflow near a wish that brings a stored volume back again and again."""
+    stored, result = 0.0, np.empty(len(inflow))
+    for i, flow in enumerate(inflow):
+        result[i] = max(wish[i] + 0.6 * stored, 0.0)
+        stored += (flow - result[i]) * 4.0 / 60.0
+    return result
