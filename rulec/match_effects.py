@@ -153,11 +153,13 @@ class _Matcher:
         equations: Equations,
     ) -> None:
         self._models, self._binder, self._equations = models, binder, equations
-        self._plant = around.network.plant
+        self._plant, self._stores = around.network.plant, around.network.stores
         self._module, self._sites = module, {site.key: site for site in sites}
 
     def joined(self, effect: Effect, missing: list[Missing]) -> Iterator[Matched]:
         """Candidates of an effect; what lacks a reading is added to `missing`."""
+        if effect.states and not self._stores:
+            return
         taken: set[tuple[str, str]] = set()
         knowledge = self._plant.knowledge
         for join in effect.joins:

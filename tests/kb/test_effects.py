@@ -34,6 +34,7 @@ ORDINARY = {
     "electric power": (20.0, 5000.0),
     "torque": (1.0, 100.0),
     "angle": (0.1, 1.0),
+    "reading": (0.5, 9.0),
     "time": (1.0, 1e5),
 }
 """Readings of an ordinary plant, SI."""
@@ -79,9 +80,20 @@ def function(expression: Expression) -> Callable[[Mapping[str, Array]], Array]:
 MODULES = [{"Larger": np.maximum, "Smaller": np.minimum, "Absolute": np.abs}, "numpy"]
 
 
+def quantity_of(join: Join) -> str:
+    """An ordinary quantity that a join's place may have."""
+    asked = join.gives or join.reads or join.stores or join.shows
+    return "volume flow" if join.flows else "level" if asked == "any" else asked
+
+
+def stored(effect: Effect, laws: Laws) -> dict[str, Array]:
+    """What an effect stores, settled: it follows the plain law."""
+    return dict.fromkeys(effect.states, laws["law"])
+
+
 def plain_laws(join: Join, known: Mapping[str, Array], draw: np.random.Generator) -> Laws:
     """A plain law, linear in the drivers that the join replaces, and it with them replaced."""
-    low, high = ORDINARY[join.gives or join.reads]
+    low, high = ORDINARY[quantity_of(join)]
     size = np.exp(draw.uniform(np.log(low), np.log(high)))
     replaced = sorted({name for part in join.law.substitutes.values() for name in part})
     bend = {n: draw.uniform(-0.3, 0.3) / float(np.max(known[n])) for n in replaced}
@@ -114,7 +126,9 @@ def test_null_gives_the_plain_law_back(name: str, i: int) -> None:
         free = {n: p for n, p in effect.parameters.items() if not p.fixed}
         known |= {n: somewhere(p, draw) if p.null is None else p.null for n, p in free.items()}
         known |= plain_laws(join, known, draw)
-        assert function(join.law.expression)(known) == pytest.approx(known["law"], rel=1e-12)
+        known |= stored(effect, known)
+        for law in join.laws:
+            assert function(law.expression)(known) == pytest.approx(known["law"], rel=1e-12)
 
 
 @pytest.mark.parametrize(("name", "i"), JOINS)
@@ -127,13 +141,20 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
 
     def value(changed: Mapping[str, float]) -> Array:
         known = {**readings, **starts, **changed}
-        laws = plain_laws(join, known, np.random.default_rng(i))
-        return np.broadcast_to(function(join.law.expression)({**known, **laws}), POINTS)
+        known |= plain_laws(join, known, np.random.default_rng(i))
+        # Off its rest by a fifth, what is stored moves at its rate, within its limits.
+        known |= dict.fromkeys(effect.states, 0.8 * known["law"])
+        parts = [law.expression for law in join.laws]
+        parts += [e for state in effect.states.values() for _, e in state.equations()]
+        rows = [np.broadcast_to(function(e)(known), POINTS) for e in parts]
+        return np.concatenate(rows)
 
     assert np.all(np.isfinite(value({})))
     for n, p in free.items():
-        other = p.null if p.null is not None else 1.2 * starts[n]
-        change = np.max(np.abs(value({}) / value({n: other}) - 1.0))
+        # With no lag at all, what is stored would follow at an infinite rate.
+        other = 1.2 * starts[n] if p.null is None or effect.states else p.null
+        here, there = value({}), value({n: other})
+        change = np.nanmax(np.abs(here - there) / (np.abs(here) + np.abs(there) + 1e-300))
         assert change > 1e-6, n
 
 
@@ -155,7 +176,8 @@ def test_sentence_says_where_and_how_much(name: str) -> None:
     effect = EFFECTS[name]
     slots = set(re.findall(r"\{(\w+)\}", effect.text))
     strength = {n for n, p in effect.parameters.items() if p.null is not None}
-    known = set.intersection(*(needed_by(join, effect.parameters) for join in effect.joins))
+    needed = (needed_by(join, effect.parameters, effect.states) for join in effect.joins)
+    known = set.intersection(*needed)
     assert "module" in slots
     assert slots & strength
     assert slots <= {*known, "module", "place"}
@@ -170,15 +192,21 @@ def test_source_is_given(name: str) -> None:
 
 
 def joins(effect: Effect, place: Mapping[str, Any]) -> bool:
-    """Whether any join of an effect fits a kind of place."""
+    """Whether any join of an effect fits a kind of place; one with states only where states are."""
+    if effect.states and not place.get("stores_it"):
+        return False
 
     def slope(join: Join, key: str) -> bool:
         driver = getattr(join, key)
+        if driver and effect.drivers[driver].where == "read" and place.get("stores_it"):
+            return False
         return not driver or effect.drivers[driver].quantity in place[key]
 
     for join in effect.joins:
-        if "reads" in place:
-            if join.reads in (place["reads"], "any"):
+        sort = next(key for key in ("reads", "stores", "shows", "flows", "gives") if key in place)
+        if sort != "gives":
+            asked = getattr(join, sort)
+            if asked == place[sort] or (asked == "any" and sort in ("reads", "shows")):
                 return True
         elif (
             join.gives == place["gives"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, prove
+from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Searcher, search
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
@@ -59,10 +61,24 @@ def analyse_stores(
     places = suspects(bench, found.plain, found.judged)
     left = suspects(bench, best, found.judged) if best.joined else places
     tell("working out uncertainties")
-    findings = findings_of(searcher, best, accepted)
+    findings = (*findings_of(searcher, best, accepted), *failing(recording, ruleset))
     tell("opening the held-out blocks")
     proofs = prove(bench, found.plain, best, found.judged)
-    return _answer(recording, bench, found, best, accepted, findings, (places, left), proofs, begin)
+    whole = fitted_to_all(searcher, best)
+    return _answer(
+        recording, bench, found, best, whole, accepted, findings, (places, left), proofs, begin
+    )
+
+
+def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
+    """What is adopted: the proven model fitted to all blocks, held-out ones too."""
+    bench = searcher.bench
+    joined = tuple(c for c in best.joined if c.sort in REPAIRING)
+    known = {n: np.isfinite(v) for n, v in bench.record.measured.items()}
+    judged = replace(searcher.judged, known=known, noise=best.noise, slow=best.slow)
+    fitter = Fitter(bench, joined, searcher.kept(best))
+    fitted = fitter.finish(fitter.vector(best.values), judged, 60, 2)
+    return fitter.with_covariance(fitted, judged)
 
 
 def _answer(
@@ -70,6 +86,7 @@ def _answer(
     bench: Bench,
     found: Found,
     best: Fitted,
+    whole: Fitted,
     accepted: tuple[Accepted, ...],
     findings: tuple[Finding, ...],
     places: tuple[list[Suspect], list[Suspect]],
@@ -77,14 +94,13 @@ def _answer(
     begin: float,
 ) -> Mismatch:
     ruleset = bench.ruleset
-    locations = tuple(location_of(bench, best, f) for f in findings)
+    locations = tuple(location_of(bench, best, f) for f in findings if f.id in best.ids)
     nameless = _nameless(bench, best, places[1], len(bench.candidates))
-    if not findings:
+    if not best.joined:
         locations = nameless
-    unnamed = bool(nameless) and not findings
+    unnamed = bool(nameless) and not best.joined
     verdict = verdict_of(findings, unnamed)
     proofs = sorted(proofs, key=lambda p: -_worse(p))
-    joined = tuple(c for c in best.joined if c.sort in REPAIRING)
     return Mismatch(
         ruleset.plant,
         ruleset.title,
@@ -103,29 +119,21 @@ def _answer(
         bench.record.digest,
         _noise_told(best),
         found.tried,
-        (*_hiding(found, accepted), *_still(nameless, findings), *_notes(recording, bench)),
-        best.ids,
-        tuple(
-            Changed(n, float(best.values[n]), best.u(n))
-            for n in best.free
-            if n in bench.base.ids or any(n.startswith(f"{c.id}.") for c in joined)
+        (
+            *_hiding(found, accepted),
+            *_still(nameless, findings),
+            *_notes(recording, bench),
+            "values to adopt are fitted to all blocks, held-out ones too; errors above are not",
         ),
-        _covariance(bench, best, tuple(c.id for c in joined)),
+        best.ids,
+        tuple(Changed(n, float(whole.values[n]), whole.u(n)) for n in whole.free),
+        whole.covariance,
         _curves(bench, best, proofs[0], findings),
         time.perf_counter() - begin,
-        {n: v for n, v in best.values.items() if n not in best.free},
+        {n: v for n, v in whole.values.items() if n not in whole.free},
         {},
         {},
     )
-
-
-def _covariance(bench: Bench, best: Fitted, joined: tuple[str, ...]) -> np.ndarray:
-    rows = [
-        i
-        for i, n in enumerate(best.free)
-        if n in bench.base.ids or any(n.startswith(f"{c}.") for c in joined)
-    ]
-    return np.asarray(best.covariance[np.ix_(rows, rows)])
 
 
 def _worse(proof: Proof) -> float:

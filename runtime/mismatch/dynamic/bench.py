@@ -108,17 +108,19 @@ class Bench:
         inside = (shown > low) & (shown < high)
         return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
 
-    def trajectory(self, joined: tuple[str, ...], values: Values, name: str) -> Array:
+    def trajectory(
+        self, joined: tuple[str, ...], values: Values, name: str, inputs: Mapping[str, Array]
+    ) -> Array:
         """Course of a given reading, time, or what the model says of a state, a flow or a sensor.
 
         Shape (n,), SI.
         """
         if name == TIME:
             return self.time
-        if name in self.record.inputs:
-            return np.asarray(self.record.inputs[name])
+        if name in inputs:
+            return np.asarray(inputs[name])
         whole = self.balances(joined)
-        course = self.simulate(joined, values).course
+        course = self.simulate(joined, values, inputs=inputs).course
         if name in whole.states:
             return np.ascontiguousarray(course.states[:, whole.states.index(name)])
         module, _, end = name.partition(".")

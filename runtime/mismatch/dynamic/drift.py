@@ -8,6 +8,7 @@ that does to the readings that are predicted is taken out of errors, as far as i
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,12 +24,47 @@ NOTABLE, LARGE = 0.001, 0.05
 time where it moves one by the larger share."""
 
 
-def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float]) -> Array:
-    """What each slow error does, times its standard uncertainty.
+@dataclass(frozen=True)
+class Drift:
+    """Errors within the class of sensors, each in its standard uncertainty.
 
-    Returns shape (signals * samples, errors): all measured signals, one below the other.
+    `moved` is what each does to readings, shape (signals * samples, errors), all measured signals
+    one below the other. `shapes` holds per error the given reading and the course, SI, shape (n,),
+    by which it is off; None for the zero error of a predicted reading.
     """
-    record, columns = bench.record, []
+
+    moved: Array
+    shapes: tuple[tuple[str, Array] | None, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of errors."""
+        return len(self.shapes)
+
+    def put_right(self, inputs: Mapping[str, Array], errors: Array) -> dict[str, Array]:
+        """What was given, less errors."""
+        result = dict(inputs)
+        for shape, size in zip(self.shapes, errors, strict=True):
+            if shape is not None and size:
+                result[shape[0]] = result[shape[0]] + size * shape[1]
+        return result
+
+    def given(self, errors: Array) -> Array:
+        """Errors of given readings alone, others 0."""
+        kept = [shape is not None for shape in self.shapes]
+        return np.where(kept, errors, 0.0)
+
+
+def no_drift(bench: Bench) -> Drift:
+    """Sensors without errors."""
+    return Drift(np.zeros((len(bench.signals) * len(bench.time), 0)), ())
+
+
+def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float]) -> Drift:
+    """What each error within a class does."""
+    record = bench.record
+    columns: list[Array] = []
+    shapes: list[tuple[str, Array] | None] = []
     plain = _stacked(bench, joined, values, record.inputs)
     spread = np.concatenate(
         [np.full(len(bench.time), np.nanstd(v)) for v in record.measured.values()]
@@ -45,12 +81,14 @@ def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float])
         for shape in _hats(bench.time) if size > LARGE else [np.ones(len(bench.time))]:
             changed = {**record.inputs, name: course + u * shape}
             columns.append(_stacked(bench, joined, values, changed) - plain)
+            shapes.append((name, u * shape))
     for i, (name, course) in enumerate(record.measured.items()):
         u = systematic_u(bench.ruleset.signal_by_id[name], course)
         own = np.zeros((len(record.measured), len(bench.time)))
         own[i] = np.nan_to_num(np.broadcast_to(u, course.shape))
         columns.append(own.ravel())
-    return np.column_stack(columns) if columns else np.zeros((len(plain), 0))
+        shapes.append(None)
+    return Drift(np.column_stack(columns), tuple(shapes))
 
 
 def _stacked(

@@ -14,6 +14,7 @@ import numpy as np
 from runtime.dynamic.balances import RanAway
 from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.dynamic.bench import Bench, Simulated, unknowns_of
+from runtime.mismatch.dynamic.drift import Drift
 from runtime.mismatch.dynamic.noise import Flags, Noise, noise_of
 from runtime.plan import Array
 
@@ -40,7 +41,9 @@ class Fitted:
     `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
     (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
     signal, shape (n,); `noise` is what they show. `strain` is half the squares of what the priors
-    cost. `pressed` names unknowns that stand at an end of what is possible and would go on.
+    cost. `slow` holds errors within the class of sensors, in their uncertainties, and `inputs` what
+    was given, put right by them. `pressed` names unknowns that stand at an end of what is possible
+    and would go on.
     """
 
     joined: tuple[Candidate, ...]
@@ -50,6 +53,8 @@ class Fitted:
     errors: Mapping[str, Array]
     strain: float
     covariance: Array
+    slow: Array
+    inputs: Mapping[str, Array]
     pressed: tuple[str, ...] = ()
 
     @property
@@ -67,12 +72,13 @@ class Fitted:
 class Judged:
     """Which samples count, and how: `known` and `noise` per signal.
 
-    `drift` is what slow errors of inputs do, shape (signals * samples, errors).
+    `slow` holds errors of what is given that a simulation starts from, shape (errors of `drift`,).
     """
 
     known: Mapping[str, Flags]
     noise: Mapping[str, Noise]
-    drift: Array
+    drift: Drift
+    slow: Array
 
     def flags(self) -> Flags:
         """Samples that count, all signals one below the other."""
@@ -86,10 +92,10 @@ class Judged:
 
     def basis(self) -> Array:
         """Orthonormal columns that span slow errors and their priors, stacked."""
-        if not self.drift.shape[1]:
+        if not self.drift.count:
             return np.zeros((int(self.flags().sum()), 0))
-        moved = (self.drift / self.weights()[:, None])[self.flags()]
-        basis, _ = np.linalg.qr(np.vstack([moved, np.eye(moved.shape[1])]))
+        moved = (self.drift.moved / self.weights()[:, None])[self.flags()]
+        basis, _ = np.linalg.qr(np.vstack([moved, np.eye(self.drift.count)]))
         return np.asarray(basis)
 
 
@@ -159,22 +165,23 @@ class Fitter:
         """The same by id, with what is fixed."""
         return {**self.fixed, **dict(zip(self.free, at.tolist(), strict=True))}
 
-    def simulate(self, at: Array, slopes: bool = True) -> Simulated:
+    def simulate(self, at: Array, judged: Judged, slopes: bool = True) -> Simulated:
         """Simulate at a point."""
         seeds = self.free if slopes else ()
-        return self.bench.simulate(self.ids, self.values(at), seeds)
+        inputs = judged.drift.put_right(self.bench.record.inputs, judged.slow)
+        return self.bench.simulate(self.ids, self.values(at), seeds, inputs)
 
     def _strain(self, at: Array) -> Array:
         return np.asarray(self._prior @ ((at[: self._count] - self._mean) / self._u))
 
     def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
         """Weighted errors and strains of the priors, and their slopes per scaled parameter."""
-        said = self.simulate(at)
+        said = self.simulate(at, judged)
         flags, weights = judged.flags(), judged.weights()
         errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
         slopes = [said.slopes[n] * self._scale for n in self.bench.signals]
         columns = np.column_stack([np.concatenate(errors), np.concatenate(slopes)])
-        columns = _projected((columns / weights[:, None])[flags], basis)
+        columns = _projected((columns / weights[:, None])[flags], basis, judged.slow)
         strain = np.zeros((self._count, len(self.free)))
         strain[:, : self._count] = self._prior * self._scale[: self._count] / self._u
         return (
@@ -185,12 +192,12 @@ class Fitter:
     def cost(self, at: Array, judged: Judged, basis: Array) -> float:
         """Half the sum of squares; infinite where the model runs away."""
         try:
-            said = self.simulate(at, slopes=False)
+            said = self.simulate(at, judged, slopes=False)
         except RanAway:
             return float("inf")
         errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
         column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
-        total = np.sum(_projected(column, basis) ** 2) + np.sum(self._strain(at) ** 2)
+        total = np.sum(_projected(column, basis, judged.slow) ** 2) + np.sum(self._strain(at) ** 2)
         return 0.5 * float(total)
 
     def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
@@ -225,30 +232,60 @@ class Fitter:
         )
         return np.asarray(found.x * self._scale)
 
-    def errors(self, at: Array, judged: Judged, basis: Array) -> dict[str, Array]:
-        """Simulated less measured less slow errors of inputs; NaN where nothing was measured."""
-        said = self.simulate(at, slopes=False)
+    def errors(self, at: Array, judged: Judged) -> tuple[dict[str, Array], Array]:
+        """Simulated less measured less what errors within the class of sensors explain; NaN where
+        nothing was measured. Those errors beside it."""
+        said = self.simulate(at, judged, slopes=False)
         errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
-        whole = np.concatenate(errors)
-        count = judged.drift.shape[1]
-        if count:
+        whole, slow = np.concatenate(errors), judged.slow
+        if judged.drift.count:
             weights, flags = judged.weights(), judged.flags()
-            moved = judged.drift / weights[:, None]
+            moved = judged.drift.moved / weights[:, None]
             left = (whole / weights)[flags]
-            normal = moved[flags].T @ moved[flags] + np.eye(count)
-            whole = whole - judged.drift @ np.linalg.solve(normal, moved[flags].T @ left)
-        return dict(zip(self.bench.signals, np.split(whole, len(errors)), strict=True))
+            normal = moved[flags].T @ moved[flags] + np.eye(len(slow))
+            found = np.linalg.solve(normal, moved[flags].T @ left + slow)
+            whole, slow = whole - judged.drift.moved @ found, slow - found
+        return dict(zip(self.bench.signals, np.split(whole, len(errors)), strict=True)), slow
 
     def finish(self, at: Array, judged: Judged, evaluations: int = 40, rounds: int = 2) -> Fitted:
         """Fit and look at the noise in turn."""
         for _ in range(rounds):
-            basis = judged.basis()
-            at = self.descend(at, judged, basis, evaluations)
-            errors = self.errors(at, judged, basis)
-            judged = replace(judged, noise=self._noise(errors, judged))
+            at = self.descend(at, judged, judged.basis(), evaluations)
+            errors, slow = self.errors(at, judged)
+            noise, given = self._noise(errors, judged), judged.drift.given(slow)
+            judged = replace(judged, noise=noise, slow=given)
         strain = 0.5 * float(np.sum(self._strain(at) ** 2))
-        empty = np.zeros((0, 0))
-        return Fitted(self.joined, self.values(at), self.free, judged.noise, errors, strain, empty)
+        return Fitted(
+            self.joined,
+            self.values(at),
+            self.free,
+            judged.noise,
+            errors,
+            strain,
+            np.zeros((0, 0)),
+            judged.slow,
+            judged.drift.put_right(self.bench.record.inputs, judged.slow),
+            self._pressed(at, judged),
+        )
+
+    def _pressed(self, at: Array, judged: Judged) -> tuple[str, ...]:
+        """Unknowns at an end of their range, other than their null, that the data push there."""
+        at_end = [
+            (self._count + i, unknown, end)
+            for i, unknown in enumerate(self._unknowns)
+            for end in (unknown.lowest, unknown.highest)
+            if unknown.null is not None and end != unknown.null
+            if abs(at[self._count + i] - end) < NEAR * (unknown.highest - unknown.lowest)
+        ]
+        if not at_end:
+            return ()
+        residual, slopes = self.residual(at, judged, judged.basis())
+        found = []
+        for i, unknown, end in at_end:
+            back = INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
+            if abs(float(slopes[:, i] @ residual)) * back > PRESSING:
+                found.append(unknown.id)
+        return tuple(found)
 
     def _noise(self, errors: Mapping[str, Array], judged: Judged) -> dict[str, Noise]:
         """The noise that errors show, per signal."""
@@ -257,9 +294,11 @@ class Fitter:
 
     def with_covariance(self, fitted: Fitted, judged: Judged) -> Fitted:
         """The same with the covariance of its parameters."""
-        judged = replace(judged, noise=fitted.noise)
+        judged = replace(judged, noise=fitted.noise, slow=fitted.slow)
         _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
-        scaled = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+        # What the data leave open is uniform between its bounds, and no more uncertain than that.
+        span = np.minimum(self._high - self._low, 1e6 * self._scale) / self._scale
+        scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
         covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
         return replace(fitted, covariance=covariance)
 
@@ -275,12 +314,16 @@ def _compressed(residual: Array, slopes: Array) -> tuple[Array, Array]:
     return triangle[:, count].copy(), triangle[:, :count].copy()
 
 
-def _projected(columns: Array, basis: Array) -> Array:
-    """What is left of columns when slow errors, as far as their priors allow, explain the rest."""
+def _projected(columns: Array, basis: Array, slow: Array) -> Array:
+    """What is left of columns, errors first, when slow errors explain what their priors allow.
+
+    `slow` is where those stand already.
+    """
     extra = basis.shape[1]
     if not extra:
         return columns
     padded = np.vstack([columns, np.zeros((extra, columns.shape[1]))])
+    padded[-extra:, 0] = slow
     return np.asarray(padded - basis @ (basis.T @ padded))
 
 

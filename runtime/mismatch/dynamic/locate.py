@@ -74,7 +74,7 @@ def _response(bench: Bench, fitted: Fitted, spot: Spot) -> tuple[Array, list[Arr
         said = bench.simulate(
             fitted.ids,
             fitted.values,
-            inputs={**bench.record.inputs, spot.unknown: course},
+            inputs={**fitted.inputs, spot.unknown: course},
             spots=(spot.id,),
         )
         return np.concatenate([said.shown[n] for n in bench.signals])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,10 +36,8 @@ def prove(bench: Bench, plain: Fitted, best: Fitted, judged: Judged) -> list[Pro
 
 def _shipped(bench: Bench, judged: Judged) -> Mapping[str, Array]:
     fitter = Fitter(bench, (), {})
-    at = fitter.vector({})
-    weighted = replace(judged, noise=judged.noise)
     try:
-        return fitter.errors(at, weighted, weighted.basis())
+        return fitter.errors(fitter.vector({}), judged)[0]
     except RanAway:
         return {n: np.full(len(v), np.nan) for n, v in bench.record.measured.items()}
 

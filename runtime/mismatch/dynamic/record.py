@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.mismatch.dynamic.noise import Flags
+from runtime.mismatch.dynamic.quality import glitches_in
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
@@ -20,9 +21,6 @@ BUDGET = 4096
 
 BLOCKS = 25
 """Blocks of a recording."""
-
-FAR = 8.0
-"""A single reading that is so many times the usual step away from both neighbours is none."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,9 @@ def record_of(
     measured: dict[str, Array] = {}
     glitches: dict[str, int] = {}
     for name in shown:
-        measured[name], glitches[name] = _without_glitches(recording.values[name])
+        odd = glitches_in(recording.values[name])
+        measured[name] = np.where(odd, np.nan, recording.values[name])
+        glitches[name] = int(odd.sum())
     inputs = {n: v for n, v in recording.values.items() if n in given}
     time, inputs, measured = _thinned(recording.time, inputs, measured)
     inputs = {n: _filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
@@ -85,18 +85,6 @@ def record_of(
     resolution = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
     return Record(time, inputs, measured, resolution, glitches, part, block, text, digest)
-
-
-def _without_glitches(values: Array) -> tuple[Array, int]:
-    """Readings without single ones that neither neighbour bears out, and how many those were."""
-    step = np.abs(np.diff(values))
-    usual = 1.4826 * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
-    usual = max(usual, 1e-12 + 0.02 * float(np.nanstd(values)))
-    odd = np.zeros(len(values), dtype=bool)
-    before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
-    with np.errstate(invalid="ignore"):
-        odd[1:-1] = (before * after > 0) & (np.minimum(abs(before), abs(after)) > FAR * usual)
-    return np.where(odd, np.nan, values), int(odd.sum())
 
 
 def _thinned(

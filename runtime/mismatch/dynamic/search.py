@@ -16,7 +16,7 @@ import numpy as np
 
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.dynamic.bench import Bench
-from runtime.mismatch.dynamic.drift import drift_of
+from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
 from runtime.mismatch.dynamic.noise import Noise, gain
 from runtime.mismatch.dynamic.price import price_of
@@ -105,7 +105,8 @@ class Searcher:
         fixed = dict(self._fixed(on, joined))
         fitter = Fitter(self.bench, joined, fixed)
         noise = on.noise if on is not None else self._first_noise()
-        judged = replace(self.judged, noise=noise)
+        slow = on.slow if on is not None else self.judged.slow
+        judged = replace(self.judged, noise=noise, slow=slow)
         basis = judged.basis()
         random = np.random.default_rng(len(joined))
         starts = [fitter.vector({**known, **s}) for s in self._starts(on, new)]
@@ -126,7 +127,7 @@ class Searcher:
     def polished(self, fitted: Fitted) -> Fitted:
         """The same, fitted to the end."""
         fitter = Fitter(self.bench, fitted.joined, self.kept(fitted))
-        judged = replace(self.judged, noise=fitted.noise)
+        judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow)
         return fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 3)
 
     def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
@@ -199,7 +200,8 @@ class Searcher:
 
     def _course(self, on: Fitted | None, name: str) -> Array:
         values = on.values if on is not None else {}
-        return self.bench.trajectory(on.ids if on is not None else (), values, name)
+        ids, inputs = (on.ids, on.inputs) if on is not None else ((), self.bench.record.inputs)
+        return self.bench.trajectory(ids, values, name, inputs)
 
     def _starts(self, on: Fitted | None, new: Sequence[Candidate]) -> list[Mapping[str, float]]:
         """Every combination of the starts of new unknowns."""
@@ -217,21 +219,21 @@ class Searcher:
         measured = self.bench.record.measured
         noise = {n: Noise(10.0 * float(np.nanstd(v)) + 1e-12, 1.0) for n, v in measured.items()}
         errors = {n: np.full(len(v), np.nan) for n, v in measured.items()}
-        at = fitter.vector({})
-        return Fitted((), fitter.values(at), fitter.free, noise, errors, 0.0, np.zeros((0, 0)))
+        values, inputs = fitter.values(fitter.vector({})), self.bench.record.inputs
+        empty = np.zeros((0, 0))
+        return Fitted((), values, fitter.free, noise, errors, 0.0, empty, judged.slow, inputs)
 
 
 def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     """Find what is missing."""
     candidates = bench.candidates
     tell("recalibrating the plain model")
-    empty = np.zeros((sum(len(k) for k in bench.known.values()), 0))
-    first = Searcher(bench, Judged(bench.known, {}, empty), workers)
-    plain = first.plain()
+    none = np.zeros(0)
+    plain = Searcher(bench, Judged(bench.known, {}, no_drift(bench), none), workers).plain()
     drift = drift_of(bench, (), plain.values)
-    judged = Judged(bench.known, plain.noise, drift)
+    judged = Judged(bench.known, plain.noise, drift, np.zeros(drift.count))
     searcher = Searcher(bench, judged, workers)
-    plain = searcher.polished(plain) if drift.shape[1] else plain
+    plain = searcher.polished(replace(plain, slow=judged.slow))
     if all(noise.memory < WHITE for noise in plain.noise.values()):
         return Found(plain, plain, ((plain,),), judged, len(candidates), {})
     levels: list[tuple[Fitted, ...]] = [(plain,)]

@@ -22,10 +22,10 @@ def term_of(bench: Bench, fitted: Fitted, candidate: Candidate) -> Array:
     then it cannot be switched off at a moment.
     """
     balances = bench.balances(fitted.ids)
-    said = bench.simulate(fitted.ids, fitted.values)
+    said = bench.simulate(fitted.ids, fitted.values, inputs=fitted.inputs)
     values = {**bench.plain_values, **fitted.values, "time": bench.time}
     known = {n: np.asarray(values[n]) for n in balances.plan.inputs if n in values}
-    known |= {n: bench.record.inputs[n] for n in balances.inputs}
+    known |= {n: fitted.inputs[n] for n in balances.inputs}
     courses = said.course.states
     known |= {n: np.ascontiguousarray(courses[:, i]) for i, n in enumerate(balances.states)}
     off = {u.id: u.null for u in candidate.unknowns if u.null is not None}
@@ -35,7 +35,9 @@ def term_of(bench: Bench, fitted: Fitted, candidate: Candidate) -> Array:
     total = np.zeros(len(bench.time))
     for name in outputs:
         change = np.nan_to_num(here[name] - there[name])
-        total += (change / (float(np.nanstd(here[name])) or 1.0)) ** 2
+        scatter = float(np.nanstd(here[name]))
+        if scatter > 1e-12 * float(np.nanmax(np.abs(here[name]))):
+            total += (change / scatter) ** 2
     return np.asarray(np.broadcast_to(total, bench.time.shape))
 
 
@@ -47,7 +49,7 @@ def variables_of(bench: Bench, fitted: Fitted, module: str) -> dict[str, Variabl
     found: dict[str, Variable] = {}
     assert bench.ruleset.dynamics is not None
     for state in bench.ruleset.dynamics.states:
-        course = bench.trajectory(fitted.ids, fitted.values, state.id)
+        course = bench.trajectory(fitted.ids, fitted.values, state.id, fitted.inputs)
         found[state.id] = (course, state.factor, state.offset, state.unit)
     for name, course in bench.record.inputs.items():
         signal = bench.ruleset.signal_by_id[name]
