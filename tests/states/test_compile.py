@@ -44,7 +44,7 @@ def test_balances_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
         "d upper.h/dt = (inflow - outflow)/A   (from h0, not below 0 cm)",
         "upper.inflow = pump.pump",
         "upper.outflow = a*sqrt(2*gravity*h)",
-        "upper.y shows g*h",
+        "upper.y shows g*h + y0",
     ] == shown[:6]
     assert "lower.inflow = upper.outflow" in shown
 
