@@ -14,8 +14,9 @@ from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.doubt import Accepted, confounded, doubted
 from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import Suspect, suspects
+from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.prove import Proof, prove
+from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove
 from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Searcher, search
@@ -58,16 +59,23 @@ def analyse_stores(
     best, accepted = doubted(searcher, found)
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
     tell("looking for places where something is wrong")
-    places = suspects(bench, found.plain, found.judged)
-    left = suspects(bench, best, found.judged) if best.joined else places
+    left = suspects(bench, _sharp(bench, best), found.judged)
     tell("working out uncertainties")
     findings = (*findings_of(searcher, best, accepted), *failing(recording, ruleset))
     tell("opening the held-out blocks")
     proofs = prove(bench, found.plain, best, found.judged)
     whole = fitted_to_all(searcher, best)
-    return _answer(
-        recording, bench, found, best, whole, accepted, findings, (places, left), proofs, begin
-    )
+    return _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
+
+
+def _sharp(bench: Bench, fitted: Fitted) -> Fitted:
+    """A model whose errors count as far as they exceed noise: that is what a place may explain."""
+    record = bench.record
+    noise = {
+        n: Noise(max(noise_floor(v[np.isfinite(v)]), record.resolution[n]), 1.0)
+        for n, v in record.measured.items()
+    }
+    return replace(fitted, noise=noise)
 
 
 def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
@@ -89,13 +97,13 @@ def _answer(
     whole: Fitted,
     accepted: tuple[Accepted, ...],
     findings: tuple[Finding, ...],
-    places: tuple[list[Suspect], list[Suspect]],
+    left: list[Suspect],
     proofs: list[Proof],
     begin: float,
 ) -> Mismatch:
     ruleset = bench.ruleset
     locations = tuple(location_of(bench, best, f) for f in findings if f.id in best.ids)
-    nameless = _nameless(bench, best, places[1], len(bench.candidates))
+    nameless = _nameless(bench, best, left, len(bench.candidates))
     if not best.joined:
         locations = nameless
     unnamed = bool(nameless) and not best.joined

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.dynamic.fit import Fitted, Fitter
+from runtime.mismatch.dynamic.locate import STORED, smooth_gain
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.search import Found, Searcher, at_an_end
 from runtime.mismatch.result import Confounded, Rival
@@ -61,10 +63,28 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
     accepted = []
     for candidate in best.joined:
         bare = without[candidate.id]
-        rivals = (Rival("the model without it", searcher.gain(bare, best)),)
-        odds = _odds(searcher, best, others[candidate.id])
-        accepted.append(Accepted(candidate, searcher.gain(best, bare), odds, rivals))
+        rivals = tuple(_rivals(searcher, bare, candidate))
+        own = searcher.gain(best, bare)
+        if max(r.gain for r in rivals) >= own:
+            # A course without physics does as well: the rest is weighed without it.
+            return doubted(searcher, replace(found, best=bare))
+        accepted.append(
+            Accepted(candidate, own, _odds(searcher, best, others[candidate.id]), rivals)
+        )
     return best, tuple(accepted)
+
+
+def _rivals(searcher: Searcher, bare: Fitted, candidate: Candidate) -> Iterator[Rival]:
+    """What must lose against it: doing nothing, and as many parameters without physics."""
+    yield Rival("the model without it", 0.0)
+    count = sum(not u.fixed for u in candidate.unknowns)
+    gains = [
+        smooth_gain(searcher.bench, bare, searcher.judged, spot, count)
+        for spot in searcher.bench.workshop.spots
+        if spot.kind in STORED and spot.module in candidate.modules
+    ]
+    if gains:
+        yield Rival("a smooth course in time at its place", max(gains))
 
 
 def _needed_alone(

@@ -64,7 +64,29 @@ def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
     return sorted(found, key=lambda s: -s.gain)
 
 
-def _response(bench: Bench, fitted: Fitted, spot: Spot) -> tuple[Array, list[Array], float] | None:
+def smooth_gain(bench: Bench, fitted: Fitted, judged: Judged, spot: Spot, count: int) -> float:
+    """What as many free parameters without physics would gain at a place: a smooth course in time.
+
+    By linear response, in log likelihood with the size of the noise unknown.
+    """
+    response = _response(bench, fitted, spot, count)
+    if response is None:
+        return 0.0
+    weights = np.concatenate(
+        [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
+    )
+    flags = judged.flags()
+    error = np.concatenate([fitted.errors[n] for n in bench.signals])
+    left = np.where(flags, error, 0.0)[flags] / weights[flags]
+    columns = response[0][flags] / weights[flags, None]
+    found = np.linalg.lstsq(columns, left, rcond=None)[0]
+    before, after = float(np.sum(left**2)), float(np.sum((left - columns @ found) ** 2))
+    return 0.5 * before * float(np.log(before / max(after, 1e-300)))
+
+
+def _response(
+    bench: Bench, fitted: Fitted, spot: Spot, knots: int = KNOTS
+) -> tuple[Array, list[Array], float] | None:
     """What unit errors at a place do to all readings, stacked; None where nothing sees it.
 
     Scaled so that a constant unit error moves readings by their scatter.
@@ -88,8 +110,8 @@ def _response(bench: Bench, fitted: Fitted, spot: Spot) -> tuple[Array, list[Arr
         if moved <= 1e-12 * scatter:
             return None
         size *= scatter / moved
-        knots = np.linspace(bench.time[0], bench.time[-1], KNOTS)
-        shapes = [np.interp(bench.time, knots, row) for row in np.eye(KNOTS)]
+        ends = np.linspace(bench.time[0], bench.time[-1], max(knots, 2))
+        shapes = [np.interp(bench.time, ends, row) for row in np.eye(len(ends))[:knots]]
         step = 0.02 * size
         columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
     except RanAway:

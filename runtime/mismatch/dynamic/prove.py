@@ -47,7 +47,7 @@ def _proof(bench: Bench, name: str, errors: list[Array]) -> Proof:
     measured = record.measured[name]
     known = np.isfinite(measured) & np.all([np.isfinite(e) for e in errors], axis=0)
     shown = [e / signal.factor for e in errors]
-    noise = _noise(measured[known]) / signal.factor
+    noise = noise_floor(measured[known]) / signal.factor
     parts = (known & record.open, known & ~record.open)
     estimation, heldout = (
         Errors(rms(shown[0][p]), rms(shown[1][p]), rms(shown[2][p]), noise, int(p.sum()))
@@ -65,7 +65,7 @@ def _proof(bench: Bench, name: str, errors: list[Array]) -> Proof:
     return Proof(fit, shipped, recalibrated, repaired)
 
 
-def _noise(measured: Array) -> float:
+def noise_floor(measured: Array) -> float:
     """Scatter of a reading by its third differences, which no plant that stores has."""
     third = np.diff(measured, 3)
     return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if len(third) else 0.0

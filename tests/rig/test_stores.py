@@ -1,0 +1,78 @@
+"""Real recordings of plants that store: what the comparison found holds on blocks it never used.
+
+The whole search takes minutes (`rulec mismatch`); here the explanations it found are fitted anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.workshop import open_workshop
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.drift import drift_of, no_drift
+from runtime.mismatch.dynamic.fit import Fitted, Judged
+from runtime.mismatch.dynamic.quality import failing
+from runtime.mismatch.dynamic.record import record_of
+from runtime.mismatch.dynamic.search import Searcher
+from runtime.recording import read_recording
+from tests.conftest import ROOT, recordings_folder
+
+
+def recorded(name: str) -> Path:
+    folder = recordings_folder()
+    if not (folder / name).exists():
+        pytest.skip("no real recordings (set RULEC_RECORDINGS)")
+    return folder / name
+
+
+def fitted(plant: str, file: str, *joined: str) -> tuple[Bench, Fitted, Fitted]:
+    """The recalibrated and the repaired model on the blocks that are open."""
+    ruleset, workshop = open_workshop(ROOT / "plants" / plant)
+    record = record_of(read_recording(recorded(file), ruleset), ruleset, workshop.given)
+    assert record is not None
+    bench = Bench(ruleset, workshop, record)
+    first = Searcher(bench, Judged(bench.known, {}, no_drift(bench), np.zeros(0)), 2)
+    plain = first.plain()
+    drift = drift_of(bench, (), plain.values)
+    none = np.zeros(drift.count)
+    searcher = Searcher(bench, Judged(bench.known, plain.noise, drift, none), 2)
+    plain = model = searcher.polished(replace(plain, slow=none))
+    for name in joined:
+        trial = searcher.trial(model, (*model.joined, bench.candidate(name)))
+        model = searcher.polished(trial)
+    return bench, plain, model
+
+
+def heldout(bench: Bench, model: Fitted, signal: str) -> float:
+    """Root mean square error on held-out blocks, SI."""
+    error = model.errors[signal][~bench.record.open]
+    return float(np.sqrt(np.nanmean(error**2)))
+
+
+def test_cascaded_tanks() -> None:
+    """A bent transmitter and an overflow hide each other: alone next to nothing, together most."""
+    bend, rim = "lower.bent-characteristic@y", "upper.overflow-caught@inflow"
+    file = "cascaded-tanks/estimation.csv"
+    bench, plain, bent = fitted("cascaded-tanks", file, bend)
+    _, _, both = fitted("cascaded-tanks", file, bend, rim)
+    errors = [heldout(bench, model, "lower.y") for model in (plain, bent, both)]
+    assert errors[0] > 0.6
+    assert errors[1] > 0.9 * errors[0]
+    assert errors[2] < 0.3
+
+
+def test_two_tanks_and_a_gravity_pipe() -> None:
+    """An overflow of tank 2 and the delay of the pipe; the bad level sensor of the pipe is told."""
+    file = "aau-wastewater-lab/onoff_2021-12-30.csv.gz"
+    joined = ("tank2.overflow-lost@inflow", "pipe.transport-delay@outflow")
+    bench, plain, repaired = fitted("wastewater-lab", file, *joined)
+    assert heldout(bench, plain, "tank2.l") > 0.04
+    assert heldout(bench, repaired, "tank2.l") < 0.02
+    assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
+    assert 0.55 < repaired.values["tank2.overflow-lost@inflow.l_o"] < 0.65
+    told = list(failing(read_recording(recorded(file), bench.ruleset), bench.ruleset))
+    assert ["pipe.l2.drop-outs"] == [finding.id for finding in told]

@@ -1,0 +1,80 @@
+"""Benches for tests: recordings that the compiled model made, with noise and something left out."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+
+from rulec.workshop import PlantWorkshop, open_workshop
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.record import record_of
+from runtime.plan import Array
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from tests.conftest import ROOT
+
+STEP = 4.0
+NOISE = 0.01
+OVERFLOW = "upper.overflow-caught@inflow"
+TRUE = {
+    "pump.k": 2.4e-6,
+    "upper.A": 14.8e-4,
+    "upper.a": 4.2e-6,
+    "upper.h0": 0.08,
+    "lower.A": 15.3e-4,
+    "lower.a": 4.6e-6,
+    "lower.g": 46.0,
+    "lower.y0": 0.05,
+    "lower.h0": 0.11,
+}
+"""Another plant than the one that is shipped, within what is stated of it; SI."""
+
+RIM = {f"{OVERFLOW}.k": 60.0, f"{OVERFLOW}.l_o": 0.16, f"{OVERFLOW}.f": 0.7, f"{OVERFLOW}.q0": 8e-6}
+
+
+@functools.cache
+def tanks() -> tuple[Ruleset, PlantWorkshop]:
+    """Two open tanks, one above the other; only the lower level is measured."""
+    return open_workshop(ROOT / "plants" / "cascaded-tanks")
+
+
+def voltage(n: int, seed: int) -> Array:
+    """Random steps, each held for 10 to 40 samples, V."""
+    random = np.random.default_rng(seed)
+    steps = random.uniform(1.0, 5.5, n)
+    return np.repeat(steps, random.integers(10, 40, n))[:n]
+
+
+def made(
+    n: int = 512,
+    seed: int = 1,
+    joined: tuple[str, ...] = (),
+    more: Mapping[str, float] | None = None,
+    errors: Mapping[str, Array] | None = None,
+) -> Recording:
+    """A recording of the tanks, with candidates built in and their values.
+
+    `errors` are courses by the spot where they sit, in SI.
+    """
+    _, workshop = tanks()
+    u, time = voltage(n, seed), STEP * np.arange(n)
+    spots = errors or {}
+    balances = workshop.balances(joined, tuple(spots))
+    inputs = np.column_stack([u, *spots.values()])
+    values = {**dict(zip(workshop.parameters.ids, workshop.parameters.values, strict=True))}
+    values |= {**workshop.parameters.constants, **TRUE, **(more or {})}
+    course = balances.run(time, inputs, np.ones(inputs.shape[1], dtype=bool), values)
+    y = course.shown[:, balances.outputs.index("shown:lower.y")]
+    y = np.clip(y + NOISE * np.random.default_rng(seed + 100).standard_normal(n), 0.0, 10.0)
+    file = np.zeros(n, dtype=int)
+    return Recording(time, {"pump.u": u, "lower.y": np.round(y, 3)}, file, ("upper.y",), ())
+
+
+def bench(recording: Recording) -> Bench:
+    """The recording on its bench."""
+    ruleset, workshop = tanks()
+    record = record_of(recording, ruleset, workshop.given)
+    assert record is not None
+    return Bench(ruleset, workshop, record)

@@ -1,0 +1,69 @@
+"""A recording as the analysis of a plant that stores reads it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.dynamic.quality import failing, glitches_in
+from runtime.mismatch.dynamic.record import BUDGET, record_of
+from tests.runtime.mismatch.dynamic.benches import made, tanks
+
+
+def test_blocks_follow_from_the_inputs_alone() -> None:
+    """Other readings, the same split; a fifth is held out."""
+    ruleset, workshop = tanks()
+    recording = made()
+    other = replace(recording, values={**recording.values, "lower.y": recording.values["pump.u"]})
+    first, second = (record_of(r, ruleset, workshop.given) for r in (recording, other))
+    assert first is not None
+    assert second is not None
+    assert first.digest == second.digest
+    assert 0.15 < 1.0 - first.open.mean() < 0.25
+
+
+def test_long_recordings_keep_the_volume_that_was_pumped() -> None:
+    """Neighbours are averaged: what flowed in stays the same."""
+    ruleset, workshop = tanks()
+    recording = made(3 * BUDGET)
+    record = record_of(recording, ruleset, workshop.given)
+    assert record is not None
+    assert len(record.time) <= BUDGET
+    kept = recording.values["pump.u"][: 3 * len(record.time)]
+    assert record.inputs["pump.u"].mean() == pytest.approx(kept.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize("missing", ["pump.u", "lower.y"])
+def test_without_input_or_reading_nothing_is_compared(missing: str) -> None:
+    ruleset, workshop = tanks()
+    recording = made()
+    values = {n: v for n, v in recording.values.items() if n != missing}
+    assert record_of(replace(recording, values=values), ruleset, workshop.given) is None
+
+
+def test_gaps_in_an_input_hold_the_last_value() -> None:
+    ruleset, workshop = tanks()
+    recording = made()
+    holes = recording.values["pump.u"].copy()
+    holes[100:103] = np.nan
+    record = record_of(
+        replace(recording, values={**recording.values, "pump.u": holes}), ruleset, workshop.given
+    )
+    assert record is not None
+    assert [holes[99]] * 3 == record.inputs["pump.u"][100:103].tolist()
+
+
+def test_a_sensor_that_drops_out_is_told() -> None:
+    """Single readings that jump away and back, often; a step of the level is none."""
+    recording = made()
+    y = recording.values["lower.y"].copy()
+    odd = np.arange(20, 500, 12)
+    y[odd] -= 4.0
+    found = list(failing(replace(recording, values={"lower.y": y}), tanks()[0]))
+    assert ["lower.y.drop-outs"] == [f.id for f in found]
+    assert "sensor" == found[0].sort
+    assert odd.tolist() == np.flatnonzero(glitches_in(y)).tolist()
+    assert not list(failing(recording, tanks()[0]))
+    assert not glitches_in(np.repeat([1.0, 5.0, 2.0], 50)).any()
