@@ -34,7 +34,7 @@ def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, Mo
     for name, kind in types.items():
         if any(_moves(kind, o.expression) for o in kind.observers.values()):
             result[name] = _settled(kind, name)
-            if not network.plant.modules[name].type.states:
+            if not network.plant.modules[name].type.cuts:
                 opened.append(name)
     taken = any(_is_taken(network, name) for name in opened)
     for choice in itertools.product(CHOICES, repeat=len(opened)) if opened and not taken else ():

@@ -14,7 +14,8 @@ from rulec.plant import Module
 def balances_told(network: Network, module: Module) -> Iterator[str]:
     """What a module stores and shows, one equation a line; nothing where it does neither.
 
-    Names are those of the module; flows of others stand with theirs, as ``pump.flow``.
+    Equations are in the names of the module; what flows in or out stands as the sum of laws that it
+    follows from.
     """
     kind = module.type
     for name in kind.observers:
@@ -25,11 +26,11 @@ def balances_told(network: Network, module: Module) -> Iterator[str]:
         yield f"d {title}/dt = {state.rate}   ({', '.join(_bounds(state))})"
     for end in ENDS if kind.flows else ():
         if (module.name, end) in network.ends and end in _named(kind):
-            yield f"  {end} = {_flow(network, module.name, end)}"
+            yield f"{module.name}.{end} = {flow_told(network, module.name, end)}"
     for name in _stood_on(kind):
-        yield f"  {name} = {kind.definitions[name].expression}"
+        yield f"{module.name}.{name} = {kind.definitions[name].expression}"
     for reading in kind.readings.values():
-        yield f"  {module.name}.{reading.name} shows {reading.expression}"
+        yield f"{module.name}.{reading.name} shows {reading.expression}"
 
 
 def _taken(network: Network) -> Iterator[Known]:
@@ -53,7 +54,8 @@ def _value(state: State, expression: Expression) -> str:
     )
 
 
-def _flow(network: Network, module: str, end: str) -> str:
+def flow_told(network: Network, module: str, end: str) -> str:
+    """What flows at an end, as a sum of laws; ``0`` where nothing is connected."""
     terms = network.ends[module, end]
     text = " ".join(f"{'+' if sign > 0 else '-'} {k.module}.{k.name}" for sign, k in terms)
     return text.removeprefix("+ ") or "0"

@@ -22,7 +22,7 @@ from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Plant
 from rulec.put_balances import Balanced
 from rulec.read import Sources
-from rulec.tell_balances import balances_told
+from rulec.tell_balances import balances_told, flow_told
 from rulec.workshop import open_workshop
 from runtime.ruleset import Ruleset
 
@@ -80,6 +80,8 @@ def _network(network: Network) -> Iterator[str]:
         terms = (f"{'+' if sign > 0 else '-'} {m}.{kind}" for m, sign in flow.terms.items())
         text = " ".join(terms)
         yield f"{module}.{kind} = {text.removeprefix('+ ')}"
+    for module, end in network.ends:
+        yield f"{module}.{end} = {flow_told(network, module, end)}"
 
 
 def _residuals(residuals: Residuals) -> Iterator[str]:

@@ -85,10 +85,12 @@ def _odd_times(has_time: NDArray[np.bool_], order: NDArray[np.intp], time: Array
         yield "the rows are not in order of time; they are predicted in it"
     wide = _gaps(time)
     if wide.any():
-        first = int(np.argmax(wide))
-        count = f"{int(wide.sum())} gaps, the first" if wide.sum() > 1 else "a gap"
-        step = float(time[first + 1] - time[first])
-        yield f"{count} of {step:.4g} s behind data row {order[first] + 1}: integrated across"
+        longest, count = float(np.diff(time)[wide].max()), int(wide.sum())
+        where = f"behind data row {order[int(np.argmax(wide))] + 1}"
+        what = f"a gap of {longest:.4g} s {where}"
+        if count > 1:
+            what = f"{count} gaps of up to {longest:.4g} s, the first {where}"
+        yield f"{what}: integrated across"
 
 
 def _gaps(time: Array) -> NDArray[np.bool_]:

@@ -78,7 +78,9 @@ SHIPPED = {"k": 2.5e-6, "A": 15e-4, "a": 0.05e-4, "gain": 50.0, "h0": 0.1, "grav
 """Values of the shipped types, SI, by hand; both tanks are alike."""
 
 
-def two_tanks(time: Array, u: Array, values: Mapping[str, float] = SHIPPED) -> Array:
+def two_tanks(
+    time: Array, u: Array, values: Mapping[str, float] = SHIPPED, rtol: float = 1e-10
+) -> Array:
     """What the lower sensor shows, V, by LSODA from sample to sample; not limited to its range."""
     v = values
 
@@ -89,17 +91,21 @@ def two_tanks(time: Array, u: Array, values: Mapping[str, float] = SHIPPED) -> A
         between = flow(h[0])
         return [(v["k"] * now - between) / v["A"], (between - flow(h[1])) / v["A"]]
 
-    return v["gain"] * stepwise(rates, time, u, [v["h0"], v["h0"]])[:, 1]
+    return v["gain"] * stepwise(rates, time, u, [v["h0"], v["h0"]], rtol)[:, 1]
 
 
 def stepwise(
-    rates: Callable[[float, Array, float], list[float]], time: Array, u: Array, start: list[float]
+    rates: Callable[[float, Array, float], list[float]],
+    time: Array,
+    u: Array,
+    start: list[float],
+    rtol: float,
 ) -> Array:
     """States at all samples, shape (n, states); the input is held between samples."""
     states = [np.array(start)]
     for begin, end, now in zip(time[:-1], time[1:], u[:-1], strict=True):
         found = solve_ivp(
-            rates, (begin, end), states[-1], "LSODA", args=(now,), rtol=1e-10, atol=1e-13
+            rates, (begin, end), states[-1], "LSODA", args=(now,), rtol=rtol, atol=1e-13
         )
         states.append(np.maximum(found.y[:, -1], 0.0))
     return np.array(states)

@@ -42,11 +42,11 @@ def test_balances_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
         "given: pump.u",
         "pump.pump = k*u   (a flow)",
         "d upper.h/dt = (inflow - outflow)/A   (from h0, not below 0 cm)",
-        "  inflow = pump.pump",
-        "  outflow = a*sqrt(2*gravity*h)",
-        "  upper.y shows g*h",
+        "upper.inflow = pump.pump",
+        "upper.outflow = a*sqrt(2*gravity*h)",
+        "upper.y shows g*h + y0",
     ] == shown[:6]
-    assert "  inflow = upper.outflow" in shown
+    assert "lower.inflow = upper.outflow" in shown
 
 
 def test_a_plant_that_stores_nothing_says_so(capsys: pytest.CaptureFixture[str]) -> None:
