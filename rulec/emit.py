@@ -182,10 +182,7 @@ def _ambiguous(group: Group) -> contract.AmbiguousGroup:
 
 def _unobserved(names: tuple[str, ...], balanced: Balanced) -> tuple[str, ...]:
     """Modules and faults that neither estimates nor balances see."""
-    dynamics = balanced.dynamics
-    if dynamics is None:
-        return names
-    seen = {*dynamics.faults, *(fault.partition(".")[0] for fault in dynamics.faults)}
+    seen = balanced.dynamics.faults if balanced.dynamics is not None else ()
     return tuple(name for name in names if name not in seen)
 
 

@@ -34,11 +34,11 @@ def predict_settled(
     SimulationRefused
         A given reading has no column, or a fault is none of this plant.
     """
-    time = _times(files)
+    time = times_of(files)
     asked = [name for name in equations.given if name not in known]
     recorded = {**known, **recorded_of(equations.ruleset, files, asked)}
     given = {s.id: _running(s, recorded[s.id]) for s in equations.given_signals}
-    degrees = _degrees(injected, time)
+    degrees = degrees_of(injected, time)
     simulated = simulate_with(equations, given, degrees)
     values = {name: simulated.values[name] for name in equations.predicted}
     notes = [
@@ -51,7 +51,7 @@ def predict_settled(
     return Exact(equations.given, values, simulated.solved, tuple(notes), gains)
 
 
-def _times(files: Sequence[RecordingFile]) -> Array:
+def times_of(files: Sequence[RecordingFile]) -> Array:
     """Times of all rows, s; dates count from the first one."""
     time = np.concatenate([file.time for file in files])
     if any(file.dated for file in files) and np.isfinite(time).any():
@@ -66,7 +66,7 @@ def _running(signal: SignalSpec, recorded: Array) -> Array:
     return np.where(recorded < signal.minimum, np.nan, recorded)
 
 
-def _degrees(injected: Sequence[Injected], time: Array) -> dict[str, Array | float]:
+def degrees_of(injected: Sequence[Injected], time: Array) -> dict[str, Array | float]:
     """Degree of each fault; of several that overlap the last one counts."""
     degrees: dict[str, Array | float] = {}
     for part in injected:

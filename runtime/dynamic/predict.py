@@ -15,12 +15,14 @@ from runtime.dynamic.balances import Balances, RanAway
 from runtime.dynamic.run import Run, course, run_of
 from runtime.equations import Equations, SimulationRefused, equations_of
 from runtime.plan import Array
-from runtime.predict_settled import NOTHING, predict_settled
+from runtime.predict_settled import NOTHING, degrees_of, predict_settled, times_of
 from runtime.prediction import Exact, Injected, recorded_of, rows, within_range
 from runtime.recording_file import RecordingFile
 from runtime.ruleset import Dynamics, Ruleset
 
 SHOWN = "shown:"
+DEGREE = "x."
+"""Before the id of a fault: its degree as an input of the balances."""
 
 
 def predict_stored(
@@ -41,7 +43,7 @@ def predict_stored(
     settled = _settled_equations(ruleset)
     if settled is None:
         note = (ruleset.simulation.refused,) if ruleset.simulation.refused else ()
-        return _stored(ruleset, dynamics, files, NOTHING, note)
+        return _stored(ruleset, dynamics, files, injected, NOTHING, note)
     before = sorted(set(dynamics.inputs).intersection(settled.predicted))
     behind = sorted(set(settled.given).intersection(dynamics.outputs))
     if before and behind:
@@ -49,13 +51,15 @@ def predict_stored(
             f"{ruleset.plant} cannot be simulated: its balances need {', '.join(before)}, which "
             f"follows from {', '.join(behind)} at the same moment, and that from the balances"
         )
+    # Faults that act on what is stored alone are none of the settled equations.
+    at_once = [part for part in injected if ruleset.fault_by_id[part.fault].affects]
     if before:
-        first = predict_settled(settled, files, injected)
+        first = predict_settled(settled, files, at_once)
         known = {name: first.values[name] for name in before}
-        return _together(first, _stored(ruleset, dynamics, files, known))
-    first = _stored(ruleset, dynamics, files, NOTHING, all_of=behind)
+        return _together(first, _stored(ruleset, dynamics, files, injected, known))
+    first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind)
     known = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
-    return _together(first, predict_settled(settled, files, injected, known))
+    return _together(first, predict_settled(settled, files, at_once, known))
 
 
 def _settled_equations(ruleset: Ruleset) -> Equations | None:
@@ -97,25 +101,31 @@ def _stored(
     ruleset: Ruleset,
     dynamics: Dynamics,
     files: Sequence[RecordingFile],
+    injected: Sequence[Injected],
     known: Mapping[str, Array],
     notes: tuple[str, ...] = (),
     all_of: Sequence[str] = (),
 ) -> Exact:
     """What sensors of states show; `known` are inputs that other equations predict."""
     names = tuple(n for n in dynamics.outputs if n in (*all_of, *_asked(ruleset, dynamics, files)))
+    faulty = [part for part in injected if part.fault in dynamics.faults]
+    courses = degrees_of(faulty, times_of(files)) if faulty else {}
+    degrees = {f"{DEGREE}{name}": np.asarray(course) for name, course in courses.items()}
+    every = (*dynamics.inputs, *degrees)
     balances = Balances(
         dynamics.plan,
         tuple(state.id for state in dynamics.states),
-        dynamics.inputs,
+        every,
         tuple(f"{SHOWN}{name}" for name in names),
     )
     given = [name for name in dynamics.inputs if name not in known]
-    inputs = {**recorded_of(ruleset, files, given), **known}
-    held = np.array([ruleset.signal_by_id[n].between == "hold" for n in dynamics.inputs], bool)
+    inputs = {**recorded_of(ruleset, files, given), **known, **degrees}
+    signals = ruleset.signal_by_id
+    held = np.array([n in degrees or signals[n].between == "hold" for n in every], bool)
     found, told, first = [], list(notes), 0
     for file in files:
         last = first + len(file.time)
-        run = run_of(file, {n: inputs[n][first:last] for n in dynamics.inputs}, held, told)
+        run = run_of(file, {n: inputs[n][first:last] for n in every}, held, told)
         found.append(_integrated(ruleset, dynamics, balances, file, run))
         first = last
     shown = np.concatenate(found)

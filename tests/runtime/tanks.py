@@ -59,8 +59,11 @@ def _true(
 ) -> dict[str, float]:
     """Parameters as they truly are."""
     errors = {n: float(np.clip(random.standard_normal(), -2.0, 2.0)) * spread for n in values}
-    sizes = {n: np.log1p(u[n] / abs(v)) for n, v in values.items()}
-    return {n: float(v * np.exp(sizes[n] * errors[n])) for n, v in values.items()}
+    sizes = {n: np.log1p(u[n] / abs(v)) if v else u[n] for n, v in values.items()}
+    return {
+        n: float(v * np.exp(sizes[n] * errors[n]) if v else sizes[n] * errors[n])
+        for n, v in values.items()
+    }
 
 
 def given(name: str, random: np.random.Generator, time: Array) -> dict[str, Array]:

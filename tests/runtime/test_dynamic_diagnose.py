@@ -93,8 +93,9 @@ def test_a_fault_that_begins_in_the_middle_is_found(fault: str) -> None:
 
 def test_a_fault_that_goes_is_found_with_its_end() -> None:
     """Behind its end the recording is healthy again."""
-    faulty = made("cascaded-tanks", 3, ("lower.y.high", 0.2, 0.3))
-    healthy = made("cascaded-tanks", 3)
+    # A plant whose level stays within the range of its sensor.
+    faulty = made("cascaded-tanks", 5, ("lower.y.high", 0.2, 0.3))
+    healthy = made("cascaded-tanks", 5)
     back = faulty.time > 0.6 * faulty.time[-1]
     values = {n: np.where(back, healthy.values[n], v) for n, v in faulty.values.items()}
     (finding,) = judged("cascaded-tanks", replace(faulty, values=values)).findings
