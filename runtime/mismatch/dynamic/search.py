@@ -255,7 +255,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     judged = Judged(bench.known, plain.noise, drift, np.zeros(drift.count))
     searcher = Searcher(bench, judged, workers)
     plain = searcher.polished(replace(plain, slow=judged.slow))
-    if all(noise.memory < WHITE for noise in plain.noise.values()):
+    if _is_white(plain):
         return Found(plain, plain, ((plain,),), judged, len(candidates), {})
     levels: list[tuple[Fitted, ...]] = [(plain,)]
     alone: dict[str, float] = {}
@@ -275,11 +275,18 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         if not beam:
             break
         levels.append(tuple(beam))
+        if _is_white(beam[0]):
+            break
         if depth > 2 and _stands_still(searcher, levels, plain):
             break
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = max((level[0] for level in levels), key=lambda f: searcher.gain(f, plain))
     return Found(plain, best, tuple(levels), judged, len(candidates), alone)
+
+
+def _is_white(fitted: Fitted) -> bool:
+    """Nothing is left to explain."""
+    return all(noise.memory < WHITE for noise in fitted.noise.values())
 
 
 def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
