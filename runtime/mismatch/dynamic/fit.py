@@ -220,16 +220,18 @@ class Fitter:
         low, high = self._low / self._scale, self._high / self._scale
         span = np.minimum(1e-9 * (1.0 + np.abs(low) + np.abs(high)), 1e-6)
         span = np.minimum(span, 0.25 * (high - low))
-        found = least_squares(
-            lambda z: both(z)[0],
-            np.clip(at / self._scale, low + span, high - span),
-            jac=lambda z: both(z)[1],
-            bounds=(low, high),
-            max_nfev=evaluations,
-            xtol=1e-6,
-            ftol=1e-6,
-            gtol=1e-6,
-        )
+        # Steps that lead nowhere overflow, and are turned down.
+        with np.errstate(all="ignore"):
+            found = least_squares(
+                lambda z: both(z)[0],
+                np.clip(at / self._scale, low + span, high - span),
+                jac=lambda z: both(z)[1],
+                bounds=(low, high),
+                max_nfev=evaluations,
+                xtol=1e-6,
+                ftol=1e-6,
+                gtol=1e-6,
+            )
         return np.asarray(found.x * self._scale)
 
     def errors(self, at: Array, judged: Judged) -> tuple[dict[str, Array], Array]:

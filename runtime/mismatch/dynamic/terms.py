@@ -35,8 +35,8 @@ def term_of(bench: Bench, fitted: Fitted, candidate: Candidate) -> Array:
     total = np.zeros(len(bench.time))
     for name in outputs:
         change = np.nan_to_num(here[name] - there[name])
-        scatter = float(np.nanstd(here[name]))
-        if scatter > 1e-12 * float(np.nanmax(np.abs(here[name]))):
+        scatter, size = float(np.nanstd(here[name])), float(np.nanmax(np.abs(here[name])))
+        if scatter > 1e-12 * size:
             total += (change / scatter) ** 2
     return np.asarray(np.broadcast_to(total, bench.time.shape))
 
