@@ -334,4 +334,4 @@ def _size(unknown: Unknown) -> float:
     null = unknown.null or 0.0
     sizes = [abs(s - null) for s in unknown.starts if s != null]
     span = unknown.highest - unknown.lowest
-    return min(sizes, default=0.1 * span if np.isfinite(span) else 1.0)
+    return min(sizes, default=0.1 * span if np.isfinite(span) else unknown.factor)

@@ -19,7 +19,7 @@ from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
 from runtime.mismatch.dynamic.noise import Noise, gain
-from runtime.mismatch.dynamic.price import price_of
+from runtime.mismatch.dynamic.price import needed, price_of
 from runtime.plan import Array
 
 BEAM = 6
@@ -48,6 +48,9 @@ GLANCE = 4
 
 WHITE = 1.3
 """Errors that stay as they are for fewer samples than this have no structure to explain."""
+
+MOST = 12
+"""Readings and states that a term without physics may follow."""
 
 PROMISING = 10
 """Trials on each model that are fitted further than that."""
@@ -233,7 +236,7 @@ class Searcher:
                 course = self._course(on, unknown.driver or "time")
                 options.append(np.nanquantile(course, unknown.quantiles).tolist())
             else:
-                options.append(list(unknown.starts))
+                options.append(list(unknown.starts) or [unknown.null or 0.0])
         return [dict(zip(names, chosen, strict=True)) for chosen in itertools.product(*options)]
 
     def _hopeless(self, fitter: Fitter, judged: Judged) -> Fitted:
@@ -281,7 +284,26 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
             break
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = max((level[0] for level in levels), key=lambda f: searcher.gain(f, plain))
+    if searcher.gain(best, plain) < needed(len(candidates)):
+        tell("trying terms without physics")
+        best = _free_form(searcher, plain) or best
     return Found(plain, best, tuple(levels), judged, len(candidates), alone)
+
+
+def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
+    """The last resort: a balance that follows a state or an input in a way that nobody can name."""
+    bench = searcher.bench
+    assert bench.ruleset.dynamics is not None
+    drivers = (*(s.id for s in bench.ruleset.dynamics.states), *bench.balances(()).inputs)
+    tasks: list[Task] = [
+        (plain, (bench.workshop.free_form(spot.id, (driver,)),))
+        for spot in bench.workshop.spots
+        if spot.kind == "balance"
+        for driver in drivers[:MOST]
+    ]
+    found = max(searcher.ranked(tasks, plain), key=lambda f: searcher.gain(f, plain), default=None)
+    enough = found is not None and searcher.gain(found, plain) > needed(len(tasks))
+    return found if enough else None
 
 
 def _is_white(fitted: Fitted) -> bool:
