@@ -40,7 +40,7 @@ def fitted(plant: str, file: str, *joined: str) -> tuple[Bench, Fitted, Fitted]:
     drift = drift_of(bench, (), plain.values)
     none = np.zeros(drift.count)
     searcher = Searcher(bench, Judged(bench.known, plain.noise, drift, none), 2)
-    plain = model = searcher.polished(replace(plain, slow=none))
+    plain = model = searcher.polished(replace(plain, slow=none, drift=drift))
     for name in joined:
         trial = searcher.trial(model, (*model.joined, bench.candidate(name)))
         model = searcher.polished(trial)
@@ -70,8 +70,8 @@ def test_two_tanks_and_a_gravity_pipe() -> None:
     file = "aau-wastewater-lab/onoff_2021-12-30.csv.gz"
     joined = ("tank2.overflow-lost@inflow", "pipe.transport-delay@outflow")
     bench, plain, repaired = fitted("wastewater-lab", file, *joined)
-    assert heldout(bench, plain, "tank2.l") > 0.04
-    assert heldout(bench, repaired, "tank2.l") < 0.02
+    assert heldout(bench, plain, "tank2.l") > 0.025
+    assert heldout(bench, repaired, "tank2.l") < 0.015
     assert 30.0 < repaired.values["pipe.transport-delay@outflow.tau"] < 70.0
     assert 0.55 < repaired.values["tank2.overflow-lost@inflow.l_o"] < 0.65
     told = list(failing(read_recording(recorded(file), bench.ruleset), bench.ruleset))

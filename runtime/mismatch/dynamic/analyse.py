@@ -83,7 +83,9 @@ def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
     bench = searcher.bench
     joined = tuple(c for c in best.joined if c.sort in REPAIRING)
     known = {n: np.isfinite(v) for n, v in bench.record.measured.items()}
-    judged = replace(searcher.judged, known=known, noise=best.noise, slow=best.slow)
+    judged = replace(
+        searcher.judged, known=known, noise=best.noise, slow=best.slow, drift=best.drift
+    )
     fitter = Fitter(bench, joined, searcher.kept(best))
     fitted = fitter.finish(fitter.vector(best.values), judged, 60, 2)
     return fitter.with_covariance(fitted, judged)

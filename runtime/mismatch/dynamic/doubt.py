@@ -138,7 +138,7 @@ def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:
     Source: Venzon and Moolgavkar 1988.
     """
     fitter = Fitter(searcher.bench, best.joined, searcher.kept(best))
-    judged = replace(searcher.judged, noise=best.noise, slow=best.slow)
+    judged = replace(searcher.judged, noise=best.noise, slow=best.slow, drift=best.drift)
     basis = judged.basis()
     at = fitter.vector(best.values)
     i, u = best.free.index(name), best.u(name)

@@ -8,7 +8,7 @@ that does to the readings that are predicted is taken out of errors, as far as i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,6 +89,25 @@ def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float])
         columns.append(own.ravel())
         shapes.append(None)
     return Drift(np.column_stack(columns), tuple(shapes))
+
+
+def moved_again(
+    drift: Drift,
+    bench: Bench,
+    joined: tuple[str, ...],
+    values: Mapping[str, float],
+    inputs: Mapping[str, Array],
+) -> Drift:
+    """The same errors, and what they do in another model: what runs over a rim is not stored."""
+    plain = _stacked(bench, joined, values, inputs)
+    columns = [
+        drift.moved[:, i]
+        if shape is None
+        else _stacked(bench, joined, values, {**inputs, shape[0]: inputs[shape[0]] + shape[1]})
+        - plain
+        for i, shape in enumerate(drift.shapes)
+    ]
+    return replace(drift, moved=np.column_stack(columns)) if columns else drift
 
 
 def _stacked(

@@ -41,9 +41,9 @@ class Fitted:
     `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
     (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
     signal, shape (n,); `noise` is what they show. `strain` is half the squares of what the priors
-    cost. `slow` holds errors within the class of sensors, in their uncertainties, and `inputs` what
-    was given, put right by them. `pressed` names unknowns that stand at an end of what is possible
-    and would go on.
+    cost, those of sensors too. `slow` holds errors within the class of sensors, in their
+    uncertainties, `inputs` what was given, put right by them, and `drift` what they do. `pressed`
+    names unknowns that stand at an end of what is possible and would go on.
     """
 
     joined: tuple[Candidate, ...]
@@ -55,6 +55,7 @@ class Fitted:
     covariance: Array
     slow: Array
     inputs: Mapping[str, Array]
+    drift: Drift
     pressed: tuple[str, ...] = ()
 
     @property
@@ -256,7 +257,7 @@ class Fitter:
             errors, slow = self.errors(at, judged)
             noise, given = self._noise(errors, judged), judged.drift.given(slow)
             judged = replace(judged, noise=noise, slow=given)
-        strain = 0.5 * float(np.sum(self._strain(at) ** 2))
+        strain = 0.5 * float(np.sum(self._strain(at) ** 2) + np.sum(slow**2))
         return Fitted(
             self.joined,
             self.values(at),
@@ -267,6 +268,7 @@ class Fitter:
             np.zeros((0, 0)),
             judged.slow,
             judged.drift.put_right(self.bench.record.inputs, judged.slow),
+            judged.drift,
             self._pressed(at, judged),
         )
 
@@ -296,7 +298,7 @@ class Fitter:
 
     def with_covariance(self, fitted: Fitted, judged: Judged) -> Fitted:
         """The same with the covariance of its parameters."""
-        judged = replace(judged, noise=fitted.noise, slow=fitted.slow)
+        judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
         # What the data leave open is uniform between its bounds, and no more uncertain than that.
         span = np.minimum(self._high - self._low, 1e6 * self._scale) / self._scale

@@ -6,6 +6,7 @@ models are carried along, and each is tried with every further candidate.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,9 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.dynamic.balances import RanAway
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.dynamic.bench import Bench
-from runtime.mismatch.dynamic.drift import drift_of, no_drift
+from runtime.mismatch.dynamic.drift import drift_of, moved_again, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
 from runtime.mismatch.dynamic.noise import Noise, gain
 from runtime.mismatch.dynamic.price import needed, price_of
@@ -57,6 +59,9 @@ PROMISING = 10
 
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
+
+POLISHES = 2
+"""Fits to the end, before each of which it is looked anew what errors of sensors do."""
 
 QUICK, THOROUGH = 8, 60
 """Evaluations of a trial and of a winner."""
@@ -129,8 +134,9 @@ class Searcher:
         fixed = dict(self._fixed(on, joined))
         fitter = Fitter(self.bench, joined, fixed)
         noise = on.noise if on is not None else self._first_noise()
-        slow = on.slow if on is not None else self.judged.slow
-        judged = replace(self.judged, noise=noise, slow=slow)
+        judged = replace(self.judged, noise=noise)
+        if on is not None:
+            judged = replace(judged, slow=on.slow, drift=on.drift)
         basis = judged.basis()
         random = np.random.default_rng(len(joined))
         starts = [fitter.vector({**known, **s}) for s in self._starts(on, new)]
@@ -151,8 +157,16 @@ class Searcher:
     def polished(self, fitted: Fitted) -> Fitted:
         """The same, fitted to the end."""
         fitter = Fitter(self.bench, fitted.joined, self.kept(fitted))
-        judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow)
-        return fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 3)
+        judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
+        for _ in range(POLISHES):
+            with contextlib.suppress(RanAway):
+                drift = moved_again(
+                    judged.drift, self.bench, fitted.ids, fitted.values, fitted.inputs
+                )
+                judged = replace(judged, drift=drift)
+            fitted = fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 2)
+            judged = replace(judged, noise=fitted.noise, slow=fitted.slow)
+        return fitted
 
     def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
         """Fit many models: all at a glance, those that promise something on each model further."""
@@ -245,7 +259,10 @@ class Searcher:
         errors = {n: np.full(len(v), np.nan) for n, v in measured.items()}
         values, inputs = fitter.values(fitter.vector({})), self.bench.record.inputs
         empty = np.zeros((0, 0))
-        return Fitted((), values, fitter.free, noise, errors, 0.0, empty, judged.slow, inputs)
+        drift = judged.drift
+        return Fitted(
+            (), values, fitter.free, noise, errors, 0.0, empty, judged.slow, inputs, drift
+        )
 
 
 def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
@@ -257,7 +274,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     drift = drift_of(bench, (), plain.values)
     judged = Judged(bench.known, plain.noise, drift, np.zeros(drift.count))
     searcher = Searcher(bench, judged, workers)
-    plain = searcher.polished(replace(plain, slow=judged.slow))
+    plain = searcher.polished(replace(plain, slow=judged.slow, drift=drift))
     if _is_white(plain):
         return Found(plain, plain, ((plain,),), judged, len(candidates), {})
     levels: list[tuple[Fitted, ...]] = [(plain,)]

@@ -19,13 +19,14 @@ from .laws import GRAVITY
 from .plant import Feed, LevelSensor, Plant, Tank
 
 NOMINAL: Mapping[str, tuple[float, float]] = {
-    "k": (4.0, 1.5),
+    "k": (3.5, 1.5),
     "A": (15.0, 1.0),
-    "a": (0.1, 0.08),
+    "a": (0.07, 0.03),
     "g": (0.5, 0.05),
     "h0": (8.0, 8.0),
 }
-"""Value and standard uncertainty: flow by voltage, area, outlet, gain, first level; cm, s, V."""
+"""Mean and spread of what plants are drawn from: flow by voltage, area, outlet, gain, first level;
+cm, s, V. All within two uncertainties of what the module types state."""
 
 LEAST: Mapping[str, float] = {"k": 1.0, "A": 13.0, "a": 0.015, "g": 0.4, "h0": 1.0}
 """A drawn value is at least this, and at most two uncertainties above the nominal one."""

@@ -56,7 +56,7 @@ def test_a_planted_overflow_is_fitted_to_its_truth() -> None:
     drift = drift_of(place, (), plain.values)
     judged = Judged(place.known, found.noise, drift, np.zeros(drift.count))
     fitter = Fitter(place, (candidate,), searcher.kept(found))
-    exact = fitter.with_covariance(replace(found, slow=judged.slow), judged)
+    exact = fitter.with_covariance(replace(found, slow=judged.slow, drift=drift), judged)
     for name in ("l_o", "f"):
         key = f"{OVERFLOW}.{name}"
         assert abs(found.values[key] - RIM[key]) < 4.0 * exact.u(key), name
