@@ -7,7 +7,7 @@ import numpy as np
 from runtime.mismatch.dynamic.fit import Fitted
 from runtime.mismatch.price import COMMON, RARITY
 
-NEEDED = 1.0
+NEEDED = 3.0
 """Gain in log likelihood that an explanation needs beyond the logarithm of those tried."""
 
 
