@@ -20,6 +20,9 @@ CONFOUNDED = 0.9
 DROP = 1.92
 """Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
 
+WEIGHED, DISTANT = 4, 8.0
+"""Other explanations that are fitted to the end, and how far behind they may be, log likelihood."""
+
 EXCHANGES, WORTH = 2, 0.5
 """Exchanges at most, and the gain that one must bring."""
 
@@ -126,8 +129,14 @@ def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | 
 
 
 def _odds(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Odds:
-    """Odds of other explanations in the place of one, the likeliest first."""
-    ahead = ((f.joined[-1], searcher.gain(f, best)) for f in others)
+    """Odds of other explanations in the place of one, the likeliest first.
+
+    Those that come near are fitted to the end first: a trial does not know yet what errors of
+    sensors do in its model.
+    """
+    near = sorted(others, key=lambda f: -searcher.gain(f, best))[:WEIGHED]
+    exact = [searcher.polished(f) for f in near if searcher.gain(f, best) > -DISTANT]
+    ahead = [(f.joined[-1], searcher.gain(f, best)) for f in exact if not f.pressed]
     odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
     return tuple(sorted(odds, key=lambda o: -o[1]))
 
