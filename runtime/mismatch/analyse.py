@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,12 +61,13 @@ def analyse(
     if ruleset.dynamics is not None:
         # Loaded here: a plant that stores nothing needs no integrator.
         from runtime.mismatch.dynamic.analyse import analyse_stores
+        from runtime.mismatch.dynamic.record import lacking
 
         stored = analyse_stores(recording, ruleset, workshop, heldout=heldout, progress=progress)
         if stored is not None:
             return stored
-        why = "what drives the plant, or every reading that it predicts, is not in the recording"
-        return _cannot(recording, ruleset, None, why, begin)
+        blind = _cannot(recording, ruleset, None, lacking(recording, ruleset), begin)
+        return replace(blind, next="Record again, with what lacks.")
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())

@@ -14,9 +14,9 @@ from runtime.mismatch.locate import periods_of, region_of, variables_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from runtime.mismatch.search import Accepted
 from runtime.mismatch.setting import HIDDEN
-from runtime.mismatch.system import System
 from runtime.mismatch.wording import quantity
 from runtime.plan import Array
+from runtime.ruleset import Ruleset
 
 TOLD = 0.02
 """Alternatives less probable than this are not told."""
@@ -41,7 +41,10 @@ def _finding(best: Contestant, record: Accepted, share: float) -> Finding:
     certain = 1.0 / (1.0 + sum(record.odds))
     others = tuple(
         Alternative(
-            t.candidate.id, t.candidate.name, titled(fitted.rows.system, t.candidate), o * certain
+            t.candidate.id,
+            t.candidate.name,
+            titled(fitted.rows.system.ruleset, t.candidate),
+            o * certain,
         )
         for t, o in zip(record.others, record.odds, strict=True)
         if o * certain > TOLD
@@ -69,9 +72,9 @@ def _finding(best: Contestant, record: Accepted, share: float) -> Finding:
     )
 
 
-def titled(system: System, candidate: Candidate) -> str:
+def titled(ruleset: Ruleset, candidate: Candidate) -> str:
     """An explanation and where, in a few words."""
-    module = system.ruleset.modules.get(candidate.module, candidate.module)
+    module = ruleset.modules.get(candidate.module, candidate.module)
     where = ", ".join(candidate.members) or f"{candidate.module}: {module}"
     return f"{candidate.title} ({where}, {candidate.place})"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove
 from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
-from runtime.mismatch.dynamic.search import Found, Searcher, search
+from runtime.mismatch.dynamic.search import Found, Progress, Searcher, search
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
 from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
@@ -33,8 +33,6 @@ NEARLY = 2.0
 
 LEFT = 0.3
 """Share of the squared errors that an error of free course must explain for a place to be told."""
-
-Progress = Callable[[str], None]
 
 
 def analyse_stores(

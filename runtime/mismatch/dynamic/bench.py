@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from runtime.dynamic.balances import TIME, Balances, Course
+from runtime.dynamic.memory import Flags
 from runtime.mismatch.candidate import BaseParameters, Candidate, Unknown, Workshop
-from runtime.mismatch.dynamic.noise import Flags
 from runtime.mismatch.dynamic.record import Record
 from runtime.plan import Array
 from runtime.ruleset import Ruleset
@@ -43,7 +43,11 @@ class Bench:
         self.known: Mapping[str, Flags] = {
             n: np.isfinite(v) & record.open for n, v in record.measured.items()
         }
-        self._balances: dict[tuple[str, ...], Balances] = {}
+
+    @cached_property
+    def _lines(self) -> frozenset[str]:
+        """Given readings that go in a line from one sample to the next."""
+        return frozenset(s.id for s in self.ruleset.signals if s.between == "line")
 
     @property
     def base(self) -> BaseParameters:
@@ -52,10 +56,7 @@ class Bench:
 
     def balances(self, joined: tuple[str, ...]) -> Balances:
         """The balances with candidates built in."""
-        if joined not in self._balances:
-            whole = self.workshop.balances(joined)
-            self._balances[joined] = whole
-        return self._balances[joined]
+        return self.workshop.balances(joined)
 
     def free(self, joined: Sequence[Candidate]) -> tuple[str, ...]:
         """Parameters that a fit may move: uncertain ones that reach what is measured, unknowns."""
@@ -90,7 +91,7 @@ class Bench:
         whole = self.workshop.balances(joined, spots) if spots else self.balances(joined)
         given = self.record.inputs if inputs is None else inputs
         table = np.column_stack([given[n] for n in whole.inputs] or [np.zeros((len(self.time), 0))])
-        held = np.ones(len(whole.inputs), dtype=np.bool_)
+        held = np.array([n not in self._lines for n in whole.inputs], dtype=np.bool_)
         course = whole.run(self.time, table, held, {**self.plain_values, **values}, seeds)
         shown, slopes = {}, {}
         for name in self.signals:

@@ -11,7 +11,7 @@ from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import STORED, smooth_gain
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.search import Found, Searcher, at_an_end
+from runtime.mismatch.dynamic.search import Found, Searcher, in_place_of
 from runtime.mismatch.result import Confounded, Rival
 
 CONFOUNDED = 0.9
@@ -54,11 +54,9 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
         best, without = _needed_alone(searcher, best, found)
         if not best.joined:
             return best, ()
-        tasks = {c.id: _swaps(searcher, without[c.id], c) for c in best.joined}
-        others = {
-            name: [f for f in searcher.trials(own, found.plain) if not at_an_end(f)]
-            for name, own in tasks.items()
-        }
+        every = searcher.bench.candidates
+        tasks = {c.id: in_place_of(c, without[c.id], every) for c in best.joined}
+        others = {name: searcher.ranked(own, found.plain) for name, own in tasks.items()}
         better = _better(searcher, best, [f for own in others.values() for f in own])
         if better is None or not left:
             break
@@ -110,13 +108,6 @@ def _without(searcher: Searcher, model: Fitted, left: Candidate, plain: Fitted) 
         return plain
     values = {n: v for n, v in model.values.items() if not n.startswith(f"{left.id}.")}
     return searcher.polished(searcher.trial(replace(model, joined=rest, values=values), rest))
-
-
-def _swaps(
-    searcher: Searcher, bare: Fitted, out: Candidate
-) -> list[tuple[Fitted, tuple[Candidate, ...]]]:
-    single = (c for c in searcher.bench.candidates if not c.members)
-    return [(bare, (*bare.joined, c)) for c in single if c.id not in bare.ids and c.id != out.id]
 
 
 def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | None:

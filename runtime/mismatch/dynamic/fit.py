@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.dynamic.balances import RanAway
+from runtime.dynamic.memory import Flags
 from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.dynamic.bench import Bench, Simulated, unknowns_of
 from runtime.mismatch.dynamic.drift import Drift
-from runtime.mismatch.dynamic.noise import Flags, Noise, noise_of
+from runtime.mismatch.dynamic.noise import Noise, noise_of
 from runtime.plan import Array
 
 WIDEST = 6.0

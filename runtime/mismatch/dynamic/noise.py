@@ -16,8 +16,6 @@ import numpy as np
 from runtime.dynamic.memory import Flags, memory_of
 from runtime.plan import Array
 
-__all__ = ["Flags", "Noise", "gain", "memory_of", "noise_of"]
-
 
 @dataclass(frozen=True)
 class Noise:

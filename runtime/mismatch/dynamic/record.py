@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.dynamic.memory import Flags
 from runtime.dynamic.thin import filled, glitches_in, resolution, thinned
-from runtime.mismatch.dynamic.noise import Flags
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
@@ -38,7 +38,6 @@ class Record:
     resolution: Mapping[str, float]
     glitches: Mapping[str, int]
     part: NDArray[np.intp]
-    block: NDArray[np.intp]
     split: str
     digest: str
 
@@ -81,17 +80,33 @@ def record_of(
     measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > BLOCKS}
     if not measured:
         return None
-    block, part = _split(time, inputs, heldout)
+    part = _split(time, inputs, heldout)
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
     steps = {n: resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
-    return Record(time, inputs, measured, steps, glitches, part, block, text, digest)
+    return Record(time, inputs, measured, steps, glitches, part, text, digest)
+
+
+def lacking(recording: Recording, ruleset: Ruleset) -> str:
+    """Why `record_of` finds nothing to compare, for people."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+
+    def absent(names: Sequence[str]) -> list[str]:
+        known = recording.values
+        return [n for n in names if n not in known or not np.isfinite(known[n]).any()]
+
+    if given := absent(dynamics.inputs):
+        return f"{', '.join(given)} drives the plant and is not in the recording"
+    if len(absent(dynamics.outputs)) == len(dynamics.outputs):
+        return f"it needs a reading of {' or '.join(dynamics.outputs)}; the recording has none"
+    return f"{len(recording)} samples; more than {BLOCKS} with readings are needed"
 
 
 def _split(
     time: Array, inputs: Mapping[str, Array], heldout: Sequence[tuple[float, float]]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Number of the block of each sample, and what it serves for.
+) -> NDArray[np.intp]:
+    """What each sample serves for.
 
     Which blocks are set aside follows from what is given alone: those whose inputs are most like
     the others', so that what is proved there was also there to be learnt.
@@ -102,10 +117,10 @@ def _split(
         inside = np.zeros(n, dtype=bool)
         for low, high in heldout:
             inside |= (time >= low) & (time <= high)
-        return block, np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
+        return np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
     turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
     parts = [turn[block % len(PATTERN)] for turn in turns]
-    return block, min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
+    return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
 
 
 def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) -> float:

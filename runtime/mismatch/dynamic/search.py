@@ -74,7 +74,7 @@ Task = tuple[Fitted, tuple[Candidate, ...]]
 
 @dataclass(frozen=True)
 class Found:
-    """Models by their number of explanations, best first, the plain one alone at the beginning.
+    """The recalibrated model, and the best one with explanations, which may be the same.
 
     `judged` says which samples count; `tried` how many candidates there were; `alone` what each of
     them gains by itself, by id.
@@ -82,7 +82,6 @@ class Found:
 
     plain: Fitted
     best: Fitted
-    levels: tuple[tuple[Fitted, ...], ...]
     judged: Judged
     tried: int
     alone: Mapping[str, float]
@@ -182,14 +181,14 @@ class Searcher:
             return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
 
     def ranked(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
-        """Trials whose parameters are possible, best first."""
-        tried = [f for f in self.trials(tasks, plain) if not at_an_end(f)]
+        """Trials, best first; what is pressed to an end of its range stands for something else."""
+        tried = [f for f in self.trials(tasks, plain) if not f.pressed]
         return sorted(tried, key=lambda f: -self.standing(f, plain))
 
     def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
         """Models fitted to the end, best first."""
         with ThreadPoolExecutor(self._workers) as pool:
-            fitted = [f for f in pool.map(self.polished, models) if not at_an_end(f)]
+            fitted = [f for f in pool.map(self.polished, models) if not f.pressed]
         return sorted(fitted, key=lambda f: -self.standing(f, plain))
 
     def standing(self, fitted: Fitted, plain: Fitted) -> float:
@@ -276,7 +275,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     searcher = Searcher(bench, judged, workers)
     plain = searcher.polished(replace(plain, slow=judged.slow, drift=drift))
     if _is_white(plain):
-        return Found(plain, plain, ((plain,),), judged, len(candidates), {})
+        return Found(plain, plain, judged, len(candidates), {})
     levels: list[tuple[Fitted, ...]] = [(plain,)]
     alone: dict[str, float] = {}
     single = tuple(c for c in candidates if not c.members)
@@ -304,7 +303,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best
-    return Found(plain, best, tuple(levels), judged, len(candidates), alone)
+    return Found(plain, best, judged, len(candidates), alone)
 
 
 def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
@@ -341,9 +340,14 @@ def _swaps(model: Fitted, candidates: Sequence[Candidate]) -> list[Task]:
         rest = tuple(c for c in model.joined if c.id != left.id)
         values = {n: v for n, v in model.values.items() if not n.startswith(f"{left.id}.")}
         bare = replace(model, joined=rest, values=values)
-        new = (c for c in candidates if c.id not in model.ids and not _twice(bare, c))
-        tasks += [(bare, (*rest, c)) for c in new]
+        tasks += in_place_of(left, bare, candidates)
     return tasks
+
+
+def in_place_of(left: Candidate, bare: Fitted, candidates: Sequence[Candidate]) -> list[Task]:
+    """A model without one explanation, with each other candidate that acts in single modules."""
+    new = (c for c in candidates if not c.members and c.id not in (*bare.ids, left.id))
+    return [(bare, (*bare.joined, c)) for c in new if not _twice(bare, c)]
 
 
 def _tasks(models: Sequence[Fitted], candidates: Sequence[Candidate]) -> list[Task]:
@@ -368,11 +372,6 @@ def _twice(model: Fitted, candidate: Candidate) -> bool:
         and set(c.modules) & set(candidate.modules)
         for c in model.joined
     )
-
-
-def at_an_end(fitted: Fitted) -> bool:
-    """Is the strength of an explanation pressed to an end? Then it stands for another."""
-    return bool(fitted.pressed)
 
 
 def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from runtime.mismatch.candidate import Candidate, Unknown
+from runtime.mismatch.candidate import Unknown
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.doubt import Accepted, profile
 from runtime.mismatch.dynamic.fit import Fitted
@@ -13,7 +13,7 @@ from runtime.mismatch.dynamic.search import Searcher
 from runtime.mismatch.dynamic.terms import driving, term_of, variables_of
 from runtime.mismatch.locate import periods_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location
-from runtime.mismatch.tell import TOLD, sentence
+from runtime.mismatch.tell import TOLD, sentence, titled
 
 
 def findings_of(
@@ -29,7 +29,7 @@ def _finding(searcher: Searcher, best: Fitted, own: Accepted, share: float) -> F
     bench, candidate = searcher.bench, own.candidate
     parameters = {u.name: _estimate(searcher, best, u) for u in candidate.unknowns if not u.fixed}
     others = tuple(
-        Alternative(c.id, c.name, _titled(bench, c), odds * own.probability)
+        Alternative(c.id, c.name, titled(bench.ruleset, c), odds * own.probability)
         for c, odds in own.others
         if odds * own.probability > TOLD
     )
@@ -53,13 +53,6 @@ def _finding(searcher: Searcher, best: Fitted, own: Accepted, share: float) -> F
         share,
         candidate.members,
     )
-
-
-def _titled(bench: Bench, candidate: Candidate) -> str:
-    """An explanation and where, in a few words."""
-    module = bench.ruleset.modules.get(candidate.module, candidate.module)
-    where = ", ".join(candidate.members) or f"{candidate.module}: {module}"
-    return f"{candidate.title} ({where}, {candidate.place})"
 
 
 def _estimate(searcher: Searcher, best: Fitted, unknown: Unknown) -> Estimate:

@@ -34,7 +34,10 @@ def term_of(bench: Bench, fitted: Fitted, candidate: Candidate) -> Array:
     here, there = (plan.run({**known, **extra}) for extra in ({}, off))
     total = np.zeros(len(bench.time))
     for name in outputs:
-        change = np.nan_to_num(here[name] - there[name])
+        # A lag that is switched off at a moment has no rate.
+        with np.errstate(all="ignore"):
+            change = here[name] - there[name]
+        change = np.where(np.isfinite(change), change, 0.0)
         scatter, size = float(np.nanstd(here[name])), float(np.nanmax(np.abs(here[name])))
         if scatter > 1e-12 * size:
             total += (change / scatter) ** 2

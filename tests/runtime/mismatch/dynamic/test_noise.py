@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from runtime.mismatch.dynamic.noise import Noise, gain, memory_of, noise_of
+from runtime.dynamic.memory import memory_of
+from runtime.mismatch.dynamic.noise import Noise, gain, noise_of
 
 N = 20_000
 ALL = np.ones(N, dtype=bool)
