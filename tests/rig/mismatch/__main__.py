@@ -1,4 +1,4 @@
-"""Print all figures: `python -m tests.rig.mismatch [zema hsy esp clean speed planted]`."""
+"""Print all figures: `python -m tests.rig.mismatch [zema hsy esp clean speed planted stores]`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from tests.conftest import recordings_folder
-from tests.rig.mismatch import clean, esp, hsy, speed, zema
+from tests.rig.mismatch import clean, esp, hsy, speed, stores, zema
 from tests.rig.mismatch.ask import Answer, Failed, ask, exists
 from tests.rig.mismatch.case import Case
 from tests.rig.mismatch.planted.run import run as planted
@@ -99,6 +99,17 @@ def _planted(out: Console, work: Path, options: argparse.Namespace) -> None:
     planted(out, options.workers, options.quick)
 
 
+def _stores(out: Console, work: Path, options: argparse.Namespace) -> None:
+    found = list(stores.verdicts(work, options.seeds))
+    wrong = [
+        f"{planted}: {verdict}, {told}" for planted, verdict, told in found if verdict != "none"
+    ]
+    show_lines(out, "clean", [f"{len(found)} recordings, {len(wrong)} claims", *wrong])
+    if not options.quick:
+        planted = stores.verdicts(work, 0, ("single", "hiding", "sensor", "fault", "unnamed"))
+        show_lines(out, "planted", [" | ".join(row) for row in planted])
+
+
 EXPERIMENTS: dict[str, Callable[[Console, Path, argparse.Namespace], None]] = {
     "zema": _zema,
     "hsy": _hsy,
@@ -106,6 +117,7 @@ EXPERIMENTS: dict[str, Callable[[Console, Path, argparse.Namespace], None]] = {
     "clean": _clean,
     "speed": _speed,
     "planted": _planted,
+    "stores": _stores,
 }
 
 
