@@ -1,0 +1,162 @@
+"""What every case of the proof says of itself, stationary or not: the sealed answer.
+
+An answer is what a perfect analysis would say. It is text with a hash, so that the hash can be
+shown before an analysis starts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from .units import Array
+
+Periods = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Planted:
+    """One thing that the plain model leaves out.
+
+    Attributes
+    ----------
+    effect, title, sort : as the truth calls it; sort is `physics`, `fault`, `sensor`, `unnamed`
+    module, place : where it is, as the plant's drawing names it, in words
+    names : entries of the catalogue that are right for it; none if no entry names it
+    places : `module.place` that are right, as the machine form of the tool writes them
+    parameters : per entry and parameter of it the true value, in the unit of the entry; what has
+        no exact counterpart is left out
+    gain : expected gain in log likelihood of a model with it over one without, both refitted
+        (parameters and sensors' errors within their uncertainties), the others known: what can be
+        seen at best
+    margin : the same over the best other single effect of the truth in its place; what can be
+        told apart at best; infinite where none was tried
+    rival : that other effect
+    """
+
+    effect: str
+    title: str
+    sort: str
+    module: str
+    place: str
+    names: tuple[str, ...]
+    places: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, float]]
+    gain: float
+    margin: float
+    rival: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is true of a case.
+
+    Attributes
+    ----------
+    case : tells it from all others
+    half : `stationary` or `dynamic`
+    plant, profile : which plant, and how it is run
+    verdict : `none`, `named`, `sensor`, `fault`, `unnamed`, as the machine form has it
+    concealed : ways in which it is concealed, of CONCEALMENTS
+    unrecorded : column that has no place in the recording and drives an effect, or empty
+    """
+
+    case: str
+    half: str
+    plant: str
+    profile: str
+    seed: int
+    samples: int
+    verdict: str
+    concealed: tuple[str, ...]
+    effects: tuple[Planted, ...] = ()
+    unrecorded: str = ""
+
+    def to_json(self) -> str:
+        """As text; numbers with six digits."""
+        fields = _rounded(dataclasses.asdict(self))
+        return json.dumps(fields, indent=1, ensure_ascii=False) + "\n"
+
+    @property
+    def digest(self) -> str:
+        """Hash of the text, to be shown before an analysis starts."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()
+
+
+CONCEALMENTS = {
+    "clean": "nothing missing",
+    "calibrated": "calibrated on data that contain it",
+    "correlated": "driver correlated with another",
+    "unrecorded": "driver not recorded",
+    "corner": "in a corner of the operating range",
+    "pair": "two effects",
+    "hiding": "two effects that hide each other",
+    "alike": "fault or sensor error that looks like physics, or the reverse",
+    "unnamed": "no entry names it",
+    "open": "not concealed further",
+}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the true model, refitted, makes of held-out samples: by signal, in the signal's unit.
+
+    `driver` is the course of what is not recorded, by time, or None.
+    """
+
+    errors: Mapping[str, float]
+    driver: tuple[Array, Array] | None = None
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the reference is asked for: the tool's held-out periods, and the residual of each fit."""
+
+    heldout: Periods
+    relations: Mapping[str, str] = field(default_factory=dict)
+
+
+class Case(Protocol):
+    """A case that was made."""
+
+    @property
+    def answer(self) -> Answer:
+        """The sealed answer."""
+
+    def write(self, folder: Path) -> None:
+        """Write `plant/` and `recording.csv`, all that the analysis may see."""
+
+    def reference(self, request: Request) -> Reference:
+        """The true model refitted to all but held-out samples."""
+
+
+def verdict_of(sorts: list[str]) -> str:
+    """What a perfect analysis would say first."""
+    if not sorts:
+        return "none"
+    if "unnamed" in sorts:
+        return "unnamed"
+    for only in ("sensor", "fault"):
+        if set(sorts) == {only}:
+            return only
+    return "named" if "physics" in sorts else "fault"
+
+
+def _rounded(value: object) -> object:
+    """Floats with six significant digits, in any nesting; infinite ones as text."""
+    match value:
+        case float():
+            return float(f"{value:.6g}") if np.isfinite(value) else str(value)
+        case dict():
+            return {key: _rounded(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_rounded(inner) for inner in value]
+        case _:
+            return value
