@@ -16,9 +16,10 @@ from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, var
 from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
 from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
-from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch
+from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch, Series
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
+from runtime.mismatch.series import Predicted, course_of
 from runtime.mismatch.setting import Setting
 from runtime.mismatch.settle import Repair, repair_of, with_sensors_as_they_are
 from runtime.mismatch.system import System
@@ -175,6 +176,7 @@ def _answer(
         repair.fixed,
         repair.misfit,
         repair.ranges,
+        _series(system.data, predictors, proofs),
     )
 
 
@@ -310,6 +312,18 @@ def _curves(
     )
 
 
+def _series(data: Data, predictors: Sequence[Predictor], proofs: Sequence[Proof]) -> Series:
+    courses = (
+        course_of(
+            predictor.signal,
+            data.values[predictor.signal.id],
+            Predicted(proof.shipped, proof.recalibrated, proof.repaired),
+        )
+        for predictor, proof in zip(predictors, proofs, strict=True)
+    )
+    return Series(data.time, ~data.open, tuple(courses))
+
+
 def _cannot(
     recording: Recording, ruleset: Ruleset, data: Data | None, why: str, begin: float
 ) -> Mismatch:
@@ -339,4 +353,5 @@ def _cannot(
         np.zeros((0, 0)),
         None,
         time.perf_counter() - begin,
+        series=Series(data.time, ~data.open) if data else None,
     )

@@ -102,6 +102,7 @@ def prove(predictor: Predictor, models: Models) -> Proof:
         heldout,
         gain_interval(errors[1][parts[1]], errors[2][parts[1]]),
         closed_share(heldout),
+        predictor.residual.id,
     )
     return Proof(found, predictions[0], predictions[1], predictions[2], judged, int(faulty.sum()))
 
