@@ -15,11 +15,10 @@ from runtime.mismatch.interval import confounded
 from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, variables_of
 from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
-from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
+from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove, series_of
 from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch, Series
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
-from runtime.mismatch.series import Predicted, course_of
 from runtime.mismatch.setting import Setting
 from runtime.mismatch.settle import Repair, repair_of, with_sensors_as_they_are
 from runtime.mismatch.system import System
@@ -176,7 +175,7 @@ def _answer(
         repair.fixed,
         repair.misfit,
         repair.ranges,
-        _series(system.data, predictors, proofs),
+        series_of(system.data, predictors, proofs),
     )
 
 
@@ -310,18 +309,6 @@ def _curves(
         drivers,
         proof.judged,
     )
-
-
-def _series(data: Data, predictors: Sequence[Predictor], proofs: Sequence[Proof]) -> Series:
-    courses = (
-        course_of(
-            predictor.signal,
-            data.values[predictor.signal.id],
-            Predicted(proof.shipped, proof.recalibrated, proof.repaired),
-        )
-        for predictor, proof in zip(predictors, proofs, strict=True)
-    )
-    return Series(data.time, ~data.open, tuple(courses))
 
 
 def _cannot(

@@ -14,9 +14,17 @@ from tests.prove.scores import Row, by, by_concealment, table
 
 STYLE = """<style>
 .word { white-space: nowrap; }
+h3.after { margin: 1.4rem 0 .3rem; }
+@media (max-width: 40rem) { .slim td:not(.num) { max-width: 9.5rem; } .wide { display: none; }
+  .slim td:first-child { min-width: 6.5rem; max-width: 8.5rem; }
+  .slim td.word { max-width: 5.2rem; }
+  .slim td, .slim th { font-size: .82rem; padding-right: .6rem; } .word { white-space: normal; }
+  .heat tbody th { white-space: normal; max-width: 6.5rem; } }
 .panel .count { fill: var(--soft); font-weight: 400; }
 .band.solid { fill-opacity: .85; }
 #curve .mark.all .odd { display: initial; }
+.heat thead th { vertical-align: bottom; }
+details { margin-top: 1rem; } summary { color: var(--soft); }
 .heat td { text-align: center; min-width: 1.9rem; }
 .heat td.right { --of: var(--c0); } .heat td.wrong { --of: var(--c1); }
 .heat td.other { --of: var(--c5); } .heat .rate { color: var(--soft); text-align: right; }
@@ -122,6 +130,12 @@ def _measured(run: Run) -> str:
             ("Time", [f"{number(run.seconds, 3)} s by the clock{each}"]),
             ("PySINDy ran away", [f"in {counted(run.ran_away, 'case')}"]),
             ("Remarks", list(run.notes)),
-            ("Hashes", [", ".join(f"{j.case} {j.digest[:12]}" for j in judged if j.digest)]),
         ]
-    )
+    ) + _hashes(judged)
+
+
+def _hashes(judged: Sequence[Judged]) -> str:
+    """The hash of every answer, folded away: they are many."""
+    told = ", ".join(f"{j.case} {j.digest[:12]}" for j in judged if j.digest)
+    title = "Hash of each sealed answer (first 12 digits)"
+    return f"<details><summary>{title}</summary><p>{safe(told)}</p></details>" if told else ""

@@ -13,12 +13,18 @@ from runtime.report.text import counted, fixed, number, percent
 from tests.prove.results import Judged
 from tests.prove.scores import HALVES, RATIO, Bin, curve, seen
 
-SHARE = Axis(0.0, 1.0, (0.0, 0.25, 0.5, 0.75, 1.0))
+ROOM = 1.14
+"""Top of the scale of shares: above 1 there is room for the counts."""
 
-WIDTH = 0.05
-"""Of the bins of ratios."""
+WIDTHS = (0.01, 0.02, 0.05)
+"""Of the bins of ratios; the first that needs no more than so many bins is taken."""
 
-ENDS = (0.6, 2.0)
+BINS = 36
+
+ENOUGH = 10
+"""Cases above a strength of which something is said in words."""
+
+ENDS = (0.5, 2.0)
 """Ratios beyond stand in the outer bins."""
 
 
@@ -60,7 +66,7 @@ def draw_curve(judged: Sequence[Judged]) -> Figure | None:
 
 
 def _panel(across: Axis, half: str, names: list[Bin], places: list[Bin], foot: bool) -> str:
-    panel = Panel(across, Percents(SHARE.low, SHARE.high, SHARE.ticks), 190)
+    panel = Panel(across, Percents(0.0, ROOM, (0.0, 0.25, 0.5, 0.75, 1.0)), 190)
     drawn, fixed_ = [], []
     for bins, style, symbol in ((places, "s1", "square"), (names, "s0", "disc")):
         x = np.array([np.log10(b.centre) for b in bins])
@@ -71,23 +77,26 @@ def _panel(across: Axis, half: str, names: list[Bin], places: list[Bin], foot: b
         drawn.append(panel.curve(x, y, style))
         fixed_.append(panel.marks(x, y, symbol, f"{style} all"))
     fixed_ += [
-        panel.text(float(np.log10(b.centre)), 0.0, str(b.count), "value count", -6) for b in names
+        panel.text(float(np.log10(b.centre)), ROOM, str(b.count), "value count", 12) for b in names
     ]
     return panel.drawn(f"{half}: share of right answers by strength", half, drawn, fixed_, foot)
 
 
 def _say(names: dict[str, list[Bin]]) -> str:
-    """From which strength on nine of ten are named, per half."""
+    """Above which strength nine of ten are named, per half."""
     told = []
     for half, bins in names.items():
         if not bins:
             continue
-        weak = [b for b in bins if b.share < 0.9]
-        strong = [b for b in bins if not weak or b.low >= weak[-1].high * (1 - 1e-9)]
+        above = [bins[i:] for i in range(len(bins))]
+        above = [part for part in above if sum(b.count for b in part) >= ENOUGH] or [bins]
+        shares = [sum(b.hits for b in part) / sum(b.count for b in part) for part in above]
+        good = [b.low for b, share in zip(bins, shares, strict=False) if share >= 0.9]
         told.append(
-            f"{half}: nine of ten are named rightly from a gain of {number(strong[0].low, 2)} on"
-            if strong
-            else f"{half}: in the strongest bin {percent(bins[-1].share)} are named rightly"
+            f"{half}: of effects with a gain above {number(good[0], 2)}, nine of ten are named "
+            "rightly"
+            if good
+            else f"{half}: {percent(shares[0])} are named rightly, and nine of ten at no strength"
         )
     return f"{'; '.join(told)}.".capitalize() if told else "No effect was to be named."
 
@@ -97,11 +106,11 @@ def draw_ratio(judged: Sequence[Judged]) -> Figure | None:
     ratios = np.array(seen(judged, "ratio"))
     if not len(ratios):
         return None
-    low, high = ENDS
-    edges = np.arange(low, high + WIDTH / 2, WIDTH)
+    edges = _edges(ratios)
+    low, high, width = float(edges[0]), float(edges[-1]), float(edges[1] - edges[0])
     counts, _ = np.histogram(np.clip(ratios, low, high - 1e-9), edges)
     panel = Panel(axis(low, high, 8, tight=True), axis(0.0, float(counts.max()), 4), 190)
-    gap = WIDTH / 12
+    gap = width / 12
     x = np.column_stack([edges[:-1] + gap, edges[1:] - gap, edges[1:]]).ravel()
     y = np.column_stack([counts, counts, np.full(len(counts), np.nan)]).ravel()
     goal = np.full(2, RATIO.high)
@@ -120,6 +129,15 @@ def draw_ratio(judged: Sequence[Judged]) -> Figure | None:
         f"{percent(near)} of {counted(len(ratios), 'case')} are within the goal; the middle one is "
         f"at {fixed(float(np.median(ratios)), 3)}, the worst at {number(float(ratios.max()))}."
     )
-    key = f"dashed: goal; outer bins hold what is below {low:g} and above {high:g}"
+    key = f"dashed: goal; outer bins also hold what is below {low:.3g} and above {high:.3g}"
     body = plot(svg, True, "held-out error over that of the true model refitted")
     return Figure("ratio", "How near repairs come to the truth", key, body, words)
+
+
+def _edges(ratios: np.ndarray) -> np.ndarray:
+    """Bins that hold the ratios, 1 and the goal among their edges or between them."""
+    low = max(min(float(ratios.min()), 0.95), ENDS[0])
+    high = min(max(float(ratios.max()), 1.15), ENDS[1])
+    width = next((w for w in WIDTHS if (high - low) / w <= BINS), WIDTHS[-1])
+    first, last = np.floor(low / width + 1e-9), np.ceil(high / width - 1e-9)
+    return width * np.arange(first, last + 1)

@@ -22,8 +22,8 @@ NOTHING = "nothing"
 
 def goals(rows: Sequence[Row]) -> str:
     """Every score, its goal, and in words whether it is met."""
-    head = _head("score", ".goal", ".cases", ".right", ".reached", ".95 % interval", "")
-    return _table(head, "".join(_goal(row) for row in rows))
+    head = _head("score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right")
+    return _table(head, "".join(_goal(row) for row in rows), "slim")
 
 
 def _goal(row: Row) -> str:
@@ -31,10 +31,10 @@ def _goal(row: Row) -> str:
         row.met
     ]
     hits = "" if row.hits is None or not row.count else number(row.hits, 5)
-    cells = (row.goal.text, str(row.count), hits, value_of(row), interval_of(row))
+    first, rest = (value_of(row), row.goal.text), (interval_of(row), str(row.count), hits)
     return (
-        f"<tr><td>{safe(row.score)}</td>{''.join(map(_number, cells))}"
-        f'<td class="{style} word">{symbol} {row.words}</td></tr>'
+        f"<tr><td>{safe(row.score)}</td>{''.join(map(_number, first))}"
+        f'<td class="{style} word">{symbol} {row.words}</td>{"".join(map(_number, rest))}</tr>'
     )
 
 
@@ -93,7 +93,7 @@ def groups(found: Sequence[Group], title: str) -> str:
         f"<tr><td>{safe(g.title)}</td>{_number(str(g.count))}{''.join(map(_part, g.shares))}</tr>"
         for g in found
     )
-    return _table(_head(title, ".cases", *(f".{name}" for name in names)), body)
+    return _table(_head(title, ".cases", *(f".{name}" for name in names)), body, "slim")
 
 
 def _part(row: Row) -> str:
@@ -112,7 +112,7 @@ def baselines(judged: Sequence[Judged]) -> str:
         rows = list(_rows_of(cases))
         if rows:
             head = _head("model", ".cases", ".middle", ".middle half", "")
-            parts.append(f"<h3>{title}</h3>{_table(head, ''.join(rows))}")
+            parts.append(f'<h3 class="after">{title}</h3>{_table(head, "".join(rows))}')
     return "".join(parts)
 
 
@@ -145,7 +145,7 @@ def worst_table(judged: Sequence[Judged]) -> str:
     if not found:
         return "<p>No case went wrong.</p>"
     head = _head("case", "planted", "said", "wrong because", ".strength")
-    return _table(head, "".join(_bad(bad) for bad in found))
+    return _table(head, "".join(_bad(bad) for bad in found), "slim")
 
 
 def _bad(bad: Bad) -> str:
@@ -180,8 +180,8 @@ def _head(*titles: str) -> str:
     )
 
 
-def _table(head: str, body: str) -> str:
+def _table(head: str, body: str, style: str = "") -> str:
     return (
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead>'
+        f'<div class="scroll"><table class="{style}"><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from runtime.report.text import number
 from tests.prove.mistakes import worst
 from tests.prove.page import headline, partition_words
 from tests.prove.results import Run
@@ -26,10 +27,12 @@ def tell(out: Console, run: Run) -> None:
     found = worst(run.shown)
     if not found:
         return
-    shown = Table("case", "planted", "said", "because", box=None, pad_edge=False, title_style="")
+    shown = Table("case", "planted", "said", "because", box=None, pad_edge=False)
+    shown.add_column("strength", justify="right")
     for bad in found:
         j = bad.judged
-        words = (j.case, planted_words(j), said_words(j), bad.why)
+        strength = "" if j.clean else number(j.gain, 3)
+        words = (j.case, planted_words(j), said_words(j), bad.why, strength)
         shown.add_row(*(escape(w) for w in words))
     out.print("\n[bold]The worst cases[/]")
     out.print(shown)

@@ -16,14 +16,13 @@ from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove
+from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove, series_of
 from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Progress, Searcher, search
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
-from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch, Series
-from runtime.mismatch.series import Predicted, course_of
+from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
 from runtime.mismatch.settle import REPAIRING
 from runtime.mismatch.verdict import headline_of, next_step, verdict_of
 from runtime.recording import Recording
@@ -142,7 +141,7 @@ def _answer(
         {n: v for n, v in whole.values.items() if n not in whole.free},
         {},
         {},
-        _series(bench, proofs),
+        series_of(bench, proofs),
     )
 
 
@@ -214,18 +213,6 @@ def _still(nameless: tuple[Location, ...], findings: Sequence[Finding]) -> list[
         f"what is left is not noise: an error of {place.module}.{place.place} in time would "
         f"explain {100 * place.share:.0f} % of it; no further entry of the catalogue does"
     ]
-
-
-def _series(bench: Bench, proofs: Sequence[Proof]) -> Series:
-    courses = (
-        course_of(
-            bench.ruleset.signal_by_id[proof.fit.signal],
-            bench.record.measured[proof.fit.signal],
-            Predicted(proof.shipped, proof.recalibrated, proof.repaired),
-        )
-        for proof in proofs
-    )
-    return Series(bench.record.time, ~bench.record.open, tuple(courses))
 
 
 def _curves(bench: Bench, best: Fitted, proof: Proof, findings: Sequence[Finding]) -> Curves:

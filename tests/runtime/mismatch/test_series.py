@@ -12,9 +12,14 @@ import numpy as np
 import pytest
 
 from runtime.mismatch import series as module
+from runtime.mismatch.dynamic.drift import no_drift
+from runtime.mismatch.dynamic.fit import Judged
+from runtime.mismatch.dynamic.prove import prove, series_of
+from runtime.mismatch.dynamic.search import Searcher
 from runtime.mismatch.machine_form import mismatch_form
 from runtime.mismatch.result import Course, Mismatch, Series
 from runtime.mismatch.series import heldout_spans, series_csv
+from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.test_answers import CASES, answer, plant
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
@@ -73,6 +78,22 @@ def test_a_fit_names_its_residual() -> None:
     [first, *_] = mismatch_form(answer("warm"), "x")["fits"]
     ruleset, _ = plant(CASES["warm"].plant)
     assert first["relation"] in {r.id for r in ruleset.residuals}
+
+
+def test_plants_that_store_have_the_same_table() -> None:
+    """No residual is solved there; errors follow from the table all the same."""
+    place = bench(made(n=256))
+    judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
+    plain = Searcher(place, judged, 1).plain()
+    proofs = prove(place, plain, plain, judged)
+    found = replace(NAMED, series=series_of(place, proofs), fits=tuple(p.fit for p in proofs))
+    table, [fit] = columns(found), found.fits
+    held = table["heldout [1]"] == 1
+    error = table["lower.y recalibrated [V]"] - table["lower.y measured [V]"]
+    expected = pytest.approx(fit.heldout.recalibrated, rel=1e-4)
+    assert expected == np.sqrt(np.nanmean(error[held] ** 2))
+    assert fit.relation is None
+    assert 5 == len(mismatch_form(found, "x")["split"]["heldout"])
 
 
 def test_without_a_split_there_is_a_head_and_no_more() -> None:
