@@ -173,6 +173,9 @@ def _mismatch(mismatch: argparse.ArgumentParser) -> None:
     mismatch.add_argument(
         "--report", metavar="FILE.html", help="one page with pictures, to hand on"
     )
+    mismatch.add_argument(
+        "--series", metavar="FILE.csv", help="measured and predicted courses, sample by sample"
+    )
     _json(mismatch)
 
 

@@ -78,6 +78,15 @@ def test_files_are_written(
     assert {"m.json", "m.html"} == {p.name for p in tmp_path.iterdir()}
 
 
+def test_courses_are_written(
+    calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where `--series` says, and told on the screen."""
+    assert 0 == call("--series", str(tmp_path / "m.csv"))
+    assert (tmp_path / "m.csv").read_text(encoding="utf-8").startswith("time [s],heldout [1]")
+    assert "courses of the models" in capsys.readouterr().out
+
+
 def test_course_of_a_hidden_driver_is_written_beside_the_json(
     calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -169,7 +178,7 @@ def test_a_ruleset_is_not_enough(calls: Calls, capsys: pytest.CaptureFixture[str
     assert "abc.ruleset.json: give the plant's folder" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("option", ["--json", "--report"])
+@pytest.mark.parametrize("option", ["--json", "--report", "--series"])
 def test_folder_of_a_result_must_exist(
     option: str, calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

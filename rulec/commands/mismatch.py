@@ -18,6 +18,7 @@ from runtime.mismatch.analyse import analyse
 from runtime.mismatch.machine_form import hidden_csv, mismatch_form
 from runtime.mismatch.report.page import report
 from runtime.mismatch.result import Mismatch, MismatchRefused
+from runtime.mismatch.series import series_csv
 from runtime.mismatch.story import tell
 from runtime.recording import Recording, read_recording
 
@@ -39,8 +40,11 @@ def run(options: argparse.Namespace) -> int:
     if options.report:
         write_text(Path(options.report), report(found))
         out.print(f"[dim]report: {escape(options.report)}[/]")
-    series = _write_series(out, options, found)
-    write_json(options, mismatch_form(found, Path(options.plant).resolve().as_posix(), series))
+    if options.series:
+        write_text(Path(options.series), series_csv(found.series))
+        out.print(f"[dim]courses of the models: {escape(options.series)}[/]")
+    hidden = _write_hidden(out, options, found)
+    write_json(options, mismatch_form(found, Path(options.plant).resolve().as_posix(), hidden))
     return 0
 
 
@@ -78,7 +82,7 @@ def _check(options: argparse.Namespace) -> None:
             f"{options.plant}: give the plant's folder; a ruleset does not hold the equations "
             "into which physics could be built"
         )
-    unwritable = without_folder(options, "json", "report")
+    unwritable = without_folder(options, "json", "report", "series")
     if unwritable is not None:
         raise ValueError(unwritable)
 
@@ -124,7 +128,7 @@ def _progress(out: Console) -> Iterator[Callable[[str], None]]:
         yield lambda text: status.update(escape(text))
 
 
-def _write_series(out: Console, options: argparse.Namespace, found: Mismatch) -> str | None:
+def _write_hidden(out: Console, options: argparse.Namespace, found: Mismatch) -> str | None:
     """Write the course of a hidden driver beside the JSON; the name of its file."""
     if found.hidden is None or options.json in (None, "-"):
         return None

@@ -15,8 +15,8 @@ from runtime.mismatch.interval import confounded
 from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, variables_of
 from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
-from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
-from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch
+from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove, series_of
+from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch, Series
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
 from runtime.mismatch.setting import Setting
@@ -175,6 +175,7 @@ def _answer(
         repair.fixed,
         repair.misfit,
         repair.ranges,
+        series_of(system.data, predictors, proofs),
     )
 
 
@@ -339,4 +340,5 @@ def _cannot(
         np.zeros((0, 0)),
         None,
         time.perf_counter() - begin,
+        series=Series(data.time, ~data.open) if data else None,
     )

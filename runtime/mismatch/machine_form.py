@@ -14,6 +14,7 @@ from runtime.mismatch.result import (
     Mismatch,
     Region,
 )
+from runtime.mismatch.series import heldout_spans
 
 
 def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None) -> dict[str, Any]:
@@ -40,7 +41,11 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "hidden_driver": _hidden(mismatch.hidden, series) if mismatch.hidden else None,
         "untested": list(mismatch.untested),
         "next": mismatch.next,
-        "split": {"text": mismatch.split, "hash": mismatch.digest},
+        "split": {
+            "text": mismatch.split,
+            "hash": mismatch.digest,
+            "heldout": _heldout(mismatch),
+        },
         "noise": mismatch.noise,
         "tried": mismatch.tried,
         "notes": list(mismatch.notes),
@@ -57,6 +62,13 @@ def hidden_csv(hidden: HiddenDriver) -> str:
     for time, value in zip(hidden.time, hidden.course, strict=True):
         lines.append(f"{time:.10g},{f'{value:.6g}' if math.isfinite(value) else ''}")
     return "\n".join(lines) + "\n"
+
+
+def _heldout(mismatch: Mismatch) -> list[list[float]]:
+    """Spans of time, s."""
+    series = mismatch.series
+    spans = heldout_spans(series.time, series.heldout) if series is not None else []
+    return [list(span) for span in spans]
 
 
 def _location(location: Location) -> dict[str, Any]:
@@ -124,6 +136,7 @@ def _fit(fit: Fit) -> dict[str, Any]:
     return {
         "signal": fit.signal,
         "unit": fit.unit,
+        "relation": fit.relation,
         "estimation": _errors(fit.estimation),
         "heldout": {**_errors(fit.heldout), "gain_interval": list(fit.gain_interval)},
         "closed": fit.closed,

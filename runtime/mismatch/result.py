@@ -130,6 +130,8 @@ class Fit:
     of the fall of the held-out error by the repair, as a share of the recalibrated error.
 
     `closed` is the share of the explainable mismatch (in squares) that is gone, held out.
+    `relation` is the id of the residual that was solved for the signal; None where the plant was
+    simulated.
     """
 
     signal: str
@@ -138,6 +140,7 @@ class Fit:
     heldout: Errors
     gain_interval: tuple[float, float]
     closed: float
+    relation: str | None = None
 
 
 @dataclass(frozen=True)
@@ -195,6 +198,30 @@ class Curves:
 
 
 @dataclass(frozen=True)
+class Course:
+    """What the three models predict of a signal; arrays of shape (n,), in `unit`, NaN: nothing.
+
+    Where nothing was found `repaired` is `recalibrated`.
+    """
+
+    signal: str
+    unit: str
+    measured: Array
+    shipped: Array
+    recalibrated: Array
+    repaired: Array
+
+
+@dataclass(frozen=True)
+class Series:
+    """Courses of all predicted signals; `time`, s, and flags `heldout` have shape (n,)."""
+
+    time: Array
+    heldout: np.ndarray
+    courses: tuple[Course, ...] = ()
+
+
+@dataclass(frozen=True)
 class Mismatch:
     """The whole answer.
 
@@ -204,7 +231,7 @@ class Mismatch:
     noise comes from. `parameters` and `covariance` (SI) are those of the repaired model, `joined`
     the ids of the candidates in it, in order. `fixed` holds their parameters that are no unknowns,
     `misfit` the scatter of each observer about its repaired law, `ranges` the readings it was
-    fitted to, all SI by id.
+    fitted to, all SI by id. `series` holds the courses of all `fits`; None where nothing was split.
     """
 
     plant: str
@@ -233,3 +260,4 @@ class Mismatch:
     fixed: Mapping[str, float] = field(default_factory=dict)
     misfit: Mapping[str, float] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    series: Series | None = None

@@ -16,7 +16,7 @@ from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove
+from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove, series_of
 from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Progress, Searcher, search
@@ -141,6 +141,7 @@ def _answer(
         {n: v for n, v in whole.values.items() if n not in whole.free},
         {},
         {},
+        series_of(bench, proofs),
     )
 
 

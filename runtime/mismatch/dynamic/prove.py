@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,8 @@ from runtime.dynamic.balances import RanAway
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.fit import Fitted, Fitter, Judged
 from runtime.mismatch.prove import closed_share, gain_interval, rms
-from runtime.mismatch.result import Errors, Fit
+from runtime.mismatch.result import Errors, Fit, Series
+from runtime.mismatch.series import Predicted, course_of
 from runtime.plan import Array
 
 
@@ -32,6 +33,19 @@ def prove(bench: Bench, plain: Fitted, best: Fitted, judged: Judged) -> list[Pro
     """
     errors = [_shipped(bench, judged), plain.errors, best.errors]
     return [_proof(bench, name, [e[name] for e in errors]) for name in bench.signals]
+
+
+def series_of(bench: Bench, proofs: Sequence[Proof]) -> Series:
+    """What was measured and predicted, for all proofs."""
+    courses = (
+        course_of(
+            bench.ruleset.signal_by_id[proof.fit.signal],
+            bench.record.measured[proof.fit.signal],
+            Predicted(proof.shipped, proof.recalibrated, proof.repaired),
+        )
+        for proof in proofs
+    )
+    return Series(bench.record.time, ~bench.record.open, tuple(courses))
 
 
 def _shipped(bench: Bench, judged: Judged) -> Mapping[str, Array]:

@@ -1,0 +1,58 @@
+"""The same for the terminal: the table with goals, and the ten worst cases."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from runtime.report.text import number
+from tests.prove.mistakes import worst
+from tests.prove.page import headline, partition_words
+from tests.prove.results import Run
+from tests.prove.scores import Row, table
+from tests.prove.tables import interval_of, planted_words, said_words, value_of
+
+MARK = {True: "[green]✓[/]", False: "[red]✗[/]", None: "[dim]–[/]"}
+
+
+def tell(out: Console, run: Run) -> None:
+    """Write table and worst cases."""
+    rows = table(run.shown)
+    out.print(f"[bold]{escape(headline(run, rows))}[/]")
+    out.print(f"[dim]{escape(partition_words(run))}[/]\n")
+    out.print(_goals(rows))
+    found = worst(run.shown)
+    if not found:
+        return
+    shown = Table("case", "planted", "said", "because", box=None, pad_edge=False)
+    shown.add_column("strength", justify="right")
+    for bad in found:
+        j = bad.judged
+        strength = "" if j.clean else number(j.gain, 3)
+        words = (j.case, planted_words(j), said_words(j), bad.why, strength)
+        shown.add_row(*(escape(w) for w in words))
+    out.print("\n[bold]The worst cases[/]")
+    out.print(shown)
+
+
+def text(run: Run, width: int = 100) -> str:
+    """The same without colours."""
+    out = Console(file=io.StringIO(), width=width, highlight=False, color_system=None)
+    tell(out, run)
+    assert isinstance(out.file, io.StringIO)
+    return out.file.getvalue()
+
+
+def _goals(rows: list[Row]) -> Table:
+    shown = Table(box=None, pad_edge=False)
+    shown.add_column("score")
+    for title in ("goal", "cases", "reached", "95 % interval"):
+        shown.add_column(title, justify="right", no_wrap=True)
+    shown.add_column("", no_wrap=True)
+    for row in rows:
+        cells = (row.goal.text, str(row.count), value_of(row), interval_of(row))
+        shown.add_row(row.score, *cells, f"{MARK[row.met]} {row.words}")
+    return shown

@@ -1,0 +1,201 @@
+"""Scores, mistakes, page and terminal of runs made by hand."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from tests.prove.made import judged, planted, run
+from tests.prove.mistakes import confusion, worst
+from tests.prove.page import headline, page
+from tests.prove.results import Judged, Run, run_from_json
+from tests.prove.scores import by, by_concealment, curve, table, wilson
+from tests.prove.tell import text
+from tests.runtime.reports import tree
+
+HOSTILE = "<b>x</b><script src='//x'>"
+
+
+def row(cases: list[Judged], start: str):  # type: ignore[no-untyped-def]
+    return next(r for r in table(cases) if r.score.startswith(start))
+
+
+@pytest.mark.parametrize(("hits", "count"), [(0, 5), (5, 5), (187, 200), (1, 1), (95, 100)])
+def test_intervals_are_those_of_wilson(hits: int, count: int) -> None:
+    """Against an implementation of somebody else."""
+    expected = binomtest(hits, count).proportion_ci(method="wilson")
+    assert pytest.approx((expected.low, expected.high), abs=1e-9) == wilson(hits, count)
+
+
+def test_a_share_without_case_is_not_met() -> None:
+    """It says so, in the table, on the page and on the terminal."""
+    rows = table([judged(clean_right=1.0)])
+    assert ["no case", "no case", "met"] == [r.words.split(",")[0] for r in rows[:3]]
+    assert [None, None, True] == [r.met for r in rows[:3]]
+    assert "no case" in page(Run((judged(clean_right=1.0),)))
+    assert "no case" in text(Run((judged(clean_right=1.0),)))
+
+
+def test_goals_are_judged_with_their_doubt() -> None:
+    """200 of 200 is more than 98.1 %, which is not surely 99 %; 150 of 200 is surely less."""
+    good = [judged(clean_right=1.0)] * 200
+    bad = [judged(clean_right=0.0)] * 50
+    assert "met, not surely" == row(good, "clean").words
+    assert "missed" == row([*good[:150], *bad], "clean").words
+    assert "met" == row(good * 4, "clean").words
+
+
+def test_ambiguity_counts_by_its_size() -> None:
+    """Half a hit; truth in intervals is counted by interval."""
+    cases = [planted("a", "leakage", 9.0), planted("b", "leakage", 9.0, name_right=0.5)]
+    assert (2, 1.5) == (row(cases, "name").count, row(cases, "name").hits)
+    cases = [judged(inside=(3, 4)), judged(inside=(2, 2)), judged()]
+    assert (6, 5) == (row(cases, "truth").count, row(cases, "truth").hits)
+
+
+def test_intervals_may_be_too_wide_as_well() -> None:
+    """All of 1000 inside is not what 95 % promises."""
+    assert "missed" == row([judged(inside=(1000, 1000))], "truth").words
+    assert row([judged(inside=(950, 1000))], "truth").met
+
+
+def test_ratios_are_told_by_median_and_mean() -> None:
+    """One bad case moves the mean alone; its interval comes from drawing cases anew."""
+    cases = [judged(ratio=1.0 + 0.001 * i) for i in range(40)] + [judged(ratio=9.0), judged()]
+    middle, mean = [r for r in table(cases) if r.score.startswith("held-out")]
+    assert (41, True) == (middle.count, middle.met)
+    assert (False, None) == (mean.met, mean.hits)
+    assert mean.low < mean.share < mean.high
+    assert middle.low <= 1.02 <= middle.high
+
+
+def test_strengths_are_binned_by_half_decades() -> None:
+    """Clean cases are not there; the weakest bin takes what is below 1."""
+    gains = [0.2, 2.0, 5.0, 9.0, 40.0]
+    cases = [planted(str(g), "leakage", g, "" if g > 4 else "x") for g in gains]
+    bins = curve([*cases, judged(clean_right=1.0)])
+    assert [] == bins["dynamic"]
+    assert [(2, 0.0), (2, 2.0), (1, 1.0)] == [(b.count, b.hits) for b in bins["stationary"]]
+    assert pytest.approx([1.0, 10**0.5, 10**1.5]) == [b.low for b in bins["stationary"]]
+    assert [5] == [sum(b.count for b in curve(cases, "place_right")["stationary"])]
+
+
+def test_what_is_taken_for_what() -> None:
+    """Rows by rate, single effects only; what is right stands on a diagonal."""
+    cases = [
+        planted("1", "leakage", 9.0),
+        planted("2", "leakage", 9.0, "filling-loss"),
+        planted("3", "filling loss", 9.0),
+        planted("4", "motor slip", 9.0, said=(), verdict="none", name_right=0.0),
+        planted("5", "motor slip", 9.0, said=(), error="crashed", name_right=0.0),
+        planted("6", "overflow", 9.0, planted=("overflow", "leakage")),
+    ]
+    found = confusion(cases)
+    assert ("filling loss", "leakage", "motor slip") == found.rows
+    assert ("filling-loss", "leakage", "nothing", "failed") == found.columns
+    np.testing.assert_array_equal([[1, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 1]], found.counts)
+    np.testing.assert_array_equal([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]], found.right)
+    assert (1.0, 0.5, 0.0) == found.rates
+
+
+def test_the_worst_come_first() -> None:
+    """Wrong and certain by strength, false claims, no answer, then what was missed."""
+    gone = {"said": (), "verdict": "none", "name_right": 0.0}
+    cases = [
+        planted("missed weak", "leakage", 9.0, **gone),
+        planted("missed strong", "leakage", 99.0, **gone),
+        planted("crashed", "leakage", 1.0, **{**gone, "error": "crashed"}),
+        judged("claimed", clean_right=0.0, verdict="named", said=("x@A.y",)),
+        judged("clean", clean_right=1.0),
+        planted("right", "leakage", 500.0),
+        planted("wrong", "leakage", 9.0, "x"),
+        planted("very wrong", "leakage", 90.0, "x"),
+        planted("unsure", "leakage", 90.0, "x", verdict="ambiguous"),
+    ]
+    assert [
+        "very wrong",
+        "wrong",
+        "claimed",
+        "crashed",
+        "missed strong",
+        "unsure",
+        "missed weak",
+    ] == [bad.judged.case for bad in worst(cases)]
+    assert 3 == len(worst(cases, 3))
+
+
+def test_groups_tell_what_is_in_them() -> None:
+    """A case that is concealed twice counts twice."""
+    cases = [planted("a", "leakage", 9.0, concealed=("corner", "pair")), judged(clean_right=1.0)]
+    assert [
+        ("nothing missing", 1),
+        ("in a corner of the operating range", 1),
+        ("two effects", 1),
+    ] == [(g.title, g.count) for g in by_concealment(cases)]
+    assert [("abc", 2)] == [(g.title, g.count) for g in by(cases, "plant")]
+
+
+def test_a_run_survives_its_file() -> None:
+    """Infinite margins too."""
+    made = run(40)
+    assert made == run_from_json(made.to_json())
+
+
+def test_final_cases_are_told_of_where_there_are_any() -> None:
+    """Scores of development cases are no proof, and the page says so."""
+    made = run(40)
+    assert "on 40 final cases" in headline(made, table(made.shown))
+    early = replace(made, judged=tuple(j for j in made.judged if j.partition != "final"))
+    assert "on 10 development cases" in headline(early, table(early.shown))
+    assert "they prove nothing yet" in page(early)
+    assert "opened 1 time" in page(made)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        Run(()),
+        Run((judged(),)),
+        Run((judged(clean_right=0.0),)),
+        Run((planted("a", "leakage", float("inf")),)),
+        Run((planted("a", "leakage", 0.0, ratio=1.0),)),
+        run(60),
+    ],
+    ids=["nothing", "no score", "one claim", "endless", "one", "many"],
+)
+def test_every_run_gives_a_sound_page(made: Run) -> None:
+    """Well-formed, without NaN, nothing from outside; the same bytes again."""
+    written = page(made)
+    tree(written)
+    assert [] == re.findall(r"[ \"(>]-?(?:nan|inf)\b", written)
+    assert [] == re.findall(r"https?:|//\w|<script|<img|<link|@import|url\(|\ssrc=", written)
+    assert written == page(made)
+    assert "\x1b" not in text(made)
+
+
+def test_hostile_names_are_escaped() -> None:
+    """Wherever a text of a case may stand."""
+    names = {"plant": HOSTILE, "concealed": (HOSTILE,), "places": (HOSTILE,), "half": "dynamic"}
+    bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, baselines={HOSTILE: 1.0}, **names)
+    lost = replace(bad, error=HOSTILE)
+    made = Run((bad, lost), {HOSTILE: HOSTILE}, 1, HOSTILE, version=HOSTILE, notes=(HOSTILE,))
+    written = page(made)
+    tree(written)
+    assert "<b>x" not in written
+    assert "<script" not in written
+    assert "[red]" not in text(Run((replace(bad, case="[red]x[/nothing]"),))).replace(
+        "[red]x[/nothing]", ""
+    )
+
+
+def test_the_terminal_shows_table_and_worst() -> None:
+    """Goals in words, the worst cases with what was said."""
+    shown = text(run(200), 120)
+    assert "name right" in shown
+    assert re.search(r"clean called clean +99 % +100 .*(met|missed)", shown)
+    assert "The worst cases" in shown
+    assert "wrong and certain" in shown

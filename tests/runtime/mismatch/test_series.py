@@ -1,0 +1,123 @@
+"""What the three models predict, as a table, and the spans that were held out."""
+
+from __future__ import annotations
+
+import csv
+import doctest
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.mismatch import series as module
+from runtime.mismatch.dynamic.drift import no_drift
+from runtime.mismatch.dynamic.fit import Judged
+from runtime.mismatch.dynamic.prove import prove, series_of
+from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.machine_form import mismatch_form
+from runtime.mismatch.result import Course, Mismatch, Series
+from runtime.mismatch.series import heldout_spans, series_csv
+from tests.runtime.mismatch.dynamic.benches import bench, made
+from tests.runtime.mismatch.test_answers import CASES, answer, plant
+from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
+
+NAN = float("nan")
+THREE = np.array([0.0, 1.0, 2.0])
+
+
+def columns(found: Mismatch) -> dict[str, np.ndarray]:
+    """The table read back; NaN in empty cells."""
+    head, *rows = csv.reader(io.StringIO(series_csv(found.series)))
+    values = np.array([[float(cell) if cell else NAN for cell in row] for row in rows])
+    return dict(zip(head, values.T, strict=True))
+
+
+def test_a_cell_without_value_is_empty() -> None:
+    """Columns in the agreed order, each with its unit."""
+    course = Course("A.Q", "l/h", np.array([1.0, NAN, 3.0]), THREE, THREE, np.array([NAN, 1, 2]))
+    table = series_csv(Series(THREE, np.array([False, True, False]), (course,)))
+    assert [
+        "time [s],heldout [1],A.Q measured [l/h],A.Q shipped [l/h],A.Q recalibrated [l/h],"
+        "A.Q repaired [l/h]",
+        "0,0,1,0,0,",
+        "1,1,,1,1,1",
+        "2,0,3,2,2,2",
+    ] == table.splitlines()
+
+
+@pytest.mark.parametrize("name", ["warm", "healthy", "relief valve"])
+def test_errors_of_the_proof_follow_from_the_table(name: str) -> None:
+    """Also where nothing was found: the repaired model is then the recalibrated one."""
+    found = answer(name)
+    table = columns(found)
+    held = table["heldout [1]"] == 1
+    assert found.fits
+    for fit in found.fits:
+        course = {m: table[f"{fit.signal} {m} [{fit.unit}]"] for m in ("measured", *module.MODELS)}
+        for model in module.MODELS:
+            error = (course[model] - course["measured"])[held]
+            assert pytest.approx(getattr(fit.heldout, model), rel=1e-4) == np.sqrt(
+                np.mean(error**2)
+            )
+
+
+def test_spans_hold_the_held_out_samples_and_no_other() -> None:
+    """As the machine form tells them."""
+    found = answer("warm")
+    table = columns(found)
+    time, inside = table["time [s]"], np.zeros(len(table["time [s]"]), dtype=bool)
+    for since, until in mismatch_form(found, "x")["split"]["heldout"]:
+        inside |= (time >= since) & (time <= until)
+    np.testing.assert_array_equal(table["heldout [1]"] == 1, inside)
+
+
+def test_a_fit_names_its_residual() -> None:
+    """That which was solved for the reading."""
+    [first, *_] = mismatch_form(answer("warm"), "x")["fits"]
+    ruleset, _ = plant(CASES["warm"].plant)
+    assert first["relation"] in {r.id for r in ruleset.residuals}
+
+
+def test_plants_that_store_have_the_same_table() -> None:
+    """No residual is solved there; errors follow from the table all the same."""
+    place = bench(made(n=256))
+    judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
+    plain = Searcher(place, judged, 1).plain()
+    proofs = prove(place, plain, plain, judged)
+    found = replace(NAMED, series=series_of(place, proofs), fits=tuple(p.fit for p in proofs))
+    table, [fit] = columns(found), found.fits
+    held = table["heldout [1]"] == 1
+    error = table["lower.y recalibrated [V]"] - table["lower.y measured [V]"]
+    expected = pytest.approx(fit.heldout.recalibrated, rel=1e-4)
+    assert expected == np.sqrt(np.nanmean(error[held] ** 2))
+    assert fit.relation is None
+    assert 5 == len(mismatch_form(found, "x")["split"]["heldout"])
+
+
+def test_without_a_split_there_is_a_head_and_no_more() -> None:
+    """Nothing was predicted; the file is there all the same."""
+    assert "time [s],heldout [1]\n" == series_csv(CANNOT_JUDGE.series)
+    assert [] == mismatch_form(CANNOT_JUDGE, "x")["split"]["heldout"]
+
+
+def test_ends_belong_to_their_spans() -> None:
+    """A sample at either end, one sample alone, none, all."""
+    assert [(-0.5, 0.5), (1.5, 2.5)] == heldout_spans(THREE, [True, False, True])
+    assert [(-0.5, 2.5)] == heldout_spans(THREE, [True] * 3)
+    assert [] == heldout_spans(THREE, [False] * 3)
+    assert [(4.0, 4.0)] == heldout_spans(np.array([4.0]), [True])
+
+
+def test_spans_are_in_the_machine_form() -> None:
+    """Beside text and hash."""
+    found = replace(NAMED, series=Series(THREE, np.array([False, True, True])))
+    split = mismatch_form(found, "x")["split"]
+    assert {"text", "hash", "heldout"} == set(split)
+    assert "[[0.5, 2.5]]" == json.dumps(split["heldout"])
+
+
+def test_examples_in_docstrings_hold() -> None:
+    """Those of the table."""
+    assert 0 == doctest.testmod(module).failed
