@@ -16,7 +16,7 @@ from scipy.integrate import odeint
 
 from ..units import Array
 from .laws import bypassed, loss, outflow, overflow, supply
-from .plant import Plant, Tank
+from .plant import LevelSensor, Plant, Tank
 from .step import step
 
 RELATIVE, ABSOLUTE = 1e-7, 1e-7
@@ -149,13 +149,19 @@ def _rates(
         caught = tank.rim.caught * over if tank.rim else 0.0
         lost += away + over - caught
         drained = leaves[i] + caught
-    names = [t.name for t in tanks]
     for j, sensor in enumerate(plant.sensors):
-        level = state[names.index(sensor.tank)]
-        rates.append((level - state[count + j]) / sensor.lag if sensor.lag else 0.0)
+        rates.append(_followed(tanks, sensor, state, state[count + j]) if sensor.lag else 0.0)
     lagging = state[count + len(plant.sensors)]
     rates.append((given - lagging) / plant.feed.lag if plant.feed.lag else 0.0)
     return [*rates, fed, drained, lost]
+
+
+def _followed(
+    tanks: Sequence[Tank], sensor: LevelSensor, state: Sequence[float], sensed: float
+) -> float:
+    """How fast a lagging sensor comes nearer to its level, cm/s."""
+    level = state[[t.name for t in tanks].index(sensor.tank)]
+    return (level - sensed) / sensor.lag
 
 
 def _course(

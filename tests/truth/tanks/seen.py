@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from .key import right
 from .knobs import base_knobs
 from .model import Model
 from .plant import Plant
-from .size import Planted, make, plant_all
+from .size import Planted, make
 
 SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
 """No rivals: the mirror image of another effect, or the gain that is fitted anyway."""
@@ -34,46 +35,47 @@ class Seen:
 def seen(case: Case) -> tuple[Seen, ...]:
     """Of each planted effect, the others being there with any size.
 
-    All is linear about the plant without the one effect: slopes, rivals and others must be taken
-    at one point, or what lies between two points can pass for any effect.
+    All is linear about the plant without effects: changes, slopes, rivals and others must be taken
+    at one point, or what lies between two points can pass for any effect. A large effect that
+    parameters mend along a curve therefore seems to be seen better than it can be.
     """
-    return tuple(_seen(case, one) for one in case.planted)
+    if not case.planted:
+        return ()
+    plain, model = case.setup.plant, Model(case.setup.time, case.setup.shown)
+    course = model.course(plain)
+    start = model.readings(plain, course)
+    knobs = list(base_knobs(case.setup.layout, plain))
+    slopes = model.slopes(plain, course, knobs) * np.array([knob.u for knob in knobs])
 
-
-def _seen(case: Case, one: Planted) -> Seen:
-    scene, model = case.scene, Model(case.setup.time, case.setup.shown)
-    others = [p for p in case.planted if p is not one]
-    base = plant_all(scene, others, case.drawn)
-    course = model.course(base)
-    start = model.readings(base, course)
-
+    @functools.cache
     def change(plant: Plant) -> Array:
-        return model.readings(plant, model.alike(base, course, plant)) - start
+        return model.readings(plant, model.alike(plain, course, plant)) - start
 
-    less = [plant_all(scene, [o for o in others if o is not p], case.drawn) for p in others]
-    flat = np.array([change(plant) for plant in less]).reshape(-1, start.size).T
-    knobs = list(base_knobs(case.setup.layout, base))
-    slopes = model.slopes(base, course, knobs) * np.array([knob.u for knob in knobs])
-    d = change(case.plant)
-    rivals = {name: change(plant) for name, plant in _rivals(case, one, base)}
-    left, nearest = margin(d, slopes, flat, rivals)
-    return Seen(expected_gain(d, slopes, flat), left, nearest)
+    alone = [change(one.built.plant) for one in case.planted]
+    found = []
+    for i, one in enumerate(case.planted):
+        others = [a for j, a in enumerate(alone) if j != i]
+        flat = np.array(others).reshape(-1, start.size).T
+        rivals = {name: change(plant) for name, plant in _rivals(case, one)}
+        gain = expected_gain(alone[i], slopes, flat)
+        found.append(Seen(gain, *margin(alone[i], slopes, flat, rivals)))
+    return tuple(found)
 
 
-def _rivals(case: Case, one: Planted, base: Plant) -> Iterator[tuple[str, Plant]]:
+def _rivals(case: Case, one: Planted) -> Iterator[tuple[str, Plant]]:
     """Plants with another effect in the place or beside it, each at a moderate size.
 
     An effect that would rightly get the same name, or is planted too, is no rival; of two that
     differ in sign one is enough.
     """
-    scene, names = case.scene, set(right(case.setup, one).names)
+    plain, names = case.setup.plant, set(right(case.setup, one).names)
     planted = {p.placed.id for p in case.planted}
     for placed in possible_effects(case.setup.layout).values():
         known = placed.id in planted or placed.effect.name in SAME
         if known or not _is_near(case, one.placed, placed):
             continue
         size = math.sqrt(placed.effect.low * placed.effect.high)
-        built = make(scene, base, placed, size, case.drawn)
+        built = make(case.scene, plain, placed, size, case.drawn)
         if not names & set(right(case.setup, replace(one, placed=placed, built=built)).names):
             yield placed.id, built.plant
 

@@ -117,7 +117,8 @@ def _planned(seed: int, group: str, number: int, samples: int) -> Planned:
     strength = None
     if group not in ("clean", "pair", "hiding"):
         strength = WEAKEST * (STRONGEST / WEAKEST) ** float(random.uniform())
-    profile = "plateaus" if random.uniform() < SETTLED else ""
+    settled = random.uniform() < SETTLED and group != "corner"  # a plateau is no corner
+    profile = "plateaus" if settled else ""
     effects = _chosen(group, number, layout, random)
     rarely = RARELY if group == "corner" else math.inf
     return Planned(group, number, own, layout, effects, samples, strength, profile, rarely)
