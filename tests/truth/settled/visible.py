@@ -48,7 +48,9 @@ class Sight:
 
     def gain(self, terms: Sequence[Change], flat: Array | None = None) -> float:
         """Expected gain of a model with the terms."""
-        return expected_gain(self.change(terms), self.sensitivities, flat)
+        none = np.zeros((len(self.sensitivities), 0))
+        free = none if flat is None else flat
+        return expected_gain(self.change(terms), self.sensitivities, free)
 
     def _moved(self, name: str, off: Array) -> Array:
         return self._stacked(_outputs_moved(self.scene, name, off))
