@@ -8,8 +8,8 @@ from ..units import BAR, LITRE_PER_HOUR
 from .rig import Rig
 
 
-def write_plant(rig: Rig, folder: Path, calibrated: bool = False) -> None:
-    """Write `plant.yaml`; with `calibrated` it names `calibration.yaml`, to be made beside it."""
+def write_plant(rig: Rig, folder: Path) -> None:
+    """Write `plant.yaml`."""
     folder.mkdir(parents=True, exist_ok=True)
     lines = ["plant: concealed", "title: A plant of the proof", "modules:"]
     lines += [f"  {name}: {{type: {rig.kind(name).type}}}" for name in rig.pumps]
@@ -27,6 +27,4 @@ def write_plant(rig: Rig, folder: Path, calibrated: bool = False) -> None:
     links = [f"  - {a} -> {b}" for a, b in rig.downstream.items() if b is not None]
     if links:
         lines += ["connections:", *links]
-    if calibrated:
-        lines.append("calibration: [calibration.yaml]")
     (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -16,6 +16,7 @@ from ..units import Array
 from .effect import Made
 from .effects import EFFECTS, Placed, key, places_of
 from .folder import write_plant
+from .reference import reference
 from .rig import Rig
 from .rigs import dosing_rig, oil_rig
 from .scene import Scene, Stalled, scene, stream
@@ -94,7 +95,7 @@ class SettledCase:
     def write(self, folder: Path) -> None:
         """Write `plant/` and `recording.csv`, and `earlier.csv` to calibrate with, if any."""
         scene_, first = self.scene, self.scene.first
-        write_plant(scene_.rig, folder / "plant", first > 0)
+        write_plant(scene_.rig, folder / "plant")
         columns = scene_.recorded(scene_.truly(self.terms), self.terms)
         gone = self.answer.unrecorded
         shown = {h: v[first:] for h, v in columns.items() if not gone or f".{gone} [" not in h}
@@ -106,10 +107,9 @@ class SettledCase:
             write_csv(folder / "earlier.csv", {h: v[:first] for h, v in earlier.items()})
 
     def reference(self, request: Request) -> Reference:
-        """The course of what is not recorded; see `reference.py` for errors."""
-        from .reference import reference
-
-        return reference(self, request)
+        """The true model on held-out samples, and the course of what is not recorded."""
+        module = self.answer.effects[0].module if self.answer.effects else ""
+        return reference(self.scene, self.terms, self.answer.unrecorded, request, module)
 
 
 def _attempt(plan: Planned, seed: int) -> SettledCase | None:

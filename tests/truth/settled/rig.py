@@ -195,7 +195,7 @@ def _state(
     return State(speed, flow, pressure, power, idle, slip)
 
 
-def _delivered(
+def delivered(
     rig: Rig,
     module: str,
     values: Values,
@@ -222,7 +222,7 @@ def _off(
     flow: Array,
 ) -> Array:
     """What vanishes at the operating point of a pump, as a flow, m3/s."""
-    delivered, state = _delivered(rig, module, values, given, terms, pressure, flow)
+    delivered, state = delivered(rig, module, values, given, terms, pressure, flow)
     curve = rig.kind(module).head
     if curve is None:
         return flow - delivered
@@ -242,18 +242,18 @@ def _pressures(
     """Pressure across each pump and each mixer by the net flows, Pa; shapes (n, ...)."""
     through = net @ rig.feeds
     mixers = [
-        _loss(values, m, terms, through[:, k])
+        line_loss(values, m, terms, through[:, k])
         for k, m in enumerate(rig.mixers)
     ]
     lines = [
-        _loss(values, m, terms, net[:, k])
+        line_loss(values, m, terms, net[:, k])
         for k, m in enumerate(rig.pumps)
     ]
     mixer = np.stack(mixers, 1) if mixers else np.zeros((len(net), 0))
     return np.stack(lines, 1) + mixer @ rig.feeds.T, mixer
 
 
-def _loss(values: Values, name: str, terms: Sequence[Change], flow: Array) -> Array:
+def line_loss(values: Values, name: str, terms: Sequence[Change], flow: Array) -> Array:
     """Loss of a line or mixer, Pa."""
     zero = np.zeros_like(flow)
     state = State(zero, flow, zero, zero, zero, zero)
@@ -262,13 +262,13 @@ def _loss(values: Values, name: str, terms: Sequence[Change], flow: Array) -> Ar
     return np.asarray(loss + total(terms, "loss", name, state))
 
 
-def _leak(terms: Sequence[Change], module: str, flow: Array) -> Array | float:
+def leak(terms: Sequence[Change], module: str, flow: Array) -> Array | float:
     zero = np.zeros_like(flow)
     return total(terms, "leak", module, State(zero, flow, zero, zero, zero, zero))
 
 
 def _net(rig: Rig, terms: Sequence[Change], flow: Array) -> Array:
-    parts = [flow[:, k] * (1.0 - _leak(terms, m, flow[:, k])) for k, m in enumerate(rig.pumps)]
+    parts = [flow[:, k] * (1.0 - leak(terms, m, flow[:, k])) for k, m in enumerate(rig.pumps)]
     return np.stack(parts, 1)
 
 
@@ -299,7 +299,7 @@ def _results(
     pressure, mixer = _pressures(rig, values, terms, net)
     found = {}
     for k, m in enumerate(rig.pumps):
-        _, state = _delivered(rig, m, values, given, terms, pressure[:, k], flow[:, k])
+        _, state = delivered(rig, m, values, given, terms, pressure[:, k], flow[:, k])
         found[f"{m}.dp"] = pressure[:, k]
         found[f"{m}.P_el"] = state.power + total(terms, "power", m, state)
         found[f"{m}.Q"] = net[:, k]
@@ -313,8 +313,8 @@ def _by_load(
     found = {}
     for m in rig.pumps:
         pressure = given[f"{m}.dp"]
-        flow, state = _delivered(rig, m, values, given, terms, pressure, np.zeros_like(pressure))
-        found[f"{m}.Q"] = flow * (1.0 - _leak(terms, m, flow))
+        flow, state = delivered(rig, m, values, given, terms, pressure, np.zeros_like(pressure))
+        found[f"{m}.Q"] = flow * (1.0 - leak(terms, m, flow))
         found[f"{m}.P_el"] = state.power + total(terms, "power", m, state)
     return found
 
