@@ -222,10 +222,10 @@ def _off(
     flow: Array,
 ) -> Array:
     """What vanishes at the operating point of a pump, as a flow, m3/s."""
-    delivered, state = delivered(rig, module, values, given, terms, pressure, flow)
+    given_flow, state = delivered(rig, module, values, given, terms, pressure, flow)
     curve = rig.kind(module).head
     if curve is None:
-        return flow - delivered
+        return flow - given_flow
     inner = flow + total(terms, "slip", module, state)
     inner = inner / (1.0 - total(terms, "gain", module, state))
     wanted = pressure + total(terms, "head", module, state)

@@ -1,0 +1,103 @@
+"""Prove the mismatch analysis on concealed effects: `rulec prove`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from tests.prove.page import page
+from tests.prove.partition import Partition, register
+from tests.prove.results import Run
+from tests.prove.tell import tell
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
+    options = parser().parse_args(words)
+    out, aside = Console(highlight=False), Console(stderr=True, highlight=False)
+    with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
+        work = Path(options.keep or temporary)
+        work.mkdir(parents=True, exist_ok=True)
+        try:
+            run = _run(options, work, aside)
+        except Changed as mistake:
+            aside.print(f"rulec prove: {mistake}", markup=False, soft_wrap=True)
+            return 1
+    tell(out, run)
+    if options.json:
+        Path(options.json).write_text(run.to_json(), encoding="utf-8")
+    if options.report:
+        Path(options.report).write_text(page(run), encoding="utf-8")
+        out.print(f"[dim]report: {options.report}[/]")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """Options of the command."""
+    made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
+    which = made.add_mutually_exclusive_group()
+    which.add_argument(
+        "--quick", action="store_true", help="about 40 small cases of the development partition"
+    )
+    which.add_argument("--final", action="store_true", help="the partition that is kept apart")
+    which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
+    made.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    made.add_argument("--keep", metavar="DIR", help="leave all files there; a run that was killed "
+                      "goes on from them")  # fmt: skip
+    made.add_argument("--json", metavar="FILE", help="all cases as judged")
+    made.add_argument("--report", metavar="FILE.html", help="one page with pictures")
+    return made
+
+
+def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
+    """Which cases, and how often they were opened."""
+    known = register()
+    if options.final:
+        final = known["final"]
+        if final["seed"] is None:
+            raise Changed("the final partition was not drawn yet")
+        return Partition("final", final["seed"]), final["opened"]
+    seed = known["development"]["seed"] if options.seed is None else options.seed
+    return Partition("development", seed, options.quick), 0
+
+
+def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
+    begin = time.perf_counter()
+    partition, openings = partition_of(options)
+    with Progress(console=aside, transient=True) as progress:
+        tasks = {}
+
+        def told(what: str, done: int, all_: int) -> None:
+            if what not in tasks:
+                tasks[what] = progress.add_task(what, total=all_)
+            progress.update(tasks[what], completed=done)
+
+        seals = sealed(partition, work, options.jobs, told)
+        digest = digest_of(seals)
+        made = sum(bool(s) for s in seals)
+        aside.print(f"{made} answers sealed, hash {digest[:16]}")
+        analysed(work, seals, options.jobs, told)
+        found, away = judged(partition, work, seals, options.jobs, told)
+    lost = len(seals) - made
+    notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
+    return Run(
+        tuple(found),
+        {partition.name: str(partition.seed)},
+        openings,
+        digest,
+        "",
+        time.perf_counter() - begin,
+        away,
+        notes,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

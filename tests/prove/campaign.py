@@ -1,0 +1,135 @@
+"""A run of the proof: seal all answers, analyse, open the answers, judge. It resumes after a kill.
+
+Folders are numbered; names, seeds and answers stand in no file until all is judged. A run that goes
+on makes the answers anew and compares their hashes with those that were sealed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tests.prove.analyst import FORM, analyse
+from tests.prove.judge import judge
+from tests.prove.partition import Partition, Planned
+from tests.prove.results import Judged
+
+SEALS, JUDGED = "seals.txt", "judged.json"
+
+Told = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+B = TypeVar("B")
+
+
+class Changed(Exception):
+    """The folder belongs to another run, or answers are not what was sealed."""
+
+
+def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]:
+    """Make all cases; their hashes by number, empty where no plant showed what was planned.
+
+    Raises Changed where a folder was sealed with other answers.
+    """
+    file = work / SEALS
+    kept = file.read_text(encoding="utf-8").split("\n")[:-1] if file.exists() else []
+    title = f"{partition.name} {partition.seed} {'quick' if partition.quick else 'full'}"
+    digest = hashlib.sha256(title.encode()).hexdigest()
+    if kept:
+        if kept[0] != digest:
+            raise Changed(f"{work} holds another run; give another folder, or remove it")
+        return kept[1:]
+    cases = partition.cases()
+    todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
+    made = list(_spread(_seal, todo, jobs, lambda n: told("sealing", n, len(todo))))
+    partly = file.with_suffix(".part")
+    partly.write_text("\n".join([digest, *made]) + "\n", encoding="utf-8")
+    partly.replace(file)
+    return made
+
+
+def digest_of(seals: Sequence[str]) -> str:
+    """One hash over all answers."""
+    return hashlib.sha256("\n".join(seals).encode()).hexdigest()
+
+
+def analysed(work: Path, seals: Sequence[str], jobs: int, told: Told) -> None:
+    """Ask the tool about every case that was made and not asked about yet."""
+    folders = [_folder(work, i) for i, seal in enumerate(seals) if seal]
+    todo = [(f,) for f in folders if not (f / FORM).exists()]
+    done = len(folders) - len(todo)
+    told("analysing", done, len(folders))
+    for _ in _spread(_analyse, todo, jobs, lambda n: told("analysing", done + n, len(folders))):
+        pass
+
+
+def judged(
+    partition: Partition, work: Path, seals: Sequence[str], jobs: int, told: Told
+) -> tuple[list[Judged], int]:
+    """Open the answers and judge; also how often the simulation of a baseline ran away.
+
+    Raises Changed where an answer is not what was sealed.
+    """
+    todo = [
+        (case, _folder(work, i), seals[i], partition.name)
+        for i, case in enumerate(partition.cases())
+        if seals[i]
+    ]
+    found = list(_spread(_judge, todo, jobs, lambda n: told("judging", n, len(todo))))
+    return [j for j, _ in found], sum(away for _, away in found)
+
+
+def _folder(work: Path, number: int) -> Path:
+    return work / "cases" / f"{number:04d}"
+
+
+def _seal(case: Planned, folder: Path) -> str:
+    try:
+        made = case.make()
+    except ValueError:
+        return ""
+    folder.mkdir(parents=True, exist_ok=True)
+    digest = made.answer.digest
+    made.write(folder)
+    return digest
+
+
+def _analyse(folder: Path) -> None:
+    analyse(folder)
+
+
+def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:
+    kept = folder / JUDGED
+    made = case.make()
+    if made.answer.digest != seal:
+        raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
+    form: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
+    result = judge(made, form, folder, partition)
+    kept.with_name("answer-opened.json").write_text(made.answer.to_json(), encoding="utf-8")
+    return result
+
+
+def _spread(
+    work: Callable[..., B],
+    todo: Sequence[tuple[Any, ...]],
+    jobs: int,
+    told: Callable[[int], None],
+) -> Iterator[B]:
+    """Results in the order of the list, from processes that share nothing with this one."""
+    os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+    found: dict[int, B] = {}
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context) as pool:
+        asked = {pool.submit(work, *words): i for i, words in enumerate(todo)}
+        for count, future in enumerate(as_completed(asked), 1):
+            found[asked[future]] = future.result()
+            told(count)
+    return (found[i] for i in range(len(todo)))
+
+
