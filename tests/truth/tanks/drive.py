@@ -44,12 +44,25 @@ def start_stop(random: np.random.Generator, samples: int) -> Array:
     return result
 
 
+def plateaus(random: np.random.Generator, samples: int) -> Array:
+    """A few values only, each held for a long time: what settles is seen again and again."""
+    count = int(random.integers(4, 8))
+    values = random.uniform(LOWEST, 1.0, count)
+    lengths = random.uniform(0.6, 1.4, count)
+    begins = np.cumsum(lengths / lengths.sum()) * samples
+    return np.asarray(values[np.searchsorted(begins[:-1], np.arange(samples), "right")])
+
+
 PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
     "steps": steps,
     "multisine": multisine,
     "ramps": ramps,
     "start-stop": start_stop,
+    "plateaus": plateaus,
 }
+
+DRAWN = ("steps", "multisine", "ramps", "start-stop")
+"""Of these one is drawn where none is asked for."""
 
 
 def _held(random: np.random.Generator, samples: int, draw: Callable[[], float]) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,12 @@ LEAST, MOST = 0.3, 1.0
 
 ACCEPTED = 0.15, 1.5
 """V; what is taken where a size ends before that."""
+
+VISIBLE = 0.02, 2.5
+"""V; what is taken where a strength is asked for and cannot be reached."""
+
+FAINT = 20.0
+"""A faint effect may be smaller than its usual least size by this factor."""
 
 NEAR = 1.2
 """Factor to the aim that is near enough."""
@@ -44,13 +50,23 @@ class Planted:
     change: Readings
 
 
-def plant_each(scene: Scene, wanted: Sequence[Placed], seed: int) -> list[Planted] | None:
-    """Each effect alone, as large as drawn; None where one cannot be seen in this plant."""
-    aim = float(stream(seed, "aim").uniform(NEAR * LEAST, MOST / NEAR))
+def plant_each(
+    scene: Scene, wanted: Sequence[Placed], seed: int, strength: float | None = None
+) -> list[Planted] | None:
+    """Each effect alone, as large as drawn; None where one cannot be seen in this plant.
+
+    `strength`, V, replaces what is drawn; where the plant cannot show it, what is nearest.
+    """
+    drawn = float(stream(seed, "aim").uniform(NEAR * LEAST, MOST / NEAR))
     plain = shown(scene.setup.plant, scene.course)
     found = []
     for placed in wanted:
-        one = _sought(scene, plain, placed, aim * placed.effect.scale, seed)
+        if strength is None:
+            aim, accepted = drawn * placed.effect.scale, ACCEPTED
+        else:
+            placed = replace(placed, effect=replace(placed.effect, low=placed.effect.low / FAINT))
+            aim, accepted = strength, VISIBLE
+        one = _sought(scene, plain, placed, aim, accepted, seed)
         if one is None:
             return None
         found.append(one)
@@ -61,7 +77,7 @@ def plant_all(scene: Scene, planted: Sequence[Planted], seed: int) -> Plant:
     """The plant with all effects, each as it is alone."""
     plant = scene.setup.plant
     for one in planted:
-        plant = _make(scene, plant, one.placed, one.size, seed).plant
+        plant = make(scene, plant, one.placed, one.size, seed).plant
     return plant
 
 
@@ -95,12 +111,19 @@ def is_inside(plant: Plant, course: Course) -> bool:
     return all(v.min() >= LOWEST and v.max() <= HIGHEST for v in values)
 
 
-def _sought(scene: Scene, plain: Readings, placed: Placed, aim: float, seed: int) -> Planted | None:
+def _sought(
+    scene: Scene,
+    plain: Readings,
+    placed: Placed,
+    aim: float,
+    accepted: tuple[float, float],
+    seed: int,
+) -> Planted | None:
     """Seek the size at which an effect shows as aimed: between bounds, by the ratio missed."""
     low, high = placed.effect.low, placed.effect.high
     largest, size, best, least = high, math.sqrt(low * high), None, math.inf
     for _ in range(TRIES):
-        built = _make(scene, scene.setup.plant, placed, size, seed)
+        built = make(scene, scene.setup.plant, placed, size, seed)
         course = run(scene, built.plant)
         change = change_of(shown(built.plant, course), plain)
         reached = max(most(change), 1e-3 * aim)
@@ -116,11 +139,11 @@ def _sought(scene: Scene, plain: Readings, placed: Placed, aim: float, seed: int
             size = guess
         else:
             size = high if guess >= high == largest else math.sqrt(low * high)
-    if best is None or not ACCEPTED[0] <= most(best.change) <= ACCEPTED[1]:
+    if best is None or not accepted[0] <= most(best.change) <= accepted[1]:
         return None
     return best
 
 
-def _make(scene: Scene, plant: Plant, placed: Placed, size: float, seed: int) -> Built:
+def make(scene: Scene, plant: Plant, placed: Placed, size: float, seed: int) -> Built:
     """An effect of some size; what shapes it is the same at every size."""
     return placed.effect.make(scene, plant, placed.place, size, stream(seed, placed.id))

@@ -35,7 +35,9 @@ def drowned(scene: Scene, plant: Plant, place: str, size: float, random: Random)
 
 def bypass(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
     """A strong jet of the feed partly misses the first tank."""
-    flow = quantile(scene.falling(scene.setup.layout.tanks[0]), random.uniform(0.1, 0.4))
+    falling = scene.falling(scene.setup.layout.tanks[0])
+    # A feed that is off for long would let the jet begin with no flow.
+    flow = max(quantile(falling, random.uniform(0.1, 0.4)), 0.1 * float(falling.max()))
     feed = replace(plant.feed, bypass=Bypass(flow, size))
     return Built(replace(plant, feed=feed), {"flow": (flow, "cm3/s"), "share": (size, "1")})
 

@@ -1,0 +1,222 @@
+"""The sealed answer and what the tool said, held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.prove.aligned import Course, columns_of, courses_of
+from tests.prove.analyst import SERIES
+from tests.prove.baselines import Baselines, dynamic_baselines, stationary_baselines
+from tests.prove.results import Heldout, Judged
+from tests.truth.sealed import Answer, Case, Planted, Reference, Request
+
+CERTAIN = 0.6
+"""Probability below which a name is one of several."""
+
+AS_LIKELY = 0.25
+"""Odds from which on an alternative belongs to the set."""
+
+NAN = float("nan")
+Form = Mapping[str, Any]
+
+
+def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged, bool]:
+    """Score a case; also tells whether the simulation of a baseline ran away."""
+    answer = case.answer
+    effects = list(form.get("effects", ()))
+    fit = form.get("fit")
+    known = _reference(case, form) if answer.effects and fit else Reference({})
+    baselines = _baselines(answer, fit, folder) if answer.effects and fit else None
+    verdict = form.get("verdict", "failed")
+    named = [p for p in answer.effects if p.names]
+    asked = bool(named) and answer.verdict != "unnamed"
+    strength = sum(p.gain for p in answer.effects)
+    judged = Judged(
+        answer.case,
+        answer.half,
+        answer.plant,
+        answer.profile,
+        partition,
+        answer.verdict,
+        verdict,
+        answer.concealed,
+        tuple(f"{p.effect}@{p.module}" for p in answer.effects),
+        tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
+        tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
+        strength,
+        min((p.margin for p in answer.effects), default=float("inf")),
+        answer.digest,
+        place_right=_place(answer, form) if answer.effects else None,
+        name_right=_name(named, effects) if asked else None,
+        clean_right=None if answer.effects else float(verdict == "none"),
+        unnamed_right=_unnamed(answer, form) if answer.verdict == "unnamed" else None,
+        told_right=_told(answer, verdict),
+        inside=_inside(named, effects),
+        ratio=_ratio(form, known, verdict),
+        course=_course(known, form, folder) if answer.unrecorded else None,
+        errors=_errors(fit),
+        baselines=baselines.ratios if baselines else {},
+        seconds=float(form.get("seconds", NAN)),
+        error=str(form.get("error", "")),
+    )
+    return judged, bool(baselines and baselines.ran_away)
+
+
+def _set_of(effect: Form) -> list[str]:
+    """Names that a finding leaves open, its own first."""
+    names = [str(effect["effect"])]
+    if (effect["probability"] or 0.0) < CERTAIN:
+        near = AS_LIKELY * (effect["probability"] or 0.0)
+        names += [str(a["effect"]) for a in effect["alternatives"] if a["probability"] >= near]
+    return names
+
+
+def _modules(effect: Form) -> set[str]:
+    """Modules that a finding or one of its alternatives is at."""
+    ids = [effect["id"], *(a["id"] for a in effect["alternatives"])]
+    return {*effect["modules"], *(str(i).partition(".")[0] for i in ids)}
+
+
+def _is(planted: Planted, effect: Form) -> bool:
+    return bool(set(_set_of(effect)) & set(planted.names)) and planted.module in _modules(effect)
+
+
+def _name(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
+    """Share named rightly; a set counts by 1/size, a false name beside lowers the share."""
+    credit = [
+        max((1.0 / len(_set_of(e)) for e in effects if _is(p, e)), default=0.0) for p in planted
+    ]
+    return float(sum(credit) / max(len(planted), len(effects)))
+
+
+def _said_places(form: Form) -> set[str]:
+    """All places of an answer."""
+    places = [*form.get("effects", ()), *form.get("locations", ())]
+    hidden = form.get("hidden_driver")
+    found = {f"{e['module']}.{e['place']}" for e in [*places, *([hidden] if hidden else [])]}
+    for effect in form.get("effects", ()):
+        found |= {f"{m}.{effect['place']}" for m in effect["modules"]}
+    return found
+
+
+def _place(answer: Answer, form: Form) -> float:
+    """Share of the places that are right."""
+    said = _said_places(form)
+    return float(np.mean([bool(said & set(p.places)) for p in answer.effects]))
+
+
+def _unnamed(answer: Answer, form: Form) -> float:
+    """Called unnamed, with its place."""
+    return float(form.get("verdict") == "unnamed" and _place(answer, form) > 0)
+
+
+def _told(answer: Answer, verdict: str) -> bool | None:
+    """Fault or sensor told from physics, where the tool named something at all."""
+    sorts = {p.sort for p in answer.effects}
+    if verdict not in ("named", "fault", "sensor") or not sorts or "unnamed" in sorts:
+        return None
+    if sorts == {"physics"} and answer.verdict != "unnamed":
+        return verdict == "named"
+    return verdict in ("fault", "sensor") if "physics" not in sorts else None
+
+
+def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, int]:
+    """Intervals of what was named rightly that hold the truth, and all of them."""
+    hits = count = 0
+    for p in planted:
+        for effect in effects:
+            if effect["effect"] not in p.names or p.module not in effect["modules"]:
+                continue
+            for name, value in p.parameters.get(effect["effect"], {}).items():
+                estimate = _estimate(effect, name)
+                if estimate is not None:
+                    count += 1
+                    hits += bool(estimate[0] <= value <= estimate[1])
+    return hits, count
+
+
+def _estimate(effect: Form, name: str) -> tuple[float, float] | None:
+    """Interval of a parameter; of a fault in periods, that of its degree."""
+    found = effect["parameters"].get(name)
+    if found is not None and found.get("lower") is not None and found.get("upper") is not None:
+        return float(found["lower"]), float(found["upper"])
+    periods = effect.get("periods") or []
+    if periods and periods[0].get("u") is not None:
+        degree, u = float(periods[0]["degree"]), float(periods[0]["u"])
+        return degree - 1.96 * u, degree + 1.96 * u
+    return None
+
+
+def _request(form: Form) -> Request:
+    spans = tuple((float(a), float(b)) for a, b in form["split"]["heldout"])
+    return Request(spans, {f["signal"]: f["relation"] for f in form["fits"] if f["relation"]})
+
+
+def _reference(case: Case, form: Form) -> Reference:
+    """The true model on what the tool held out; nothing where it cannot be had."""
+    try:
+        return case.reference(_request(form))
+    except (ValueError, np.linalg.LinAlgError):
+        return Reference({})
+
+
+def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
+    """Of the signal that the tool shows first, where it repaired something."""
+    fit = form.get("fit")
+    if not fit or verdict not in ("named", "ambiguous", "fault", "sensor"):
+        return None
+    error = known.errors.get(fit["signal"], NAN)
+    repaired = fit["heldout"]["repaired"]
+    if repaired is None or not error > 0:
+        return None
+    return float(repaired) / error
+
+
+def _course(known: Reference, form: Form, folder: Path) -> float:
+    """Likeness of the reconstructed course; its sign is free. 0 where there is none."""
+    hidden = form.get("hidden_driver")
+    if not hidden or not hidden.get("series") or known.driver is None:
+        return 0.0
+    columns = columns_of((folder / hidden["series"]).read_text(encoding="utf-8"))
+    course = next(v for header, v in columns.items() if header.startswith("course"))
+    time = columns["time [s]"]
+    usable = np.isfinite(course)
+    truth = np.interp(time[usable], *known.driver)
+    if usable.sum() < 3 or np.std(course[usable]) == 0 or np.std(truth) == 0:
+        return 0.0
+    return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
+
+
+def _errors(fit: Form | None) -> Heldout | None:
+    if not fit:
+        return None
+    held = fit["heldout"]
+    values = [held[name] for name in ("shipped", "recalibrated", "repaired", "noise")]
+    return Heldout(*(NAN if v is None else float(v) for v in values))
+
+
+def _baselines(answer: Answer, fit: Form, folder: Path) -> Baselines | None:
+    """What learning makes of the same held-out samples."""
+    file = folder / SERIES
+    if not file.exists():
+        return None
+    courses: list[Course] = courses_of(file.read_text(encoding="utf-8"))
+    course = next((c for c in courses if c.signal == fit["signal"]), None)
+    if course is None or not course.judged.any():
+        return None
+    columns = columns_of((folder / "recording.csv").read_text(encoding="utf-8"))
+    if answer.half == "stationary":
+        return stationary_baselines(columns, course)
+    outputs = {c.signal for c in courses}
+    inputs = [h for h in columns if h != "time [s]" and not _is_level(h)]
+    assert outputs
+    return dynamic_baselines(columns, course, inputs)
+
+
+def _is_level(header: str) -> bool:
+    """Is it a voltage of a level transmitter?"""
+    return header.startswith(("y", "L"))

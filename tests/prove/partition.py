@@ -1,0 +1,74 @@
+"""Which cases a run is made of. A case is cheap until it is made; the same seed, the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import yaml
+
+from tests.truth.sealed import Case
+from tests.truth.settled import suite as stationary
+from tests.truth.tanks import suite as dynamic
+
+REGISTER = Path(__file__).parent / "partitions.yaml"
+
+
+class Planned(Protocol):
+    """A case to be made."""
+
+    @property
+    def name(self) -> str:
+        """Tells it from all others."""
+
+    @property
+    def group(self) -> str:
+        """What kind of case it is."""
+
+    def make(self) -> Case:
+        """Simulate it; ValueError where no plant shows it."""
+
+
+DYNAMIC_FULL: Mapping[str, int] = {
+    "clean": 100,
+    "single": 36,
+    "corner": 8,
+    "sensor": 9,
+    "fault": 8,
+    "unnamed": 8,
+    "pair": 7,
+    "hiding": 7,
+    "alike": 7,
+}
+
+DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 4, "sensor": 1, "fault": 1, "unnamed": 1}
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Cases by seed; `name` is `development`, `final`, or `own`."""
+
+    name: str
+    seed: int
+    quick: bool = False
+
+    def cases(self) -> list[Planned]:
+        """All of them, in an order that tells nothing."""
+        found = list(self._in_order())
+        order = np.random.default_rng([self.seed, 7]).permutation(len(found))
+        return [found[i] for i in order]
+
+    def _in_order(self) -> Iterator[Planned]:
+        full = not self.quick
+        yield from stationary.planned(self.seed, stationary.FULL if full else stationary.QUICK)
+        counts = DYNAMIC_FULL if full else DYNAMIC_QUICK
+        yield from dynamic.cases(self.seed, counts, 1024 if full else 512)
+
+
+def register() -> Mapping[str, Any]:
+    """Seeds of the partitions, and how often each was opened."""
+    found: Mapping[str, Any] = yaml.safe_load(REGISTER.read_text(encoding="utf-8"))
+    return found

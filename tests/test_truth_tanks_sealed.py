@@ -1,0 +1,219 @@
+"""Sealed cases of tanks: nothing told beforehand, the limit of what can be seen, the best refit."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from rulec.cli import main as rulec
+from rulec.workshop import open_workshop
+from tests.conftest import ROOT
+from tests.truth import sealed
+from tests.truth.limit import expected_gain, margin
+from tests.truth.tanks import CASCADED, ROW, case, possible_effects
+from tests.truth.tanks.effects import EFFECTS
+from tests.truth.tanks.folder import write_plant
+from tests.truth.tanks.key import FILE, right
+from tests.truth.tanks.model import noise_of
+from tests.truth.tanks.rows import row
+from tests.truth.tanks.sealed import SealedCase
+from tests.truth.tanks.suite import CONCEALED, RARELY, STRONGEST, WEAKEST, cases
+
+SHORT = 90
+RANDOM = np.random.default_rng(5)
+
+
+@functools.cache
+def made(*effects: str, seed: int = 3, strength: float | None = None) -> SealedCase:
+    return SealedCase(case(seed, effects, SHORT, name="it", strength=strength), ("open",))
+
+
+def test_gain_of_nothing_is_nothing_and_grows_with_the_size() -> None:
+    """As the square of the size, since all is linear."""
+    slopes, flat = RANDOM.normal(size=(40, 4)), np.zeros((40, 0))
+    d = RANDOM.normal(size=40)
+    assert expected_gain(np.zeros(40), slopes, flat) == 0.0
+    assert expected_gain(2.0 * d, slopes, flat) == pytest.approx(4 * expected_gain(d, slopes, flat))
+
+
+def test_gain_is_that_of_the_full_covariance() -> None:
+    """With and without other effects, whose flat prior is a very wide one."""
+    d, slopes, flat = (RANDOM.normal(size=s) for s in (30, (30, 5), (30, 2)))
+    slopes[:, 0] *= 1e3  # a parameter of which nothing is known
+    for others in (flat, flat[:, :0]):
+        covariance = np.eye(30) + slopes @ slopes.T + 1e8 * others @ others.T
+        expected = 0.5 * d @ np.linalg.solve(covariance, d)
+        assert expected == pytest.approx(expected_gain(d, slopes, others), rel=1e-5)
+
+
+def test_what_may_be_anything_takes_from_the_gain() -> None:
+    """A flat direction lowers it; the effect's own leaves nothing; dependent ones do no harm."""
+    d, slopes, flat = (RANDOM.normal(size=s) for s in (30, (30, 3), (30, 1)))
+    none = np.zeros((30, 0))
+    assert expected_gain(d, slopes, flat) < expected_gain(d, slopes, none)
+    assert expected_gain(d, slopes, d[:, None]) == pytest.approx(0.0, abs=1e-12)
+    doubled = np.column_stack([flat, 3.0 * flat, 0.0 * flat])
+    assert expected_gain(d, slopes, doubled) == pytest.approx(expected_gain(d, slopes, flat))
+
+
+def test_margin_is_what_the_best_rival_leaves() -> None:
+    """And it is infinite without rivals."""
+    d, slopes, flat = (RANDOM.normal(size=s) for s in (30, (30, 3), (30, 0)))
+    near, far = d + 0.1 * RANDOM.normal(size=30), RANDOM.normal(size=30)
+    assert margin(d, slopes, flat, {}) == (np.inf, "")
+    left, name = margin(d, slopes, flat, {"far": far, "near": near})
+    assert name == "near"
+    assert left == pytest.approx(expected_gain(d, slopes, near[:, None]))
+
+
+def test_answer_is_sealed() -> None:
+    """The same seed gives the same digest, of the text that is shown later."""
+    one = made("upper.seepage", strength=0.3)
+    again = SealedCase(case(3, ("upper.seepage",), SHORT, name="it", strength=0.3), ("open",))
+    assert one.answer.digest == again.answer.digest
+    assert hashlib.sha256(one.answer.to_json().encode()).hexdigest() == one.answer.digest
+    other = made("upper.seepage", seed=4, strength=0.3)
+    assert one.answer.digest != other.answer.digest
+
+
+def test_what_is_written_tells_nothing(tmp_path: Path) -> None:
+    """The folder of a planted case is that of a clean one, but for the readings."""
+    written = {}
+    for name, one in (
+        ("planted", made("upper.overflow-sharp")),
+        ("again", made("upper.overflow-sharp")),
+        ("clean", made()),
+    ):
+        one.write(tmp_path / name)
+        files = [f for f in (tmp_path / name).rglob("*") if f.is_file()]
+        written[name] = {str(f.relative_to(tmp_path / name)): f.read_bytes() for f in files}
+    planted, clean = written["planted"], written["clean"]
+    assert planted == written["again"]
+    assert {"recording.csv", "plant/plant.yaml", "plant/columns.yaml"} == set(planted)
+    assert planted.pop("recording.csv") != clean.pop("recording.csv")
+    assert planted == clean
+    assert not any(b"overflow" in content for content in planted.values())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rows_are_plants_that_the_tool_accepts(seed: int, tmp_path: Path) -> None:
+    """With between two and four tanks, of which the last is measured."""
+    layout = row(seed)
+    folder = write_plant(layout, tmp_path / "plant")
+    assert rulec(["check", str(folder)]) == 0
+    assert 2 <= len(layout.tanks) <= 4
+    assert layout.tanks[-1] in layout.measured
+
+
+def test_rows_are_of_all_kinds() -> None:
+    """Some metered, some not; some with one level measured, some with more."""
+    layouts = [row(seed) for seed in range(30)]
+    assert {2, 3, 4} == {len(one.tanks) for one in layouts}
+    assert {True, False} == {one.metered for one in layouts}
+    assert {1, 2} <= {len(one.measured) for one in layouts}
+
+
+def test_the_key_knows_every_effect_and_the_catalogue_every_name() -> None:
+    """Each name is an entry, each parameter one of that entry."""
+    key = yaml.safe_load(FILE.read_text(encoding="utf-8"))
+    known = {f"y.{e.name}" if e.at == "sensor" else e.name for e in EFFECTS}
+    assert known == set(key)
+    for entry in key.values():
+        for stated in entry.get("right", ()):
+            if "name" not in stated:
+                continue
+            files = [
+                ROOT / "kb" / kind / f"{stated['name']}.yaml" for kind in ("effects", "faults")
+            ]
+            (file,) = (file for file in files if file.exists())
+            read = yaml.safe_load(file.read_text(encoding="utf-8"))
+            parameters = set(read.get("parameters", {"x": None}))
+            assert set(stated.get("parameters", ())) <= parameters, stated["name"]
+
+
+def test_places_of_the_key_are_places_of_the_tool() -> None:
+    """Of the shipped plant; `y` of a level that is not measured is never one."""
+    _, workshop = open_workshop(ROOT / "plants" / CASCADED.name)
+    known = {f"{c.module}.{c.place}" for c in workshop.candidates} | {"lower.h", "upper.h"}
+    for effect in possible_effects(CASCADED):
+        (one,) = made(effect).made.planted
+        assert set(right(made(effect).made.setup, one).places) <= known, effect
+
+
+def test_parameters_are_those_of_the_entry() -> None:
+    """In its unit: what is caught as share, the width as half of it, a share in percent."""
+    tank = made("upper.overflow-sharp").made.plant.tank("upper")
+    assert tank.rim is not None
+    (overflow,) = made("upper.overflow-sharp").answer.effects
+    assert overflow.names == ("overflow-caught",)
+    expected = {"l_o": tank.rim.height, "f": tank.rim.caught}
+    assert overflow.parameters["overflow-caught"] == pytest.approx(expected)
+    (clogging,) = made("lower.clogging").answer.effects
+    clog = made("lower.clogging").made.plant.tank("lower").clog
+    assert clog is not None
+    assert clogging.parameters["blockage"]["x"] == pytest.approx(100.0 * clog.size)
+    assert made("lower.clogging").answer.verdict == "fault"
+
+
+def test_what_no_entry_names_is_unnamed_and_has_a_place() -> None:
+    """Also where it is an error of a sensor."""
+    (stuck,) = made("lower.y.stuck").answer.effects
+    assert (stuck.names, stuck.sort, stuck.places) == ((), "unnamed", ("lower.y",))
+    assert made("lower.y.stuck").answer.verdict == "unnamed"
+
+
+def test_gain_grows_with_strength() -> None:
+    """From hardly anything to plain; beside a rival less is left."""
+    gains = [made("upper.power-high", strength=s).answer.effects[0].gain for s in (0.03, 0.3)]
+    assert gains[0] < 0.1 * gains[1]
+    (one,) = made("upper.power-high", strength=0.3).answer.effects
+    assert one.margin < one.gain
+    assert one.rival
+
+
+@pytest.mark.parametrize("effects", [(), ("lower.power-high",), ("lower.y.drift-up",)])
+def test_the_true_model_fits_but_for_noise(effects: tuple[str, ...]) -> None:
+    """In samples that it was not fitted to."""
+    one = made(*effects)
+    time = one.made.setup.time
+    found = one.reference(sealed.Request(((float(time[30]), float(time[60])),)))
+    (sensor,) = one.made.plant.sensors
+    assert {"lower.y"} == set(found.errors)
+    assert 0.6 * noise_of(sensor) < found.errors["lower.y"] < 1.5 * noise_of(sensor)
+
+
+def test_a_reference_needs_samples_held_out() -> None:
+    """Else there is nothing to compare."""
+    with pytest.raises(ValueError, match="must be held out"):
+        made().reference(sealed.Request(()))
+
+
+def test_suite_is_a_list_that_depends_on_its_seed() -> None:
+    """Each case of each group alone; all can be sent to another process."""
+    count = dict.fromkeys(CONCEALED, 6)
+    planned = list(cases(1, count))
+    assert planned == list(cases(1, count)) == pickle.loads(pickle.dumps(planned))
+    assert planned != list(cases(2, count))
+    assert len(planned) == 6 * len(CONCEALED) == len({p.name for p in planned})
+    assert set(CONCEALED.values()) <= set(sealed.CONCEALMENTS)
+    for one in planned:
+        assert set(one.effects) <= set(possible_effects(one.layout))
+        assert (one.group == "clean") == (one.effects == ())
+        assert one.strength is None or WEAKEST <= one.strength <= STRONGEST
+        assert one.group != "corner" or one.rarely == RARELY
+    assert list(cases(1, {"clean": 6})) == [p for p in planned if p.group == "clean"]
+    with pytest.raises(ValueError, match="no group 'odd'"):
+        list(cases(1, {"odd": 1}))
+
+
+def test_planned_cases_can_be_made() -> None:
+    """Of a row that is drawn, as short as a test needs."""
+    planned = next(p for p in cases(1, {"sensor": 9}, SHORT) if p.layout not in (CASCADED, ROW))
+    answer = planned.make().answer
+    assert (planned.name, "dynamic", SHORT) == (answer.case, answer.half, answer.samples)

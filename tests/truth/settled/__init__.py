@@ -1,0 +1,8 @@
+"""Independent truth of stationary plants for the proof, written from physics.
+
+Shares no code with the packages it tests. Files in order of data flow: `pumps`, `term` (what acts
+beyond plain laws), `rig` (plant and operating points), `rigs` (plants that are drawn), `drive`,
+`scene` (a plant and how it is run), `effect` and four files of effects, `effects`, `key.yaml` (what
+the catalogue calls them), `visible` (how much can be seen at best), `folder`, `plan` (a case),
+`reference` (the true model on held-out samples), `suite` (the list).
+"""

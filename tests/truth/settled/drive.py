@@ -1,0 +1,101 @@
+"""How plants are run: set values between 0 and 1 of their range, slow temperatures and levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ..units import ZERO_CELSIUS, Array
+
+COLD, WARM = 18.0 + ZERO_CELSIUS, 42.0 + ZERO_CELSIUS
+LOW, HIGH = 0.15, 0.8
+"""m; level of a feed tank."""
+
+APPROACH = 1.0
+"""s; time constant of a converter's ramp."""
+
+
+def steps(random: np.random.Generator, samples: int) -> Array:
+    """Random values, each held for 8 to 30 samples."""
+    return _held(random, samples, 8, 30)
+
+
+def ramps(random: np.random.Generator, samples: int) -> Array:
+    """Slow straight lines between plateaus."""
+    corners = [0]
+    values = [float(random.uniform())]
+    while corners[-1] < samples:
+        corners += [corners[-1] + int(random.integers(8, 25))]
+        values += [values[-1]]
+        corners += [corners[-1] + int(random.integers(15, 60))]
+        values += [float(random.uniform())]
+    return np.asarray(np.interp(np.arange(samples), corners, values))
+
+
+def long_constant(random: np.random.Generator, samples: int) -> Array:
+    """A few operating points, each held for minutes."""
+    return _held(random, samples, 70, 160)
+
+
+PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
+    "steps": steps,
+    "ramps": ramps,
+    "start-stop": steps,
+    "long-constant": long_constant,
+}
+
+
+def stops(random: np.random.Generator, samples: int) -> Array:
+    """1 while the plant runs, else 0: it stands for 15 to 40 samples now and then."""
+    running, at = np.ones(samples), int(random.integers(40, 100))
+    while at < samples:
+        until = at + int(random.integers(15, 40))
+        running[at:until] = 0.0
+        at = until + int(random.integers(60, 160))
+    return running
+
+
+def temperature(random: np.random.Generator, samples: int) -> Array:
+    """A warm-up and a swing as of day and night, K."""
+    time = np.arange(samples) / samples
+    warm = 1.0 - np.exp(-time / random.uniform(0.1, 0.4))
+    swing = np.sin(2.0 * np.pi * (random.uniform(0.8, 2.0) * time + random.uniform()))
+    raw = warm + random.uniform(0.3, 0.8) * swing
+    span = random.uniform(0.5, 1.0) * (WARM - COLD)
+    return np.asarray(COLD + span * (raw - raw.min()) / np.ptp(raw))
+
+
+def by_load(random: np.random.Generator, load: Array) -> Array:
+    """A temperature that follows the load of the pump within minutes, K."""
+    slow, result = float(load[0]), np.empty(load.size)
+    for k, now in enumerate(load):
+        slow += (now - slow) / 25.0
+        result[k] = slow
+    share = (result - result.min()) / max(float(np.ptp(result)), 1e-9)
+    return np.asarray(COLD + (WARM - COLD) * (0.15 + 0.7 * share) + 0.3 * random.uniform(-1, 1))
+
+
+def level(random: np.random.Generator, samples: int) -> Array:
+    """A tank that is emptied and filled up again, m."""
+    period = random.uniform(0.25, 0.6) * samples
+    phase = (np.arange(samples) / period + random.uniform()) % 1.0
+    return np.asarray(HIGH - (HIGH - LOW) * phase)
+
+
+def approached(setting: Array) -> Array:
+    """What a converter makes of a setting; one sample per second."""
+    value = np.array(setting, dtype=np.float64)
+    left = float(np.exp(-1.0 / APPROACH))
+    for k in range(1, value.size):
+        value[k] = setting[k] + left * (value[k - 1] - setting[k])
+    return value
+
+
+def _held(random: np.random.Generator, samples: int, shortest: int, longest: int) -> Array:
+    result, begin = np.empty(samples), 0
+    while begin < samples:
+        end = begin + int(random.integers(shortest, longest + 1))
+        result[begin:end] = random.uniform()
+        begin = end
+    return result

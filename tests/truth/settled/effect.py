@@ -1,0 +1,80 @@
+"""What an effect of a stationary plant is, and where it can be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..units import Array
+from .scene import Scene
+from .term import Change
+
+Sort = Literal["physics", "fault", "sensor", "unnamed"]
+
+
+@dataclass(frozen=True)
+class Made:
+    """An effect of some size: its terms, and its parameters as its key knows them.
+
+    `period` are seconds from and to, for what begins or ends.
+    """
+
+    changes: tuple[Change, ...]
+    parameters: Mapping[str, float]
+    period: tuple[float, float] | None = None
+
+
+Make = Callable[[Scene, str, float, np.random.Generator], Made]
+"""Scene, module, size, random numbers that shape the effect -> the effect."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A kind of effect.
+
+    Attributes
+    ----------
+    at : `pump` for a pump module, `mixer` for a mixer
+    kinds : of pumps that can have it; empty for all
+    low, high : of the size; what an effect changes rises with its size
+    driver : signal that drives it and may be missing in a recording
+    corner : does it act in a part of the operating range only?
+    timed : does it follow the time since the recording began?
+    """
+
+    name: str
+    title: str
+    sort: Sort
+    low: float
+    high: float
+    make: Make
+    at: Literal["pump", "mixer"] = "pump"
+    kinds: tuple[str, ...] = ()
+    driver: str = ""
+    corner: bool = False
+    timed: bool = False
+
+
+DISPLACEMENT = ("cavity", "membrane", "oil-set")
+DOSING = ("cavity", "membrane", "centrifugal")
+
+
+def warmer(scene: Scene, module: str) -> Array:
+    """Temperature of the liquid above its middle, K; that of the first pump for a mixer."""
+    values = scene.temperature.get(module)
+    if values is None:
+        values = next(iter(scene.temperature.values()))
+    return np.asarray(values - float(np.median(values)))
+
+
+def middle(values: Array) -> float:
+    """Median as plain number."""
+    return float(np.median(values))
+
+
+def quantile(values: Array, share: float) -> float:
+    """A quantile as plain number."""
+    return float(np.quantile(values, share))

@@ -1,0 +1,45 @@
+"""All effects, by what they are called, and where each can be in a plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from . import line_effects, pump_effects, sensor_effects, unnamed_effects
+from .effect import Effect
+from .rig import Rig
+
+EFFECTS: Mapping[str, Effect] = {
+    effect.name: effect
+    for group in (pump_effects, line_effects, sensor_effects, unnamed_effects)
+    for effect in group.EFFECTS
+}
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect in a module."""
+
+    effect: Effect
+    module: str
+
+
+def places_of(rig: Rig, effect: Effect) -> list[Placed]:
+    """Where an effect can be."""
+    if effect.at == "mixer":
+        return [Placed(effect, m) for m in rig.mixers]
+    kinds = effect.kinds
+    return [Placed(effect, m) for m, kind in rig.pumps.items() if not kinds or kind in kinds]
+
+
+@cache
+def key() -> Mapping[str, Any]:
+    """What the catalogue calls each effect."""
+    text = (Path(__file__).parent / "key.yaml").read_text(encoding="utf-8")
+    found: Mapping[str, Any] = yaml.safe_load(text)
+    return found

@@ -1,0 +1,30 @@
+"""The plant folder as a plant engineer writes it: instances, connections, nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..units import BAR, LITRE_PER_HOUR
+from .rig import Rig
+
+
+def write_plant(rig: Rig, folder: Path) -> None:
+    """Write `plant.yaml`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = ["plant: concealed", "title: A plant of the proof", "modules:"]
+    lines += [f"  {name}: {{type: {rig.kind(name).type}}}" for name in rig.pumps]
+    for name, size in rig.mixers.items():
+        lines.append(f"  {name}:" if size != 1.0 else f"  {name}: {{type: static-mixer}}")
+        if size != 1.0:
+            value, u = rig.numbers[f"{name}.k2"]
+            unit = BAR / LITRE_PER_HOUR**2
+            lines += [
+                "    type: static-mixer",
+                "    parameters:",
+                f"      k2: {{value: {value / unit:.6g}, unit: bar/(l/h)**2, u: {u / unit:.3g}, "
+                'source: "data sheet"}',
+            ]
+    links = [f"  - {a} -> {b}" for a, b in rig.downstream.items() if b is not None]
+    if links:
+        lines += ["connections:", *links]
+    (folder / "plant.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")

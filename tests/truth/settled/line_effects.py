@@ -1,0 +1,91 @@
+"""Physics of lines and mixers that plain laws leave out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..units import BAR, LITRE_PER_HOUR, Array
+from .effect import DOSING, Effect, Made, warmer
+from .pump_effects import DAY, MINUTE
+from .scene import Scene
+from .term import Term
+
+
+def laminar(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """A part of the loss in proportion to the flow; size is the flow, l/h, of equal parts."""
+    factor = scene.values[f"{module}.k2"] * size * LITRE_PER_HOUR
+    return Made((Term("loss", module, lambda s: factor * s.flow),), {"a": size})
+
+
+def exponent(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """Loss by a lower power of the flow than 2: 2 - size, the same at the middle."""
+    usual = float(np.median(_flow(scene, module)))
+    friction = scene.values[f"{module}.k2"]
+
+    def law(flow: Array) -> Array:
+        own = np.maximum(np.abs(flow), 1e-3 * usual)
+        return np.asarray(friction * flow * own * ((own / usual) ** -size - 1.0))
+
+    return Made((Term("loss", module, lambda s: law(s.flow)),), {"power": 2.0 - size})
+
+
+def line_warm(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """Friction falls as the liquid gets thinner."""
+    factor = np.expm1(-2.0 * size * warmer(scene, module))
+    return Made((Term("friction", module, lambda s: factor),), {"b": size})
+
+
+def static_head(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """The level of the feed tank lifts or lowers what the pump works against; bar per m."""
+    level = scene.level[module]
+    height = BAR * size * (level - float(np.median(level)))
+    return Made((Term("loss", module, lambda s: height),), {"w": size})
+
+
+def fouling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """Friction grows with time; size over the recording."""
+    length = float(scene.time[-1])
+    course = size * scene.time / length
+    return Made((Term("friction", module, lambda s: course),), {"w": size / length * DAY})
+
+
+def settling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """The line passes more at the start, until deposits have settled; size as share of flow."""
+    constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
+    course = (1.0 + size * np.exp(-scene.time / constant)) ** -2 - 1.0
+    parameters = {"a": size, "tau": constant / MINUTE}
+    return Made((Term("friction", module, lambda s: course),), parameters)
+
+
+def _flow(scene: Scene, module: str) -> Array:
+    """Flow through a line, or through a mixer."""
+    if module in scene.rig.pumps:
+        return scene.plain[f"{module}.Q"]
+    feeding = [n for n in scene.rig.pumps if module in scene.rig.path(n)]
+    return np.asarray(np.sum([scene.plain[f"{n}.Q"] for n in feeding], axis=0))
+
+
+def _effects() -> Iterator[Effect]:
+    yield Effect("static-head", "level of the feed tank", "physics", 1e-3, 0.3, static_head,
+                 kinds=DOSING, driver="l")  # fmt: skip
+    yield Effect("settling", "line passes more at first", "physics", 1e-4, 0.3, settling,
+                 kinds=DOSING, timed=True)  # fmt: skip
+    yield Effect("laminar", "laminar part of the loss", "physics", 0.2, 900, laminar, kinds=DOSING)
+    yield Effect("exponent", "loss with a lower power", "physics", 2e-3, 0.6, exponent,
+                 kinds=DOSING)  # fmt: skip
+    yield Effect("line-warm", "friction falls when warm", "physics", 1e-5, 0.02, line_warm,
+                 kinds=DOSING, driver="T")  # fmt: skip
+    yield Effect("fouling", "friction grows with time", "physics", 2e-4, 0.8, fouling, kinds=DOSING,
+                 timed=True)  # fmt: skip
+    for name, title, low, high, make in (
+        ("mixer-laminar", "laminar part of the mixer", 0.2, 3000, laminar),
+        ("mixer-exponent", "mixer's loss with a lower power", 2e-3, 0.6, exponent),
+        ("mixer-fouling", "mixer fouls with time", 2e-4, 1.5, fouling),
+    ):
+        timed = make is fouling
+        yield Effect(name, title, "physics", low, high, make, at="mixer", timed=timed)
+
+
+EFFECTS = tuple(_effects())

@@ -1,0 +1,137 @@
+"""A plant as it truly is and how it is run, before anything is planted."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..sensors import Sensing, read
+from ..units import BAR, Array
+from . import drive
+from .pumps import Values
+from .rig import Rig, Stalled, solve
+from .term import Change, shown_by
+
+SENSING = Sensing(law="truncated")
+"""Errors of sensors stay inside the bounds of their class."""
+
+LOAD = 120.0 * BAR, 170.0 * BAR
+"""Range of the pressure that a load sets."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What happens in a plant from which the plain model leaves nothing out.
+
+    Attributes
+    ----------
+    values : true parameters, SI
+    first : sample with which the recording begins; those before it are of an earlier run, on which
+        the plant is calibrated
+    time : s since the recording began, shape (n,), never negative; one sample per second
+    given : true inputs, SI, by signal
+    temperature, level : of each pump module, K and m
+    running : bool; where the plant stands, all readings but those of tanks are zero
+    plain : true values of all signals, SI
+    """
+
+    rig: Rig
+    profile: str
+    seed: int
+    values: Values
+    first: int
+    time: Array
+    given: Mapping[str, Array]
+    temperature: Mapping[str, Array]
+    level: Mapping[str, Array]
+    running: np.ndarray
+    plain: Mapping[str, Array]
+
+    def truly(self, terms: Sequence[Change] = (), values: Values | None = None) -> dict[str, Array]:
+        """True values of all signals with some terms, SI.
+
+        Raises Stalled where there is no operating point.
+        """
+        found = solve(self.rig, values or self.values, self.given, terms, self.plain)
+        return {**_ambient(self.rig, self.temperature, self.level), **self.given, **found}
+
+    def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
+        """What sensors without errors of their class show, SI."""
+        return {
+            name: shown_by(terms, name, truth[name]) for name in self.rig.sensors if name in truth
+        }
+
+    def recorded(
+        self, truth: Mapping[str, Array], terms: Sequence[Change] = ()
+    ) -> dict[str, Array]:
+        """Columns of the recording by header, in the units of the sensors."""
+        columns = {"time [s]": np.arange(self.time.size, dtype=np.float64)}
+        for place, value in self.shown(truth, terms).items():
+            sensor = self.rig.sensors[place]
+            if not place.endswith((".T", ".l")):
+                value = np.where(self.running, value, 0.0)
+            columns[f"{place} [{sensor.unit}]"] = read(sensor, place, value, SENSING, self.seed)
+        return columns
+
+
+def scene(
+    rig: Rig, seed: int, samples: int, profile: str, correlated: bool = False, before: int = 0
+) -> Scene:
+    """Draw true parameters and how a plant is run, `before` samples longer than its recording.
+
+    Raises Stalled where the plant cannot be run so.
+    """
+    random = stream(seed, "course")
+    samples += before
+    make = drive.PROFILES[profile]
+    share = {m: make(random, samples) for m in rig.pumps}
+    given = {}
+    for m in rig.pumps:
+        low, high = LOAD if rig.by_load else rig.kind(m).speeds
+        setting = low + (high - low) * (0.08 + 0.87 * share[m])
+        given[f"{m}.{'dp' if rig.by_load else 'n'}"] = drive.approached(setting)
+    temperatures = {
+        m: drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
+        for m in rig.pumps
+    }
+    levels = {m: drive.level(random, samples) for m in rig.pumps}
+    running = np.ones(samples, dtype=bool)
+    if profile == "start-stop":
+        running = drive.stops(random, samples) > 0
+    values = drawn(rig, stream(seed, "parameters"))
+    plain = {**_ambient(rig, temperatures, levels), **given, **solve(rig, values, given)}
+    time = np.maximum(np.arange(samples, dtype=np.float64) - before, 0.0)
+    return Scene(
+        rig, profile, seed, values, before, time, given, temperatures, levels, running, plain
+    )
+
+
+def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:
+    """True parameters within two uncertainties of what the module types state."""
+    found = {}
+    for name, (value, u) in rig.numbers.items():
+        found[name] = value + u * float(np.clip(random.standard_normal(), -2.0, 2.0))
+        # A slip of an oil set is no gain; what its maker states is no more than a start.
+        if value > 0 and u > 0.5 * value:
+            found[name] = value * float(random.uniform(0.4, 1.6))
+    return found
+
+
+def stream(seed: int, purpose: str) -> np.random.Generator:
+    """Random numbers of their own for every purpose: what is added changes nothing else."""
+    return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
+
+
+def _ambient(
+    rig: Rig, temperature: Mapping[str, Array], level: Mapping[str, Array]
+) -> dict[str, Array]:
+    found = {f"{m}.T": values for m, values in temperature.items()}
+    if not rig.by_load:
+        found |= {f"{m}.l": values for m, values in level.items()}
+    return found
+
+
+__all__ = ["Scene", "Stalled", "drawn", "scene", "stream"]

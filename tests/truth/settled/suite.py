@@ -1,0 +1,108 @@
+"""The stationary cases of the proof: a list by seed, each to be made where it is needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from .effect import Effect
+from .effects import EFFECTS
+from .plan import Planned
+
+WEAKEST, STRONGEST = 8.0, 2e4
+"""Expected gain in log likelihood: from barely visible to dominant."""
+
+PROFILES = ("steps", "steps", "ramps", "start-stop", "long-constant")
+
+FULL: Mapping[str, int] = {
+    "clean": 100,
+    "single": 40,
+    "calibrated": 9,
+    "correlated": 8,
+    "sensor": 9,
+    "fault": 13,
+    "unnamed": 8,
+    "unrecorded": 8,
+    "pair": 9,
+    "hiding": 6,
+}
+"""Cases of a run."""
+
+QUICK: Mapping[str, int] = {"clean": 11, "single": 7, "sensor": 2, "fault": 3, "unnamed": 1}
+
+HIDING = (
+    ("wear", "fouling"),
+    ("slip-warm", "fouling"),
+    ("line-warm", "settling"),
+    ("belt", "copper"),
+    ("slip-warm", "settling"),
+    ("belt", "windage"),
+    ("line-warm", "dp-zero-warm"),
+    ("warm-up-slip", "settling"),
+    ("fouling", "dp-zero-creep"),
+    ("friction-warm", "power-gain-creep"),
+)
+"""Two effects of one module whose traces resemble each other."""
+
+
+def planned(seed: int, counts: Mapping[str, int] = FULL) -> Iterator[Planned]:
+    """All cases of a run; another seed draws other plants, runs, effects and strengths."""
+    for group, count in counts.items():
+        random = np.random.default_rng([seed, *group.encode()])
+        drawn = _drawn(group, count, random)
+        for i, effects in enumerate(drawn):
+            aim = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
+            if group in ("hiding", "pair", "unrecorded"):
+                aim = max(aim, 100.0)
+            profile = str(random.choice(PROFILES))
+            oil = all(_in_oil(EFFECTS[e]) for e in effects) and group not in ("unrecorded",)
+            family = "oil" if oil and random.uniform() < 0.3 else "dosing"
+            conceal = (group,) if group in ("calibrated", "correlated") else ()
+            if not effects and random.uniform() < 0.25:
+                conceal = ("correlated",)
+            name = f"stationary-{seed}-{group}-{'+'.join(effects)}-{i}"
+            yield Planned(name, group, family, profile, effects, aim, conceal)
+
+
+def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[str, ...]]:
+    """Names of effects of each case: all in turn, in an order by the seed."""
+    pools: dict[str, Sequence[tuple[str, ...]]] = {
+        "clean": [()],
+        "hiding": HIDING,
+        "pair": _pairs(random),
+    }
+    pool = pools.get(group) or [(e.name,) for e in EFFECTS.values() if _fits(e, group)]
+    order = list(random.permutation(len(pool)))
+    return [pool[order[i % len(order)]] for i in range(count)]
+
+
+def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
+    """Two effects, of which one may be a fault or a sensor's."""
+    physics = [e.name for e in EFFECTS.values() if e.sort == "physics"]
+    others = [e.name for e in EFFECTS.values() if e.sort in ("physics", "fault", "sensor")]
+    found: list[tuple[str, ...]] = []
+    while len(found) < 20:
+        first, second = str(random.choice(physics)), str(random.choice(others))
+        if first != second:
+            found.append((first, second))
+    return found
+
+
+def _fits(effect: Effect, group: str) -> bool:
+    match group:
+        case "single":
+            return effect.sort == "physics"
+        case "calibrated":
+            return effect.sort == "physics" and not effect.timed
+        case "correlated":
+            return effect.driver == "T"
+        case "unrecorded":
+            return effect.sort == "physics" and effect.driver != ""
+        case _:
+            return effect.sort == group
+
+
+def _in_oil(effect: Effect) -> bool:
+    return effect.at == "pump" and (not effect.kinds or "oil-set" in effect.kinds)

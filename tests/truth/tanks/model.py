@@ -1,0 +1,61 @@
+"""A true plant as a model: what its sensors should read, over their noise, and its slopes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..units import Array
+from .balance import Course, integrate
+from .knobs import Knob
+from .plant import LevelSensor, Plant
+from .sensing import shown
+
+ONLY_READ = ("gain", "zero")
+"""Numbers of a sensor that change no course."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """How a plant is run: time, s, and input as recorded, both of shape (samples,)."""
+
+    time: Array
+    given: Array
+
+    def course(self, plant: Plant) -> Course:
+        """What happens."""
+        return integrate(plant, self.time, self.given, quick=True)
+
+    def alike(self, plant: Plant, course: Course, other: Plant) -> Course:
+        """What happens in another plant; the same where only what is read differs."""
+        same = (plant.feed, plant.tanks) == (other.feed, other.tanks)
+        follow = any(s.lag or s.dead_time for s in (*plant.sensors, *other.sensors))
+        return course if same and not follow else self.course(other)
+
+    def readings(self, plant: Plant, course: Course) -> Array:
+        """Noise-free readings over their noise, one sensor after the other, shape (n,), 1."""
+        values = shown(plant, course)
+        return np.concatenate([values[s.tank] / noise_of(s) for s in plant.sensors])
+
+    def slopes(self, plant: Plant, course: Course, knobs: Sequence[Knob]) -> Array:
+        """Change of the readings per unit of each knob, shape (n, knobs); forward differences."""
+        plain = self.readings(plant, course)
+        columns = []
+        for knob in knobs:
+            step = knob.step(plant)
+            turned = knob.set(plant, knob.of(plant) + step)
+            only_read = knob.path[0] == "sensors" and knob.path[-1] in ONLY_READ
+            happens = course if only_read else self.course(turned)
+            columns.append((self.readings(turned, happens) - plain) / step)
+        return np.column_stack(columns)
+
+
+def noise_of(sensor: LevelSensor) -> float:
+    """Standard deviation of a reading, V: white noise and the steps of the converter.
+
+    A step is uniform, GUM 4.3.7; where a sensor errs by coarse steps, that is its effect.
+    """
+    return math.hypot(sensor.noise, sensor.converter / math.sqrt(12.0))

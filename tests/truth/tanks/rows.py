@@ -1,0 +1,42 @@
+"""Rows of tanks drawn from a seed: how many, what they are called, what feeds and measures them."""
+
+from __future__ import annotations
+
+from .build import Layout, stream
+
+NAMES = (
+    ("upper", "centre", "lower", "bottom"),
+    ("north", "east", "south", "west"),
+    ("T1", "T2", "T3", "T4"),
+    ("settling", "buffer", "storage", "sump"),
+)
+
+FEEDS = ("pump", "supply", "P1")
+MAINS = ("mains", "inflow", "F1")
+
+FEWEST, MOST = 2, 4
+"""Tanks in a row."""
+
+ALSO_MEASURED = 0.4
+"""Probability that a tank above the last one is measured too."""
+
+METERED = 0.4
+"""Probability that a flow meter shows what comes in, instead of the voltage of a pump."""
+
+INTERVALS = (3.0, 4.0, 5.0)
+"""s"""
+
+
+def row(seed: int) -> Layout:
+    """A row of tanks; the last one is measured, as without it nothing would be seen of it."""
+    random = stream(seed, "row")
+    count = int(random.integers(FEWEST, MOST + 1))
+    tanks = NAMES[int(random.integers(len(NAMES)))][:count]
+    seen = random.uniform(size=count - 1) < ALSO_MEASURED
+    measured = (*(t for t, also in zip(tanks[:-1], seen, strict=True) if also), tanks[-1])
+    metered = bool(random.uniform() < METERED)
+    feed = (MAINS if metered else FEEDS)[int(random.integers(len(FEEDS)))]
+    interval = float(random.choice(INTERVALS))
+    columns = {tank: f"L{tanks.index(tank) + 1} [V]" for tank in measured}
+    inlet = "F [l/h]" if metered else "u [V]"
+    return Layout(f"row-{seed}", feed, tanks, measured, metered, interval, inlet, columns)

@@ -1,0 +1,95 @@
+"""How well each planted effect can be seen, and told from other effects, at best."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..limit import expected_gain, margin
+from ..units import Array
+from .case import Case
+from .effects import SENSOR, Placed, possible_effects
+from .key import right
+from .knobs import base_knobs
+from .model import Model
+from .plant import Plant
+from .size import Planted, make
+
+SAME = ("offset-low", "gain-high", "gain-low", "drift-down", "power-low")
+"""No rivals: the mirror image of another effect, or the gain that is fitted anyway."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """See `sealed.Planted`."""
+
+    gain: float
+    margin: float
+    rival: str
+
+
+def seen(case: Case) -> tuple[Seen, ...]:
+    """Of each planted effect, the others being there with any size.
+
+    All is linear about the plant without effects: changes, slopes, rivals and others must be taken
+    at one point, or what lies between two points can pass for any effect. A large effect that
+    parameters mend along a curve therefore seems to be seen better than it can be.
+    """
+    if not case.planted:
+        return ()
+    plain, model = case.setup.plant, Model(case.setup.time, case.setup.shown)
+    course = model.course(plain)
+    start = model.readings(plain, course)
+    knobs = list(base_knobs(case.setup.layout, plain))
+    slopes = model.slopes(plain, course, knobs) * np.array([knob.u for knob in knobs])
+
+    @functools.cache
+    def change(plant: Plant) -> Array:
+        return model.readings(plant, model.alike(plain, course, plant)) - start
+
+    alone = [change(one.built.plant) for one in case.planted]
+    found = []
+    for i, one in enumerate(case.planted):
+        others = [a for j, a in enumerate(alone) if j != i]
+        flat = np.array(others).reshape(-1, start.size).T
+        rivals = {name: change(plant) for name, plant in _rivals(case, one)}
+        gain = expected_gain(alone[i], slopes, flat)
+        found.append(Seen(gain, *margin(alone[i], slopes, flat, rivals)))
+    return tuple(found)
+
+
+def _rivals(case: Case, one: Planted) -> Iterator[tuple[str, Plant]]:
+    """Plants with another effect in the place or beside it, each at a moderate size.
+
+    An effect that would rightly get the same name, or is planted too, is no rival; of two that
+    differ in sign one is enough.
+    """
+    plain, names = case.setup.plant, set(right(case.setup, one).names)
+    planted = {p.placed.id for p in case.planted}
+    for placed in possible_effects(case.setup.layout).values():
+        known = placed.id in planted or placed.effect.name in SAME
+        if known or not _is_near(case, one.placed, placed):
+            continue
+        size = math.sqrt(placed.effect.low * placed.effect.high)
+        built = make(case.scene, plain, placed, size, case.drawn)
+        if not names & set(right(case.setup, replace(one, placed=placed, built=built)).names):
+            yield placed.id, built.plant
+
+
+def _is_near(case: Case, here: Placed, there: Placed) -> bool:
+    """In the same tank, at the sensor that sees it first, or at what feeds it."""
+    return bool(_around(case, here) & {there.module}) or there.module == here.module
+
+
+def _around(case: Case, placed: Placed) -> set[str]:
+    """Modules beside a place: its tank, its feed if it is the first, the next sensor below."""
+    layout = case.setup.layout
+    tank = layout.tanks[0] if placed.effect.at == "feed" else placed.place
+    below = layout.tanks[layout.tanks.index(tank) :]
+    sensor = next(t for t in below if t in layout.measured)
+    feed = {layout.feed} if tank == layout.tanks[0] or len(layout.measured) == 1 else set()
+    return {tank, f"{sensor}{SENSOR}", *feed}

@@ -1,0 +1,162 @@
+"""The dynamic half of the proof: which cases are made, from a seed; each is cheap until made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .build import CASCADED, Layout, stream
+from .case import case
+from .cases import HIDING
+from .effects import Placed, possible_effects
+from .rows import row
+from .sealed import SealedCase
+
+WEAKEST, STRONGEST = 0.03, 2.0
+"""V; what a single effect changes, drawn evenly on a logarithmic scale."""
+
+RARELY = 0.15
+"""Share of samples in which an effect in a corner acts at most."""
+
+OWN_PLANT = 0.5
+"""Share of cases of the shipped plant; the others are rows drawn for the case."""
+
+SETTLED = 0.2
+"""Share of cases that are run with long constant stretches."""
+
+CONCEALED: Mapping[str, str] = {
+    "clean": "clean",
+    "single": "open",
+    "corner": "corner",
+    "sensor": "open",
+    "fault": "open",
+    "unnamed": "unnamed",
+    "pair": "pair",
+    "hiding": "hiding",
+    "alike": "alike",
+}
+"""Way of concealing, as in `sealed.CONCEALMENTS`, by group."""
+
+CORNER = ("overflow-sharp", "saturation", "clipping")
+"""Their size is the share of samples in which they act."""
+
+NAMELESS = ("quantisation", "stuck")
+"""Errors of sensors that no entry names."""
+
+UNSEEN = ("gain-high", "gain-low")
+"""What these change is what a recalibration mends: nothing is missing."""
+
+ALIKE = (
+    "outlet-height",  # an offset of the sensor
+    "overflow-sharp",  # a reading that ends early
+    "seepage",  # a leak
+    "lag",  # of the feed: that of the sensor, and the reverse
+    "leak",  # seepage
+    "clogging",  # another law of the outlet
+    "offset-high",  # an outlet above the floor
+    "clipping",  # an overflow
+    "drift-up",  # an outlet that clogs
+    "drift-down",  # a leak
+    "hysteresis",  # a lag
+)
+"""Faults and errors of sensors that look like physics, and the reverse."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A case to be made; `strength` is in V, None as it comes; `rarely` as in `case`."""
+
+    group: str
+    number: int
+    seed: int
+    layout: Layout
+    effects: tuple[str, ...]
+    samples: int = 1024
+    strength: float | None = None
+    profile: str = ""
+    rarely: float = math.inf
+
+    @property
+    def name(self) -> str:
+        """Tells the case from all others; stands in no file that the analysis sees."""
+        return "-".join(["dynamic", self.group, str(self.number), *self.effects])
+
+    def make(self) -> SealedCase:
+        """Simulate it. Raises ValueError where no plant drawn shows it."""
+        made = case(
+            self.seed,
+            self.effects,
+            self.samples,
+            self.layout,
+            self.name,
+            self.group == "hiding",
+            self.strength,
+            self.profile,
+            self.rarely,
+        )
+        return SealedCase(made, (CONCEALED[self.group],))
+
+
+def cases(seed: int, count: Mapping[str, int], samples: int = 1024) -> Iterator[Planned]:
+    """So many cases of each group; a case depends on seed, group and number only."""
+    for group, many in count.items():
+        if group not in CONCEALED:
+            raise ValueError(f"no group '{group}'; known: {', '.join(CONCEALED)}")
+        for number in range(many):
+            yield _planned(seed, group, number, samples)
+
+
+def _planned(seed: int, group: str, number: int, samples: int) -> Planned:
+    random = stream(seed, f"dynamic {group} {number}")
+    own = int(random.integers(2**31))
+    shipped = group == "hiding" or random.uniform() < OWN_PLANT
+    layout = CASCADED if shipped else row(own)
+    strength = None
+    if group not in ("clean", "pair", "hiding"):
+        strength = WEAKEST * (STRONGEST / WEAKEST) ** float(random.uniform())
+    settled = random.uniform() < SETTLED and group != "corner"  # a plateau is no corner
+    profile = "plateaus" if settled else ""
+    effects = _chosen(group, number, layout, random)
+    rarely = RARELY if group == "corner" else math.inf
+    return Planned(group, number, own, layout, effects, samples, strength, profile, rarely)
+
+
+def _chosen(
+    group: str, number: int, layout: Layout, random: np.random.Generator
+) -> tuple[str, ...]:
+    """Ids of the effects of a case."""
+    if group == "clean":
+        return ()
+    if group == "hiding":
+        return HIDING[number % len(HIDING)]
+    fitting = [p for p in possible_effects(layout).values() if _fits(group, p)]
+    # Kinds first, then places: a plant with many tanks has not more of one kind than of others.
+    kinds = sorted({(p.effect.name, p.effect.at) for p in fitting})
+    order = random.permutation(len(kinds))[: 2 if group == "pair" else 1]
+    found = []
+    for i in order.tolist():
+        places = [p.id for p in fitting if (p.effect.name, p.effect.at) == kinds[i]]
+        found.append(places[int(random.integers(len(places)))])
+    return tuple(found)
+
+
+def _fits(group: str, placed: Placed) -> bool:
+    """May a case of the group have this effect?"""
+    name, sort = placed.effect.name, placed.effect.sort
+    plain = name not in (*NAMELESS, *UNSEEN)
+    match group:
+        case "single":
+            return sort == "physics"
+        case "corner":
+            return name in CORNER
+        case "alike":
+            return name in ALIKE
+        case "unnamed":
+            return sort == "unnamed" or name in NAMELESS
+        case "pair":
+            return sort != "unnamed" and plain
+        case _:
+            return sort == group and plain
