@@ -13,17 +13,17 @@ PARTITIONS = ("development", "final")
 """Cases to improve the tool with, and cases that are opened to tell how good it is."""
 
 Score = float | None
-"""From 0 to 1; None where the case says nothing of it."""
+"""None where the case says nothing of it; what is right or wrong runs from 0 to 1."""
 
 
 @dataclass(frozen=True)
 class Heldout:
-    """Root mean square errors on held-out samples, in the unit of one signal; NaN: not known."""
+    """Root mean square errors on held-out samples, in the unit of one signal; None: not known."""
 
-    shipped: float
-    recalibrated: float
-    repaired: float
-    noise: float
+    shipped: Score
+    recalibrated: Score
+    repaired: Score
+    noise: Score
 
 
 @dataclass(frozen=True)

@@ -119,8 +119,8 @@ def baselines(judged: Sequence[Judged]) -> str:
 def _rows_of(judged: Sequence[Judged]) -> Iterator[str]:
     ratios = {"repaired": _over(judged, "repaired")}
     for name in sorted({n for j in judged for n in j.baselines}):
-        known = [j.baselines[name] for j in judged if name in j.baselines]
-        ratios[name] = [v for v in known if math.isfinite(v)]
+        known = [j.baselines.get(name) for j in judged]
+        ratios[name] = [v for v in known if v is not None and math.isfinite(v)]
     ratios["noise alone"] = _over(judged, "noise")
     told = {name: median_and_quarters(values) for name, values in ratios.items() if values}
     largest = max((middle for middle, _, _ in told.values()), default=0.0)
@@ -136,7 +136,8 @@ def _rows_of(judged: Sequence[Judged]) -> Iterator[str]:
 def _over(judged: Sequence[Judged], name: str) -> list[float]:
     """An error over that of recalibration, of the cases that have both."""
     pairs = ((getattr(j.errors, name), j.errors.recalibrated) for j in judged if j.errors)
-    return [a / b for a, b in pairs if math.isfinite(a) and math.isfinite(b) and b > 0]
+    known = ((a, b) for a, b in pairs if a is not None and b is not None)
+    return [a / b for a, b in known if math.isfinite(a) and math.isfinite(b) and b > 0]
 
 
 def worst_table(judged: Sequence[Judged]) -> str:

@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 from tests.prove.made import judged, planted, run
 from tests.prove.mistakes import confusion, worst
 from tests.prove.page import headline, page
-from tests.prove.results import Judged, Run, run_from_json
+from tests.prove.results import Heldout, Judged, Run, run_from_json
 from tests.prove.scores import by, by_concealment, curve, table, wilson
 from tests.prove.tell import text
 from tests.runtime.reports import tree
@@ -163,9 +163,10 @@ def test_final_cases_are_told_of_where_there_are_any() -> None:
         Run((judged(clean_right=0.0),)),
         Run((planted("a", "leakage", float("inf")),)),
         Run((planted("a", "leakage", 0.0, ratio=1.0),)),
+        Run((planted("a", "leakage", 9.0, errors=Heldout(None, 1.0, None, float("nan"))),)),
         run(60),
     ],
-    ids=["nothing", "no score", "one claim", "endless", "one", "many"],
+    ids=["nothing", "no score", "one claim", "endless", "one", "unknown", "many"],
 )
 def test_every_run_gives_a_sound_page(made: Run) -> None:
     """Well-formed, without NaN, nothing from outside; the same bytes again."""
