@@ -21,6 +21,12 @@ STEPS = 40
 FREE = 1e-14
 """Cost of a flow over that of a reading, each in its own scale: the step must be unique."""
 
+HALVINGS = 8
+"""Of a step behind which a flow has no value."""
+
+SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Of the reference readings that modules share, tried one after the other."""
+
 VANISHED = 1e-6
 """Share of the largest flow below which a residual counts as zero."""
 
@@ -28,34 +34,67 @@ VANISHED = 1e-6
 def solve_reference(assembly: Assembly) -> dict[str, float]:
     """Readings (SI) at which all residuals vanish.
 
+    What several modules see together, such as the loss of a mixer, is what makers can know least:
+    if their numbers do not fit together, smaller ones are tried.
+
     Raises `Refused` (KB088) where no such point is found near the given readings.
     """
-    network = assembly.residuals.network
     readings, free = _start(assembly)
+    if not assembly.observers:
+        return readings
     plan, names = _plan(assembly, free)
-    observers = list(assembly.observers)
-    if not observers:
-        return readings
-    scale = np.array([abs(readings[s]) or 1.0 for s in free])
-    size = np.inf
-    for _ in range(STEPS):
-        values = plan.run(_inputs(readings))
-        q = np.array([values[f"q:{o}"][0] for o in observers])
-        if not np.all(np.isfinite(q)):
-            break
-        slopes = {pair: values[name][0] for name, pair in names.items()}
-        step = _step(network, observers, free, q, slopes, scale)
-        damping = min(1.0, 0.3 / max(float(np.max(np.abs(step / scale), initial=0)), 1e-300))
-        for name, change in zip(free, step, strict=True):
-            readings[name] += damping * float(change)
-        size = float(np.max(np.abs(step / scale), initial=0))
-        if size < 1e-12:
-            break
-    if size < 1e-9 and _agree(assembly, q):
-        return readings
+    shared = _shared(assembly)
+    for share in SHARES:
+        start = {s: v * share if s in shared else v for s, v in readings.items()}
+        found = _solved(assembly, plan, names, start, free)
+        if found is not None:
+            return found
+    network = assembly.residuals.network
     message = "no fault-free operating point was found near the reference readings"
     hint = "give each module 'reference: {...}' with readings that fit together"
     raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
+
+
+def _solved(
+    assembly: Assembly,
+    plan: Plan,
+    names: Mapping[str, tuple[str, str]],
+    readings: dict[str, float],
+    free: list[str],
+) -> dict[str, float] | None:
+    """Newton steps from some readings; None where they lead nowhere."""
+    network, observers = assembly.residuals.network, list(assembly.observers)
+    scale = np.array([abs(readings[s]) or 1.0 for s in free])
+    values = plan.run(_inputs(readings))
+    for _ in range(STEPS):
+        q = np.array([values[f"q:{o}"][0] for o in observers])
+        if not np.all(np.isfinite(q)):
+            return None
+        slopes = {pair: values[name][0] for name, pair in names.items()}
+        step = _step(network, observers, free, q, slopes, scale)
+        size = float(np.max(np.abs(step / scale), initial=0))
+        if size < 1e-9 and _agree(assembly, q):
+            return readings
+        damping = min(1.0, 0.3 / max(size, 1e-300))
+        for _ in range(HALVINGS):
+            tried = {**readings}
+            for name, change in zip(free, step, strict=True):
+                tried[name] += damping * float(change)
+            values = plan.run(_inputs(tried))
+            if all(np.isfinite(values[f"q:{o}"][0]) for o in observers):
+                break
+            damping /= 2.0
+        readings = tried
+    return None
+
+
+def _shared(assembly: Assembly) -> set[str]:
+    """Readings that observers of several modules use."""
+    users: dict[str, set[str]] = {}
+    for observer, gradient in assembly.gradients.items():
+        for signal in gradient:
+            users.setdefault(signal, set()).add(observer.partition(".")[0])
+    return {signal for signal, modules in users.items() if len(modules) > 1}
 
 
 def _agree(assembly: Assembly, flows: Array) -> bool:

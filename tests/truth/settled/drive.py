@@ -38,6 +38,11 @@ def long_constant(random: np.random.Generator, samples: int) -> Array:
     return _held(random, samples, 70, 160)
 
 
+def visits(random: np.random.Generator, samples: int) -> Array:
+    """Operating points one after the other, as for a calibration."""
+    return _held(random, samples, 12, 18)
+
+
 PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
     "steps": steps,
     "ramps": ramps,

@@ -120,7 +120,7 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     if placed is None:
         return None
     samples = int(random.integers(*SAMPLES))
-    before = BEFORE if plan.family == "dosing" and _is_calibrated(plan, random) else 0
+    before = BEFORE if _is_calibrated(plan, rig, random) else 0
     seen = sight(scene(rig, seed, samples, plan.profile, "correlated" in plan.conceal, before))
     found = []
     for one in placed:
@@ -139,9 +139,16 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     return SettledCase(plan, seen.scene, terms, answer)
 
 
-def _is_calibrated(plan: Planned, random: np.random.Generator) -> bool:
-    """Every other plant is calibrated on an earlier run, with or without what is planted."""
-    return "calibrated" in plan.conceal or bool(random.uniform() < 0.5)
+def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:
+    """Every other plant is calibrated on an earlier run, with or without what is planted.
+
+    The curve of a centrifugal pump cannot be found on a plant whose valves stay as they are.
+    """
+    if not set(rig.pumps.values()) <= {"cavity", "membrane"}:
+        if "calibrated" in plan.conceal:
+            raise Stalled("no plant to be calibrated as it runs")
+        return False
+    return "calibrated" in plan.conceal or bool(random.uniform() < 0.7)
 
 
 def _placed(

@@ -85,9 +85,11 @@ def scene(
     Raises Stalled where the plant cannot be run so.
     """
     random = stream(seed, "course")
-    samples += before
     make = drive.PROFILES[profile]
-    share = {m: make(random, samples) for m in rig.pumps}
+    share = {
+        m: np.concatenate([drive.visits(random, before), make(random, samples)]) for m in rig.pumps
+    }
+    samples += before
     given = {}
     for m in rig.pumps:
         low, high = LOAD if rig.by_load else rig.kind(m).speeds
@@ -101,6 +103,7 @@ def scene(
     running = np.ones(samples, dtype=bool)
     if profile == "start-stop":
         running = drive.stops(random, samples) > 0
+        running[:before] = True
     values = drawn(rig, stream(seed, "parameters"))
     plain = {**_ambient(rig, temperatures, levels), **given, **solve(rig, values, given)}
     time = np.maximum(np.arange(samples, dtype=np.float64) - before, 0.0)

@@ -32,6 +32,8 @@ FULL: Mapping[str, int] = {
 
 QUICK: Mapping[str, int] = {"clean": 11, "single": 7, "sensor": 2, "fault": 3, "unnamed": 1}
 
+CENTRIFUGAL = ("centrifugal",)
+
 HIDING = (
     ("wear", "fouling"),
     ("slip-warm", "fouling"),
@@ -95,7 +97,7 @@ def _fits(effect: Effect, group: str) -> bool:
         case "single":
             return effect.sort == "physics"
         case "calibrated":
-            return effect.sort == "physics" and not effect.timed
+            return effect.sort == "physics" and not effect.timed and effect.kinds != CENTRIFUGAL
         case "correlated":
             return effect.driver == "T"
         case "unrecorded":
