@@ -48,6 +48,8 @@ def parser() -> argparse.ArgumentParser:
     )
     which.add_argument("--final", action="store_true", help="the partition that is kept apart")
     which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
+    made.add_argument("--only", default="", metavar="WORD", help="cases whose name holds it, such "
+                      "as stationary, dynamic-single or slip-warm")  # fmt: skip
     made.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     made.add_argument("--keep", metavar="DIR", help="leave all files there; a run that was killed "
                       "goes on from them")  # fmt: skip
@@ -63,9 +65,9 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
         final = known["final"]
         if final["seed"] is None:
             raise Changed("the final partition was not drawn yet")
-        return Partition("final", final["seed"]), final["opened"]
+        return Partition("final", final["seed"], only=options.only), final["opened"]
     seed = known["development"]["seed"] if options.seed is None else options.seed
-    return Partition("development", seed, options.quick), 0
+    return Partition("development", seed, options.quick, options.only), 0
 
 
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:

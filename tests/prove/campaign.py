@@ -39,17 +39,15 @@ def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]
     """
     file = work / SEALS
     kept = file.read_text(encoding="utf-8").split("\n")[:-1] if file.exists() else []
-    title = f"{partition.name} {partition.seed} {'quick' if partition.quick else 'full'}"
-    digest = hashlib.sha256(title.encode()).hexdigest()
     if kept:
-        if kept[0] != digest:
+        if kept[0] != partition.digest:
             raise Changed(f"{work} holds another run; give another folder, or remove it")
         return kept[1:]
     cases = partition.cases()
     todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
     made = list(_spread(_seal, todo, jobs, lambda n: told("sealing", n, len(todo))))
     partly = file.with_suffix(".part")
-    partly.write_text("\n".join([digest, *made]) + "\n", encoding="utf-8")
+    partly.write_text("\n".join([partition.digest, *made]) + "\n", encoding="utf-8")
     partly.replace(file)
     return made
 
