@@ -148,12 +148,37 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     for stage in stages:
         found = _first(now, _contested(stage(), now), hidden, tried)
         if found is not None:
-            return found
+            return _or_sudden(found, now, fitted, free, hidden)
     worth = needed(now, tried) + PART * explained
     if hidden is not None and net_gain(hidden, now) > worth:
         return _Step(hidden, _recorded(hidden, now, [], ()), tried)
     unnamed = _contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     return _first(now, unnamed, hidden, tried) or _Step(None, (), tried)
+
+
+def _or_sudden(
+    found: _Step,
+    now: Contestant,
+    fitted: Fitted,
+    candidates: Sequence[Candidate],
+    hidden: Contestant | None,
+) -> _Step:
+    """What follows the clock alone is no more than a course: a fault that begins may be better."""
+    winner = found.winner
+    trial = None if winner is None else winner.trial
+    if trial is None or winner is None or not found.records or not _by_clock(trial):
+        return found
+    sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
+    better = _first(now, sudden, hidden, found.tried)
+    if better is None or better.winner is None or not better.records:
+        return found
+    return better if net_gain(better.winner, now) > net_gain(winner, now) else found
+
+
+def _by_clock(trial: Trial) -> bool:
+    """Does all of an explanation follow the time?"""
+    trials = (trial, *trial.along)
+    return all(t.course is None and TIME in t.candidate.drivers.values() for t in trials)
 
 
 def _covered(candidate: Candidate, now: Contestant) -> bool:
