@@ -24,6 +24,7 @@ _COMMANDS = {
     "mismatch": "tell where simulation and recording differ, and what physics is left out",
     "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
+    "prove": "measure on concealed effects how far the answers of mismatch can be trusted",
     "demo": "see the whole thing on a shipped example",
 }
 
@@ -133,6 +134,7 @@ def _parser() -> argparse.ArgumentParser:
     _simulate(made["simulate"])
     _mismatch(made["mismatch"])
     _study(made["study"])
+    prove_options(made["prove"])
     return parser
 
 
@@ -200,6 +202,25 @@ def _study(study: argparse.ArgumentParser) -> None:
         "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
     )
     _json(study)
+
+
+def prove_options(prove: argparse.ArgumentParser) -> None:
+    """Options of `rulec prove`, the same for the suite that it starts."""
+    which = prove.add_mutually_exclusive_group()
+    which.add_argument(
+        "--quick", action="store_true", help="about 40 small cases, in less than two minutes"
+    )
+    which.add_argument("--final", action="store_true", help="the cases that were kept apart")
+    which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
+    prove.add_argument(
+        "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"
+    )
+    prove.add_argument("--jobs", type=int, metavar="N", help="processes; default all processors")
+    prove.add_argument(
+        "--keep", metavar="DIR", help="leave all files there; a run that was killed goes on there"
+    )
+    prove.add_argument("--json", metavar="FILE", help="all cases as judged")
+    prove.add_argument("--report", metavar="FILE.html", help="one page with pictures")
 
 
 def _json(parser: argparse.ArgumentParser) -> None:

@@ -26,6 +26,10 @@ MOST_TERMS = 7
 FINALISTS = 8
 """Trials of each round that are refitted in full."""
 
+HOPELESS = 0.5
+"""Share of the gain that is needed below which a trial is not refitted: its gain is estimated to
+first order, and seldom doubles."""
+
 COMING = 4
 """Faults that come and go among them."""
 
@@ -139,9 +143,10 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     free = [c for c in candidates if c.id not in joined and not _covered(c, now)]
     trials = screen(fitted, free)
     tried += len(trials)
+    hopeless = HOPELESS * needed(now, tried)
     hidden = _best([refit(fitted, t) for t in hidden_trials(fitted)], now)
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
-        lambda: [refit(fitted, t) for t in trials[:FINALISTS]],
+        lambda: [refit(fitted, t) for t in trials[:FINALISTS] if t.gain > hopeless],
         lambda: pair_trials(fitted, trials),
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
     )

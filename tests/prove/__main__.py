@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from rulec.cli import prove_options
 from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from tests.prove.page import page
 from tests.prove.partition import Partition, register
@@ -21,6 +22,7 @@ from tests.prove.tell import tell
 def main(words: list[str] | None = None) -> int:
     """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
     options = parser().parse_args(words)
+    options.jobs = options.jobs or os.cpu_count() or 1
     out, aside = Console(highlight=False), Console(stderr=True, highlight=False)
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
         work = Path(options.keep or temporary)
@@ -42,19 +44,7 @@ def main(words: list[str] | None = None) -> int:
 def parser() -> argparse.ArgumentParser:
     """Options of the command."""
     made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
-    which = made.add_mutually_exclusive_group()
-    which.add_argument(
-        "--quick", action="store_true", help="about 40 small cases of the development partition"
-    )
-    which.add_argument("--final", action="store_true", help="the partition that is kept apart")
-    which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
-    made.add_argument("--only", default="", metavar="WORD", help="cases whose name holds it, such "
-                      "as stationary, dynamic-single or slip-warm")  # fmt: skip
-    made.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
-    made.add_argument("--keep", metavar="DIR", help="leave all files there; a run that was killed "
-                      "goes on from them")  # fmt: skip
-    made.add_argument("--json", metavar="FILE", help="all cases as judged")
-    made.add_argument("--report", metavar="FILE.html", help="one page with pictures")
+    prove_options(made)
     return made
 
 

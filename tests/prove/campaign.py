@@ -129,5 +129,3 @@ def _spread(
             found[asked[future]] = future.result()
             told(count)
     return (found[i] for i in range(len(todo)))
-
-

@@ -45,7 +45,9 @@ DYNAMIC_FULL: Mapping[str, int] = {
     "alike": 7,
 }
 
-DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 4, "sensor": 1, "fault": 1, "unnamed": 1}
+DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 4, "sensor": 1}
+SHORT = 320
+"""Samples of a dynamic case of a quick run."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,10 @@ class Partition:
 
     def _in_order(self) -> Iterator[Planned]:
         full = not self.quick
-        yield from stationary.planned(self.seed, stationary.FULL if full else stationary.QUICK)
+        settled = stationary.FULL if full else stationary.QUICK
+        yield from stationary.planned(self.seed, settled, self.quick)
         counts = DYNAMIC_FULL if full else DYNAMIC_QUICK
-        yield from dynamic.cases(self.seed, counts, 1024 if full else 512)
+        yield from dynamic.cases(self.seed, counts, 1024 if full else SHORT)
 
 
 def register() -> Mapping[str, Any]:

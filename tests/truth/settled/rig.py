@@ -241,14 +241,8 @@ def _pressures(
 ) -> tuple[Array, Array]:
     """Pressure across each pump and each mixer by the net flows, Pa; shapes (n, ...)."""
     through = net @ rig.feeds
-    mixers = [
-        line_loss(values, m, terms, through[:, k])
-        for k, m in enumerate(rig.mixers)
-    ]
-    lines = [
-        line_loss(values, m, terms, net[:, k])
-        for k, m in enumerate(rig.pumps)
-    ]
+    mixers = [line_loss(values, m, terms, through[:, k]) for k, m in enumerate(rig.mixers)]
+    lines = [line_loss(values, m, terms, net[:, k]) for k, m in enumerate(rig.pumps)]
     mixer = np.stack(mixers, 1) if mixers else np.zeros((len(net), 0))
     return np.stack(lines, 1) + mixer @ rig.feeds.T, mixer
 

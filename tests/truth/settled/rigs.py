@@ -10,12 +10,12 @@ FIRST = "ABDEFGHK"
 KINDS = ("cavity", "cavity", "cavity", "membrane", "centrifugal")
 
 
-def dosing_rig(random: np.random.Generator) -> Rig:
-    """Two to five pumps feed one to three mixers, in series or side by side.
+def dosing_rig(random: np.random.Generator, small: bool = False) -> Rig:
+    """Two to five pumps feed one to three mixers, in series or side by side; small: two and one.
 
     A mixer is as wide as what flows through it asks for.
     """
-    count = int(random.choice([2, 2, 2, 3, 3, 4, 5]))
+    count = 2 if small else int(random.choice([2, 2, 2, 3, 3, 4, 5]))
     names = list(FIRST[:count])
     pumps = {name: str(random.choice(KINDS)) for name in names}
     shapes = ["one"] if count == 2 else ["one", "series", "series"]
@@ -39,12 +39,10 @@ def dosing_rig(random: np.random.Generator) -> Rig:
     return Rig(f"{shape}-{letters}", pumps, sizes, downstream)
 
 
-def oil_rig(random: np.random.Generator) -> Rig:
-    """One or two oil sets, each against its own load."""
-    names = ["main", "aux"][: int(random.choice([1, 1, 2]))]
-    return Rig(
-        f"oil-{len(names)}", dict.fromkeys(names, "oil-set"), {}, dict.fromkeys(names, None)
-    )
+def oil_rig(random: np.random.Generator, small: bool = False) -> Rig:
+    """One or two oil sets, each against its own load; small: one."""
+    names = ["main", "aux"][: 1 if small else int(random.choice([1, 1, 2]))]
+    return Rig(f"oil-{len(names)}", dict.fromkeys(names, "oil-set"), {}, dict.fromkeys(names, None))
 
 
 def _size(

@@ -30,7 +30,8 @@ FULL: Mapping[str, int] = {
 }
 """Cases of a run."""
 
-QUICK: Mapping[str, int] = {"clean": 11, "single": 7, "sensor": 2, "fault": 3, "unnamed": 1}
+QUICK: Mapping[str, int] = {"clean": 14, "single": 7, "sensor": 2, "fault": 2, "unnamed": 1}
+"""Of a quick run, of small plants."""
 
 CENTRIFUGAL = ("centrifugal",)
 
@@ -49,7 +50,7 @@ HIDING = (
 """Two effects of one module whose traces resemble each other."""
 
 
-def planned(seed: int, counts: Mapping[str, int] = FULL) -> Iterator[Planned]:
+def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) -> Iterator[Planned]:
     """All cases of a run; another seed draws other plants, runs, effects and strengths."""
     for group, count in counts.items():
         random = np.random.default_rng([seed, *group.encode()])
@@ -65,7 +66,7 @@ def planned(seed: int, counts: Mapping[str, int] = FULL) -> Iterator[Planned]:
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
             name = f"stationary-{seed}-{group}-{'+'.join(effects)}-{i}"
-            yield Planned(name, group, family, profile, effects, aim, conceal)
+            yield Planned(name, group, family, profile, effects, aim, conceal, small)
 
 
 def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[str, ...]]:

@@ -64,9 +64,7 @@ Change = Term | Reading
 def total(terms: Iterable[Change], kind: Kind, module: str, state: State) -> Array | float:
     """Sum of all terms of a kind in a module."""
     found = [
-        t.law(state)
-        for t in terms
-        if isinstance(t, Term) and t.kind == kind and t.module == module
+        t.law(state) for t in terms if isinstance(t, Term) and t.kind == kind and t.module == module
     ]
     return np.sum(found, axis=0) if found else 0.0
 
