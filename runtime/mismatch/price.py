@@ -33,7 +33,7 @@ def price_of(contestant: Contestant) -> float:
     """What a model costs before any data: rare explanations, periods, values let go.
 
     Blocks held apart cannot judge periods, so each pays for its ends and its degree. A calibration
-    that is let go pays for every value as a fit without one would.
+    that is let go pays for every value as a fit without one would, less what it did not say.
     """
     setting = contestant.fitted.setting
     each = 0.5 * float(np.log(max(contestant.fitted.rows.groups, 2)))
@@ -46,9 +46,23 @@ def price_of(contestant: Contestant) -> float:
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
-    parameters = contestant.fitted.rows.system.workshop.parameters.ids
-    freed = sum(name.partition(".")[0] in setting.released for name in parameters)
-    return each * (steps + levels + freed) + rare
+    return each * (steps + levels) + rare + _freed(contestant, each)
+
+
+def _freed(contestant: Contestant, each: float) -> float:
+    """Price of the values that are let go: what they could be, over what they could be before.
+
+    A value that was hardly known before is no freer without its prior.
+    """
+    fitted = contestant.fitted
+    base = fitted.rows.system.workshop.parameters
+    before = np.sqrt(np.diag(base.covariance))
+    price = 0.0
+    for name, u in zip(base.ids, before, strict=True):
+        if name.partition(".")[0] in fitted.setting.released and name in fitted.prior.names:
+            after = max(fitted.u(name), 1e-12 * u)
+            price += float(np.clip(each - np.log(max(u, 1e-300) / after), 0.0, each))
+    return price
 
 
 def net_gain(contestant: Contestant, now: Contestant) -> float:
