@@ -109,7 +109,8 @@ def _split(
     """What each sample serves for.
 
     Which blocks are set aside follows from what is given alone: those whose inputs are most like
-    the others', so that what is proved there was also there to be learnt.
+    the others', so that what is proved there was also there to be learnt. The first block is none
+    of them: what was stored at the beginning shows there alone.
     """
     n = len(time)
     block = np.arange(n) * BLOCKS // n
@@ -119,7 +120,7 @@ def _split(
             inside |= (time >= low) & (time <= high)
         return np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
     turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
-    parts = [turn[block % len(PATTERN)] for turn in turns]
+    parts = [turn[block % len(PATTERN)] for turn in turns if turn[0] != HELDOUT]
     return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
 
 
