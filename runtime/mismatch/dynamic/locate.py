@@ -22,7 +22,7 @@ from runtime.mismatch.locate import TELLING, best_interval
 from runtime.mismatch.result import Region
 from runtime.plan import Array
 
-KNOTS = 48
+KNOTS = 192
 """Values of an error over a recording."""
 
 SIZES = np.logspace(-3.0, 1.5, 19)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.dynamic.memory import Flags
+from runtime.dynamic.still import standing_still
 from runtime.dynamic.thin import filled, glitches_in, resolution, thinned
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
@@ -69,6 +70,8 @@ def record_of(
     glitches: dict[str, int] = {}
     for name in shown:
         odd = glitches_in(recording.values[name])
+        for first, behind in standing_still(recording.values[name]):
+            odd[first + 1 : behind] = True
         measured[name] = np.where(odd, np.nan, recording.values[name])
         glitches[name] = int(odd.sum())
     inputs = {n: v for n, v in recording.values.items() if n in given}
