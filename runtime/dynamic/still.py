@@ -21,8 +21,8 @@ and how far a level may be off the others' raster, in steps."""
 def standing_still(values: Array) -> list[tuple[int, int]]:
     """Spans, first and behind last, in which a reading with noise does not move at all.
 
-    A plant at rest, or a coarse display, shows the same for long as well; so what is noisy elsewhere
-    alone is judged, by how long it stays the same there.
+    A plant at rest, or a coarse display, shows the same for long as well; so what is noisy
+    elsewhere alone is judged, by how long it stays the same there.
     """
     runs = _runs(values)
     long = [run for run in runs if run[1] - run[0] >= LONGEST]

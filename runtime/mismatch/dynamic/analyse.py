@@ -34,6 +34,16 @@ NEARLY = 2.0
 LEFT = 0.3
 """Share of the squared errors that an error of free course must explain for a place to be told."""
 
+OPEN = 0.3
+"""Share of what was to be explained (squares beyond noise) that names may leave: with more left
+they stand for something else."""
+
+BEYOND = 1.15
+"""Errors of a model over noise from which on something is left at all."""
+
+PROVEN = 1.0
+"""Log likelihood that names must gain on held-out blocks."""
+
 
 def analyse_stores(
     recording: Recording,
@@ -56,14 +66,41 @@ def analyse_stores(
     tell("leaving out and exchanging explanations")
     best, accepted = doubted(searcher, found)
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
+    tell("opening the held-out blocks")
+    proofs = prove(bench, found.plain, best, found.judged)
+    if accepted and (not _holds(best, proofs) or _open_share(proofs) > OPEN):
+        # What is named leaves most of it, or does not hold where it was not fitted.
+        best, accepted = found.plain, ()
+        best = Fitter(bench, (), {}).with_covariance(best, found.judged)
+        proofs = prove(bench, found.plain, best, found.judged)
     tell("looking for places where something is wrong")
     left = suspects(bench, _sharp(bench, best), found.judged)
     tell("working out uncertainties")
     findings = (*findings_of(searcher, best, accepted), *failing(recording, ruleset))
-    tell("opening the held-out blocks")
-    proofs = prove(bench, found.plain, best, found.judged)
     whole = fitted_to_all(searcher, best)
     return _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
+
+
+def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
+    """Do names gain on blocks that played no part in finding them?"""
+    gained = 0.0
+    for proof in proofs:
+        errors = proof.fit.heldout
+        fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
+        gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
+    return gained > PROVEN
+
+
+def _open_share(proofs: Sequence[Proof]) -> float:
+    """Share of squared errors beyond noise that a model leaves, of those of the plain one."""
+    before = after = 0.0
+    for proof in proofs:
+        errors = proof.fit.estimation
+        noise = max(errors.noise, 1e-300)
+        before += (max(errors.recalibrated / noise, 1.0) ** 2 - 1.0) * errors.points
+        after += (max(errors.repaired / noise, 1.0) ** 2 - 1.0) * errors.points
+    beyond = any(p.fit.estimation.repaired > BEYOND * p.fit.estimation.noise for p in proofs)
+    return after / before if beyond and before > 0.0 else 0.0
 
 
 def _sharp(bench: Bench, fitted: Fitted) -> Fitted:

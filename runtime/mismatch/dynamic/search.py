@@ -30,8 +30,11 @@ BEAM = 6
 KIN = 3
 """Models carried along that share an explanation, at most."""
 
-DEEPEST = 4
-"""Explanations at most."""
+DEEPEST = 3
+"""Explanations at most: any course is explained by enough of them."""
+
+NARROWED = 3
+"""Models of two explanations or more that are carried along."""
 
 SWAPPED = 2
 """Models of each level in which single explanations are exchanged."""
@@ -314,7 +317,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
             beam = _distinct(sorted(every, key=lambda f: -searcher.standing(f, plain)))
         if not beam:
             break
-        levels.append(tuple(beam))
+        levels.append(tuple(beam if depth == 1 else beam[:NARROWED]))
         if _is_white(beam[0]):
             break
         if depth > 1 and searcher.standing(beam[0], plain) < STEP:

@@ -51,13 +51,13 @@ def _finding(searcher: Searcher, best: Fitted, own: Accepted, share: float) -> F
         others,
         own.gain,
         own.rivals,
-        _periods(bench, candidate, parameters),
+        period_of(bench, candidate, parameters),
         share,
         candidate.members,
     )
 
 
-def _periods(
+def period_of(
     bench: Bench, candidate: Candidate, parameters: Mapping[str, Estimate]
 ) -> tuple[Period, ...]:
     """When a fault that begins was there, and its degree."""
