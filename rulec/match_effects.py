@@ -32,7 +32,7 @@ from rulec.knowledge import (
 )
 from rulec.language.expression import Rejected
 from rulec.language.units import NONE, SECOND, Unit
-from rulec.onset import CLOCK, HALF, LATEST, QUANTILES, SINCE, beginning
+from rulec.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
 from rulec.spots import unit_of
@@ -40,19 +40,6 @@ from rulec.store_faults import StoreFault, store_faults
 from runtime.mismatch.candidate import TIME, Candidate, Missing, Unknown
 
 _END = {"in": INFLOW, "out": OUTFLOW}
-
-PERCENT = Unit("%", 0.01, NONE)
-
-_SECONDS = Unit("s", 1.0, SECOND)
-
-_ONSET = Unknown(
-    "", SINCE, "onset", "s", 1.0, 0.0, None, 0.0, LATEST, (), QUANTILES, TIME, False
-)  # fmt: skip
-"""When a fault begins, as an unknown of some id."""
-
-TRIED = 0.1
-"""Degree of a fault from which a search starts, or half of the highest if that is less."""
-
 
 Equations = dict[tuple[object, ...], str | None]
 """Repaired equations by type and change: they are the same for all instances of a type."""
@@ -288,35 +275,24 @@ class _Matcher:
 
     def _beginning(self, stored: StoreFault) -> Iterator[Matched]:
         """A fault in balances that begins at some time."""
-        fault, id_ = stored.fault, stored.id
-        names = ("x", SINCE, HALF)
-        parameters = {
-            "x": stored.change.parameters["x"],
-            SINCE: Parameter(SINCE, 0.0, 0.0, _SECONDS, True, "onset", fault.origin),
-            HALF: Parameter(HALF, 1.0, 0.0, _SECONDS, False, "half of the recording", fault.origin),
-        }
-        ids = {name: f"{id_}.{name}" for name in names}
-        law = beginning(stored.change.law)
-        change = replace(
-            stored.change, law=law, drivers={CLOCK: TIME}, parameters=parameters, ids=ids
-        )
-        place = change.places[0]
+        change, place = beginning_change(stored), stored.change.places[0]
         equation = self._equation(change, place)
         if equation is None:
             return
-        own = (f"{self._module.name}.{place[1]}",)
-        known = (s.observers for p in change.places if (s := self._sites.get(p)) is not None)
-        observers = tuple(dict.fromkeys(o for found in known for o in found)) or own
-        unknowns = (
-            _degree(ids["x"], stored.variant),
-            replace(_ONSET, id=ids[SINCE]),
-            replace(_ONSET, id=ids[HALF], name=HALF, quantiles=(), fixed=True),
+        sites = (self._sites.get(p) for p in change.places)
+        found = tuple(dict.fromkeys(o for s in sites if s is not None for o in s.observers))
+        candidate = self._fault_at(
+            stored.fault,
+            stored.variant,
+            stored.target,
+            stored.id,
+            place[1],
+            found or (f"{self._module.name}.{place[1]}",),
+            beginning_unknowns(stored),
+            equation,
+            {CLOCK: TIME},
         )
-        yield Matched(
-            self._fault_at(fault, stored.variant, stored.target, id_, place[1], observers, unknowns,
-                           equation, {CLOCK: TIME}),
-            change,
-        )  # fmt: skip
+        yield Matched(candidate, change)
 
     def _fault(self, fault: TypeFault) -> Matched:
         id_ = f"{self._module.name}.{fault.id}"
@@ -328,7 +304,7 @@ class _Matcher:
         change = Change(places, undoing(variant, kind.acts_on), {}, {"x": x}, {"x": f"{id_}.x"})
         observers = [o for place in places for o in self._sites[place].observers]
         target = f"{self._module.name}.{fault.target}"
-        unknowns = (_degree(f"{id_}.x", variant),)
+        unknowns = (degree_unknown(f"{id_}.x", variant),)
         equation = self._equation(change, places[0]) or ""
         found = tuple(dict.fromkeys(observers))
         candidate = self._fault_at(
@@ -365,15 +341,6 @@ class _Matcher:
             kind.action,
             kind.origin.source,
         )
-
-
-def _degree(id_: str, variant: Variant) -> Unknown:
-    """The degree of a fault."""
-    start = min(TRIED, variant.highest / 2)
-    return Unknown(
-        id_, "x", variant.meaning, PERCENT.text, PERCENT.factor, 0.0, 0.0,
-        float(variant.lowest), float(variant.highest), (start,), (), None, False,
-    )  # fmt: skip
 
 
 def cheapest_sensor(plant: Plant, quantity: str) -> str:

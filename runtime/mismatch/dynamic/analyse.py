@@ -31,6 +31,9 @@ from runtime.ruleset import Ruleset
 NEARLY = 2.0
 """Places whose gain is within this of the best are not told from it."""
 
+ALIKE = 0.02
+"""Places that explain as much but for this share of the squared errors are not told apart either."""
+
 LEFT = 0.3
 """Share of the squared errors that an error of free course must explain for a place to be told."""
 
@@ -191,7 +194,10 @@ def _nameless(bench: Bench, best: Fitted, left: list[Suspect], tried: int) -> tu
     """The place where the final model is still wrong, if it is so beyond doubt."""
     if not left or left[0].gain < needed(tried) or left[0].share < LEFT:
         return ()
-    also = tuple(s for s in left[1:] if s.gain > left[0].gain - NEARLY)
+    first = left[0]
+    also = tuple(
+        s for s in left[1:] if s.gain > first.gain - NEARLY or s.share > first.share - ALIKE
+    )
     return (place_of(bench, best, left[0], also),)
 
 
