@@ -32,7 +32,7 @@ NEARLY = 2.0
 """Places whose gain is within this of the best are not told from it."""
 
 ALIKE = 0.02
-"""Places that explain as much but for this share of the squared errors are not told apart either."""
+"""Places that explain as much but for this share of the squared errors are not told apart."""
 
 LEFT = 0.3
 """Share of the squared errors that an error of free course must explain for a place to be told."""
