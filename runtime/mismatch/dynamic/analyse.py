@@ -117,16 +117,33 @@ def _sharp(bench: Bench, fitted: Fitted) -> Fitted:
 
 
 def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
-    """What is adopted: the proven model fitted to all blocks, held-out ones too."""
+    """What is adopted: the proven model fitted to all blocks, held-out ones too.
+
+    Faults and errors of sensors are there in the fit, or other values would make up for them; what
+    they bring is left out afterwards.
+    """
     bench = searcher.bench
-    joined = tuple(c for c in best.joined if c.sort in REPAIRING)
     known = {n: np.isfinite(v) for n, v in bench.record.measured.items()}
     judged = replace(
         searcher.judged, known=known, noise=best.noise, slow=best.slow, drift=best.drift
     )
-    fitter = Fitter(bench, joined, searcher.kept(best))
+    fitter = Fitter(bench, best.joined, searcher.kept(best))
     fitted = fitter.finish(fitter.vector(best.values), judged, 60, 2)
-    return fitter.with_covariance(fitted, judged)
+    return _adopted(fitter.with_covariance(fitted, judged))
+
+
+def _adopted(fitted: Fitted) -> Fitted:
+    """The model without what is mended in the plant, and not in its model."""
+    joined = tuple(c for c in fitted.joined if c.sort in REPAIRING)
+    gone = {u.id for c in fitted.joined if c not in joined for u in c.unknowns}
+    kept = [i for i, n in enumerate(fitted.free) if n not in gone]
+    return replace(
+        fitted,
+        joined=joined,
+        values={n: v for n, v in fitted.values.items() if n not in gone},
+        free=tuple(fitted.free[i] for i in kept),
+        covariance=fitted.covariance[np.ix_(kept, kept)],
+    )
 
 
 def _answer(

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from runtime.mismatch.dynamic.analyse import fitted_to_all
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Judged
 from runtime.mismatch.dynamic.search import Searcher
 from runtime.mismatch.dynamic.tell import period_of
 from runtime.mismatch.result import Estimate
-from tests.runtime.mismatch.dynamic.benches import NOISE, bench, made, tanks
+from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
 
 SINCE, DEGREE = 900.0, 0.15
 FAULTS = ("lower.blockage", "upper.lost-inflow", "pump.u.high", "lower.y.low")
@@ -55,6 +56,19 @@ def test_onset_and_degree_are_found(fault: str) -> None:
     assert not found.pressed
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
     assert found.values[f"{fault}.x"] == pytest.approx(DEGREE, abs=0.03)
+
+
+def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
+    """Values are fitted beside the fault, which is no part of the model."""
+    fault = "lower.blockage"
+    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    found = searcher.trial(searcher.plain(), (place.candidate(fault),))
+    adopted = fitted_to_all(searcher, found)
+    assert adopted.joined == ()
+    assert not any(name.startswith(fault) for name in (*adopted.free, *adopted.values))
+    assert (len(adopted.free), len(adopted.free)) == adopted.covariance.shape
+    assert adopted.values["lower.a"] == pytest.approx(TRUE["lower.a"], rel=0.1)
 
 
 def test_a_period_is_told_in_the_time_of_the_recording() -> None:
