@@ -17,7 +17,7 @@ from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove
-from runtime.mismatch.dynamic.quality import failing
+from runtime.mismatch.dynamic.quality import failing, failing_at
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Progress, Searcher, search
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
@@ -71,7 +71,7 @@ def analyse_stores(
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
     tell("opening the held-out blocks")
     proofs = prove(bench, found.plain, best, found.judged)
-    if accepted and (not _holds(best, proofs) or _open_share(proofs) > OPEN):
+    if accepted and (not _holds(best, proofs) or _open_share(bench, proofs) > OPEN):
         # What is named leaves most of it, or does not hold where it was not fitted.
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, found.judged)
@@ -94,15 +94,16 @@ def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
     return gained > PROVEN
 
 
-def _open_share(proofs: Sequence[Proof]) -> float:
+def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
     """Share of squared errors beyond noise that a model leaves, of those of the plain one."""
     before = after = 0.0
+    beyond = False
     for proof in proofs:
-        errors = proof.fit.estimation
-        noise = max(errors.noise, 1e-300)
+        errors, signal = proof.fit.estimation, bench.ruleset.signal_by_id[proof.fit.signal]
+        noise = max(errors.noise, bench.record.resolution[signal.id] / signal.factor)
         before += (max(errors.recalibrated / noise, 1.0) ** 2 - 1.0) * errors.points
         after += (max(errors.repaired / noise, 1.0) ** 2 - 1.0) * errors.points
-    beyond = any(p.fit.estimation.repaired > BEYOND * p.fit.estimation.noise for p in proofs)
+        beyond = beyond or errors.repaired > BEYOND * noise
     return after / before if beyond and before > 0.0 else 0.0
 
 
@@ -159,10 +160,12 @@ def _answer(
     begin: float,
 ) -> Mismatch:
     ruleset = bench.ruleset
-    locations = tuple(location_of(bench, best, f) for f in findings if f.id in best.ids)
+    locations = tuple(
+        location_of(bench, best, f) if f.id in best.ids else failing_at(f) for f in findings
+    )
     nameless = _nameless(bench, best, left, len(bench.candidates))
     if not best.joined:
-        locations = nameless
+        locations = (*nameless, *locations)
     unnamed = bool(nameless) and not best.joined
     verdict = verdict_of(findings, unnamed)
     proofs = sorted(proofs, key=lambda p: -_worse(p))

@@ -14,7 +14,7 @@ import numpy as np
 
 from runtime.dynamic.still import coarse_step, standing_still
 from runtime.dynamic.thin import glitches_in
-from runtime.mismatch.result import Finding, Period
+from runtime.mismatch.result import Finding, Location, Period
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset, SignalSpec
@@ -77,6 +77,12 @@ def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding
         f"about {away:.3g} {signal.unit} and back; they are left out"
     )
     return _finding(signal, "drop-outs", "Sensor that drops out", text)
+
+
+def failing_at(finding: Finding) -> Location:
+    """Where a sensor fails."""
+    periods = tuple((p.since, p.until) for p in finding.periods)
+    return Location(finding.module, finding.place, "", float("nan"), (), periods)
 
 
 def _finding(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
