@@ -214,6 +214,9 @@ def _nameless(bench: Bench, best: Fitted, left: list[Suspect], tried: int) -> tu
     """The place where the final model is still wrong, if it is so beyond doubt."""
     if not left or left[0].gain < needed(tried) or left[0].share < LEFT:
         return ()
+    steps = bench.record.resolution
+    if all(noise.spread < BEYOND * steps[n] for n, noise in best.noise.items()):
+        return ()
     first = left[0]
     also = tuple(
         s for s in left[1:] if s.gain > first.gain - NEARLY or s.share > first.share - ALIKE

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.dynamic.memory import Flags
-from runtime.dynamic.still import standing_still
+from runtime.dynamic.still import coarse_step, standing_still
 from runtime.dynamic.thin import filled, glitches_in, resolution, thinned
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.ruleset import Ruleset
+from runtime.ruleset import Ruleset, SignalSpec
+from runtime.stationary import systematic_u
 
 BUDGET = 4096
 """Samples at most; neighbours of longer recordings are averaged."""
@@ -85,9 +86,15 @@ def record_of(
         return None
     part = _split(time, inputs, heldout)
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
-    steps = {n: resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
+    steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
     return Record(time, inputs, measured, steps, glitches, part, text, digest)
+
+
+def _resolution(values: Array, signal: SignalSpec) -> float:
+    """Standard deviation of a reading's steps, however coarse."""
+    u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
+    return coarse_step(values, u) / float(np.sqrt(12.0)) or resolution(values, signal)
 
 
 def lacking(recording: Recording, ruleset: Ruleset) -> str:
