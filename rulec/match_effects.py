@@ -23,25 +23,23 @@ from rulec.knowledge import (
     Effect,
     EffectParameter,
     EffectState,
+    FaultType,
     Join,
     Origin,
     Parameter,
     State,
+    Variant,
 )
 from rulec.language.expression import Rejected
 from rulec.language.units import NONE, SECOND, Unit
+from rulec.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
 from rulec.spots import unit_of
+from rulec.store_faults import StoreFault, store_faults
 from runtime.mismatch.candidate import TIME, Candidate, Missing, Unknown
 
 _END = {"in": INFLOW, "out": OUTFLOW}
-
-PERCENT = Unit("%", 0.01, NONE)
-
-TRIED = 0.1
-"""Degree of a fault from which a search starts, or half of the highest if that is less."""
-
 
 Equations = dict[tuple[object, ...], str | None]
 """Repaired equations by type and change: they are the same for all instances of a type."""
@@ -267,9 +265,34 @@ class _Matcher:
         return text
 
     def faults(self) -> Iterator[Matched]:
-        """Faults of the module, undone by a degree."""
+        """Faults of the module: undone by a degree, or where the plant stores, from an onset on."""
+        if self._stores:
+            for stored in store_faults(self._module, self._plant.knowledge):
+                yield from self._beginning(stored)
+            return
         for fault in self._models.types[self._module.type.key].faults:
             yield self._fault(fault)
+
+    def _beginning(self, stored: StoreFault) -> Iterator[Matched]:
+        """A fault in balances that begins at some time."""
+        change, place = beginning_change(stored), stored.change.places[0]
+        equation = self._equation(change, place)
+        if equation is None:
+            return
+        sites = (self._sites.get(p) for p in change.places)
+        found = tuple(dict.fromkeys(o for s in sites if s is not None for o in s.observers))
+        candidate = self._fault_at(
+            stored.fault,
+            stored.variant,
+            stored.target,
+            stored.id,
+            place[1],
+            found or (f"{self._module.name}.{place[1]}",),
+            beginning_unknowns(stored),
+            equation,
+            {CLOCK: TIME},
+        )
+        yield Matched(candidate, change)
 
     def _fault(self, fault: TypeFault) -> Matched:
         id_ = f"{self._module.name}.{fault.id}"
@@ -281,28 +304,43 @@ class _Matcher:
         change = Change(places, undoing(variant, kind.acts_on), {}, {"x": x}, {"x": f"{id_}.x"})
         observers = [o for place in places for o in self._sites[place].observers]
         target = f"{self._module.name}.{fault.target}"
+        unknowns = (degree_unknown(f"{id_}.x", variant),)
+        equation = self._equation(change, places[0]) or ""
+        found = tuple(dict.fromkeys(observers))
+        candidate = self._fault_at(
+            kind, variant, target, id_, places[0][1], found, unknowns, equation, {}
+        )
+        return Matched(candidate, change)
+
+    def _fault_at(
+        self,
+        kind: FaultType,
+        variant: Variant,
+        target: str,
+        id_: str,
+        place: str,
+        observers: tuple[str, ...],
+        unknowns: tuple[Unknown, ...],
+        equation: str,
+        drivers: Mapping[str, str],
+    ) -> Candidate:
+        """A fault as an explanation."""
         slots = {"where": target, "variant": variant.title, "degree": "{x}"}
-        start = min(TRIED, variant.highest / 2)
-        unknown = Unknown(
-            f"{id_}.x", "x", variant.meaning, PERCENT.text, PERCENT.factor, 0.0, 0.0,
-            float(variant.lowest), float(variant.highest), (start,), (), None, False,
-        )  # fmt: skip
-        candidate = Candidate(
+        return Candidate(
             id_,
             "fault",
             kind.name,
             f"{target} {variant.title}" if variant.name else kind.title,
             self._module.name,
-            places[0][1],
-            tuple(dict.fromkeys(observers)),
-            (unknown,),
-            {},
-            self._equation(change, places[0]) or "",
+            place,
+            observers,
+            unknowns,
+            drivers,
+            equation,
             self._text(kind.text, slots),
             kind.action,
             kind.origin.source,
         )
-        return Matched(candidate, change)
 
 
 def cheapest_sensor(plant: Plant, quantity: str) -> str:

@@ -49,7 +49,7 @@ TINY = 1e-14
 HUGE = 1e150
 
 
-@compiled(cache=True, nogil=True, fastmath=False)
+@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
 def evaluate(
     first: int,
     codes: np.ndarray,
@@ -131,7 +131,7 @@ def evaluate(
                 slopes[out, k] = da * slopes[a, k]
 
 
-@compiled(cache=True, nogil=True, fastmath=False)
+@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
 def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
     """Solve a small system for all columns, both in place (Gauss, with pivots)."""
     n, width = right_side.shape
@@ -166,7 +166,7 @@ def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
             right_side[i, c] = total / lead
 
 
-@compiled(cache=True, nogil=True, fastmath=False)
+@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
 def _give(
     values: np.ndarray,
     slots: np.ndarray,
@@ -183,7 +183,7 @@ def _give(
         values[slots[j]] = u
 
 
-@compiled(cache=True, nogil=True, fastmath=False)
+@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     first: int,
     codes: np.ndarray,

@@ -76,6 +76,11 @@ class Candidate:
         """All modules where it acts."""
         return self.members or (self.module,)
 
+    @property
+    def onset(self) -> Unknown | None:
+        """The time from which it holds, where that is searched for."""
+        return next((u for u in self.unknowns if u.driver == TIME and not u.fixed), None)
+
 
 @dataclass(frozen=True)
 class Missing:

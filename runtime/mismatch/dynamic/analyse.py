@@ -17,7 +17,7 @@ from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove, series_of
-from runtime.mismatch.dynamic.quality import failing
+from runtime.mismatch.dynamic.quality import failing, failing_at
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Progress, Searcher, search
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
@@ -31,8 +31,21 @@ from runtime.ruleset import Ruleset
 NEARLY = 2.0
 """Places whose gain is within this of the best are not told from it."""
 
+ALIKE = 0.02
+"""Places that explain as much but for this share of the squared errors are not told apart."""
+
 LEFT = 0.3
 """Share of the squared errors that an error of free course must explain for a place to be told."""
+
+OPEN = 0.3
+"""Share of what was to be explained (squares beyond noise) that names may leave: with more left
+they stand for something else."""
+
+BEYOND = 1.15
+"""Errors of a model over noise from which on something is left at all."""
+
+PROVEN = 1.0
+"""Log likelihood that names must gain on held-out blocks."""
 
 
 def analyse_stores(
@@ -56,14 +69,42 @@ def analyse_stores(
     tell("leaving out and exchanging explanations")
     best, accepted = doubted(searcher, found)
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
+    tell("opening the held-out blocks")
+    proofs = prove(bench, found.plain, best, found.judged)
+    if accepted and (not _holds(best, proofs) or _open_share(bench, proofs) > OPEN):
+        # What is named leaves most of it, or does not hold where it was not fitted.
+        best, accepted = found.plain, ()
+        best = Fitter(bench, (), {}).with_covariance(best, found.judged)
+        proofs = prove(bench, found.plain, best, found.judged)
     tell("looking for places where something is wrong")
     left = suspects(bench, _sharp(bench, best), found.judged)
     tell("working out uncertainties")
     findings = (*findings_of(searcher, best, accepted), *failing(recording, ruleset))
-    tell("opening the held-out blocks")
-    proofs = prove(bench, found.plain, best, found.judged)
     whole = fitted_to_all(searcher, best)
     return _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
+
+
+def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
+    """Do names gain on blocks that played no part in finding them?"""
+    gained = 0.0
+    for proof in proofs:
+        errors = proof.fit.heldout
+        fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
+        gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
+    return gained > PROVEN
+
+
+def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
+    """Share of squared errors beyond noise that a model leaves, of those of the plain one."""
+    before = after = 0.0
+    beyond = False
+    for proof in proofs:
+        errors, signal = proof.fit.estimation, bench.ruleset.signal_by_id[proof.fit.signal]
+        noise = max(errors.noise, bench.record.resolution[signal.id] / signal.factor)
+        before += (max(errors.recalibrated / noise, 1.0) ** 2 - 1.0) * errors.points
+        after += (max(errors.repaired / noise, 1.0) ** 2 - 1.0) * errors.points
+        beyond = beyond or errors.repaired > BEYOND * noise
+    return after / before if beyond and before > 0.0 else 0.0
 
 
 def _sharp(bench: Bench, fitted: Fitted) -> Fitted:
@@ -77,16 +118,33 @@ def _sharp(bench: Bench, fitted: Fitted) -> Fitted:
 
 
 def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
-    """What is adopted: the proven model fitted to all blocks, held-out ones too."""
+    """What is adopted: the proven model fitted to all blocks, held-out ones too.
+
+    Faults and errors of sensors are there in the fit, or other values would make up for them; what
+    they bring is left out afterwards.
+    """
     bench = searcher.bench
-    joined = tuple(c for c in best.joined if c.sort in REPAIRING)
     known = {n: np.isfinite(v) for n, v in bench.record.measured.items()}
     judged = replace(
         searcher.judged, known=known, noise=best.noise, slow=best.slow, drift=best.drift
     )
-    fitter = Fitter(bench, joined, searcher.kept(best))
+    fitter = Fitter(bench, best.joined, searcher.kept(best))
     fitted = fitter.finish(fitter.vector(best.values), judged, 60, 2)
-    return fitter.with_covariance(fitted, judged)
+    return _adopted(fitter.with_covariance(fitted, judged))
+
+
+def _adopted(fitted: Fitted) -> Fitted:
+    """The model without what is mended in the plant, and not in its model."""
+    joined = tuple(c for c in fitted.joined if c.sort in REPAIRING)
+    gone = {u.id for c in fitted.joined if c not in joined for u in c.unknowns}
+    kept = [i for i, n in enumerate(fitted.free) if n not in gone]
+    return replace(
+        fitted,
+        joined=joined,
+        values={n: v for n, v in fitted.values.items() if n not in gone},
+        free=tuple(fitted.free[i] for i in kept),
+        covariance=fitted.covariance[np.ix_(kept, kept)],
+    )
 
 
 def _answer(
@@ -102,10 +160,12 @@ def _answer(
     begin: float,
 ) -> Mismatch:
     ruleset = bench.ruleset
-    locations = tuple(location_of(bench, best, f) for f in findings if f.id in best.ids)
+    locations = tuple(
+        location_of(bench, best, f) if f.id in best.ids else failing_at(f) for f in findings
+    )
     nameless = _nameless(bench, best, left, len(bench.candidates))
     if not best.joined:
-        locations = nameless
+        locations = (*nameless, *locations)
     unnamed = bool(nameless) and not best.joined
     verdict = verdict_of(findings, unnamed)
     proofs = sorted(proofs, key=lambda p: -_worse(p))
@@ -155,7 +215,13 @@ def _nameless(bench: Bench, best: Fitted, left: list[Suspect], tried: int) -> tu
     """The place where the final model is still wrong, if it is so beyond doubt."""
     if not left or left[0].gain < needed(tried) or left[0].share < LEFT:
         return ()
-    also = tuple(s for s in left[1:] if s.gain > left[0].gain - NEARLY)
+    steps = bench.record.resolution
+    if all(noise.spread < BEYOND * steps[n] for n, noise in best.noise.items()):
+        return ()
+    first = left[0]
+    also = tuple(
+        s for s in left[1:] if s.gain > first.gain - NEARLY or s.share > first.share - ALIKE
+    )
     return (place_of(bench, best, left[0], also),)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.dynamic.balances import RanAway
+from runtime.dynamic.balances import TIME, RanAway
 from runtime.dynamic.memory import Flags
 from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.dynamic.bench import Bench, Simulated, unknowns_of
@@ -30,6 +30,12 @@ NEAR = 0.01
 
 INWARD, PRESSING = 0.1, 0.5
 """A value is pressed to an end if this share of the way back would cost so much likelihood."""
+
+GENTLE = 0.05
+"""Share of a step that matters by which a strength is off its null where models are made linear."""
+
+EDGE = 0.02
+"""Share of the recording before which, and this much before whose end, nothing begins."""
 
 RUNAWAY = 1e6
 """Error, in standard deviations, of a model whose states grow beyond all bounds."""
@@ -120,17 +126,27 @@ class Fitter:
         scaled = covariance / np.outer(self._u, self._u)
         self._prior = np.linalg.inv(np.linalg.cholesky(scaled + 1e-12 * np.eye(len(rows))))
         self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
-        self._scale = np.concatenate([self._u, [_size(u) for u in self._unknowns]])
+        duration = float(bench.time[-1])
+        self._scale = np.concatenate([self._u, [_size(u, duration) for u in self._unknowns]])
         self._low, self._high = self._bounds()
 
     def _bounds(self) -> tuple[Array, Array]:
         low, high = self._mean - WIDEST * self._u, self._mean + WIDEST * self._u
         low = np.where(self._mean > 0, np.maximum(low, SMALLEST * self._mean), low)
         high = np.where(self._mean < 0, np.minimum(high, SMALLEST * self._mean), high)
+        ends = [self._ends(u) for u in self._unknowns]
         return (
-            np.concatenate([low, [u.lowest for u in self._unknowns]]),
-            np.concatenate([high, [u.highest for u in self._unknowns]]),
+            np.concatenate([low, [end[0] for end in ends]]),
+            np.concatenate([high, [end[1] for end in ends]]),
         )
+
+    def _ends(self, unknown: Unknown) -> tuple[float, float]:
+        """What is possible; what is there nearly from the first sample on, or to the last, no
+        recording can tell from what always is, or never."""
+        if unknown.driver != TIME:
+            return unknown.lowest, unknown.highest
+        duration = float(self.bench.time[-1])
+        return EDGE * duration, (1.0 - EDGE) * duration
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """Values of the free parameters, SI, within bounds; plain ones where none is given."""
@@ -201,6 +217,28 @@ class Fitter:
         column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
         total = np.sum(_projected(column, basis, judged.slow) ** 2) + np.sum(self._strain(at) ** 2)
         return 0.5 * float(total)
+
+    def gentle(self, at: Array, known: Mapping[str, float]) -> Array:
+        """The point with strengths that are not known yet nearly at their null.
+
+        There a model is linear in them, whatever their sign.
+        """
+        near = at.copy()
+        for i, unknown in enumerate(self._unknowns, self._count):
+            if unknown.null is not None and unknown.id not in known:
+                near[i] = unknown.null + GENTLE * self._scale[i]
+        return np.asarray(np.clip(near, self._low, self._high))
+
+    def ahead(self, at: Array, judged: Judged, basis: Array) -> Array:
+        """The optimum of the model made linear at a point, thresholds and times held there."""
+        try:
+            residual, slopes = self.residual(at, judged, basis)
+        except RanAway:
+            return at
+        shaping = [i for i, u in enumerate(self._unknowns, self._count) if u.null is None]
+        slopes[:, shaping] = 0.0
+        step = -np.linalg.lstsq(slopes, residual, rcond=1e-9)[0] * self._scale
+        return np.asarray(np.clip(at + step, self._low, self._high))
 
     def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
         """A local optimum near a point."""
@@ -282,6 +320,10 @@ class Fitter:
             if unknown.null is not None and end != unknown.null
             if abs(at[self._count + i] - end) < NEAR * (unknown.highest - unknown.lowest)
         ]
+        for i, unknown in enumerate(self._unknowns):
+            low, high = self._ends(unknown)
+            if unknown.driver == TIME and not low < at[self._count + i] < high:
+                return (unknown.id,)
         if not at_end:
             return ()
         residual, slopes = self.residual(at, judged, judged.basis())
@@ -332,8 +374,10 @@ def _projected(columns: Array, basis: Array, slow: Array) -> Array:
     return np.asarray(padded - basis @ (basis.T @ padded))
 
 
-def _size(unknown: Unknown) -> float:
+def _size(unknown: Unknown, duration: float) -> float:
     """A step that matters for an unknown."""
+    if unknown.driver == TIME:
+        return EDGE * duration
     null = unknown.null or 0.0
     sizes = [abs(s - null) for s in unknown.starts if s != null]
     span = unknown.highest - unknown.lowest

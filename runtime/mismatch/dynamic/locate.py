@@ -22,8 +22,11 @@ from runtime.mismatch.locate import TELLING, best_interval
 from runtime.mismatch.result import Region
 from runtime.plan import Array
 
-KNOTS = 48
-"""Values of an error over a recording."""
+KNOTS = (48, 192)
+"""Values of an error over a recording: one that is smooth, and one that surges."""
+
+MOST = 0.5
+"""Share of the squared errors with which a smooth course will do."""
 
 SIZES = np.logspace(-3.0, 1.5, 19)
 """Sizes of an error that are tried, as a share of what would move readings by their scatter."""
@@ -46,6 +49,16 @@ class Suspect:
 
 def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
+    found: list[Suspect] = []
+    for knots in KNOTS:
+        found = _suspects(bench, fitted, judged, knots)
+        # The smoother a course that will do, the more its place is worth.
+        if found and found[0].share > MOST:
+            break
+    return found
+
+
+def _suspects(bench: Bench, fitted: Fitted, judged: Judged, knots: int) -> list[Suspect]:
     weights = np.concatenate(
         [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
     )
@@ -56,7 +69,7 @@ def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
     for spot in bench.workshop.spots:
         if spot.kind not in STORED:
             continue
-        response = _response(bench, fitted, spot)
+        response = _response(bench, fitted, spot, knots)
         if response is None:
             continue
         columns, shapes, size = response
@@ -85,7 +98,7 @@ def smooth_gain(bench: Bench, fitted: Fitted, judged: Judged, spot: Spot, count:
 
 
 def _response(
-    bench: Bench, fitted: Fitted, spot: Spot, knots: int = KNOTS
+    bench: Bench, fitted: Fitted, spot: Spot, knots: int
 ) -> tuple[Array, list[Array], float] | None:
     """What unit errors at a place do to all readings, stacked; None where nothing sees it.
 

@@ -1,20 +1,24 @@
-"""Sensors that fail to read now and then: single readings that neither neighbour bears out.
+"""Sensors that fail to read: single readings that neither neighbour bears out, or none at all.
 
-No law of a plant makes a reading jump away for one sample and come back. So this is told before any
-physics, for every signal of the recording, whether an equation reads it or not.
+No law of a plant makes a reading jump away for one sample and come back, or stops its noise. So
+this is told before any physics, for every signal of the recording, whether an equation reads it or
+not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from runtime.dynamic.still import coarse_step, standing_still
 from runtime.dynamic.thin import glitches_in
-from runtime.mismatch.result import Finding
+from runtime.mismatch.result import Finding, Location, Period
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset, SignalSpec
+from runtime.stationary import systematic_u
 
 OFTEN, MANY = 0.005, 20
 """Share of all readings, and number, from which such readings are the sensor's fault."""
@@ -25,30 +29,74 @@ SURE = 0.99
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
     """Sensors that fail often, each as a finding."""
+    shown = ruleset.dynamics.outputs if ruleset.dynamics is not None else ()
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or len(values) < MANY or not np.isfinite(values).any():
             continue
         odd = glitches_in(values)
         if odd.sum() >= max(MANY, OFTEN * len(values)):
-            yield _finding(signal, values, odd)
+            yield _dropping_out(signal, values, odd)
+        if spans := standing_still(values):
+            yield _stuck(signal, recording.time, values, spans)
+        # What is given may be set in steps.
+        if signal.id in shown and (step := _coarse(signal, values)):
+            yield _stepping(signal, step)
 
 
-def _finding(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding:
-    module, _, place = signal.id.partition(".")
+def _coarse(signal: SignalSpec, values: Array) -> float:
+    u = systematic_u(signal, values)
+    return coarse_step(values, float(np.nanmedian(np.broadcast_to(u, values.shape))))
+
+
+def _stepping(signal: SignalSpec, step: float) -> Finding:
+    text = (
+        f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far coarser than "
+        "its class; nothing finer can be told from it"
+    )
+    return _finding(signal, "coarse-steps", "Sensor that shows coarse steps", text)
+
+
+def _stuck(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int, int]]) -> Finding:
+    periods = tuple(Period(float(time[a]), float(time[b - 1]), 1.0, 0.0) for a, b in spans)
+    when = ", ".join(f"{p.since:.0f} to {p.until:.0f} s" for p in periods)
+    shown = (float(values[spans[0][0]]) - signal.offset) / signal.factor
+    text = (
+        f"{signal.id} is stuck from {when}, first at {shown:.4g} {signal.unit}: even its noise "
+        "is gone; these readings are left out"
+    )
+    finding = _finding(signal, "stuck-reading", "Sensor that is stuck", text)
+    return replace(finding, periods=periods)
+
+
+def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding:
     away = float(np.median(np.abs(values[odd] - values[np.flatnonzero(odd) - 1]))) / signal.factor
     share = 100.0 * float(odd.mean())
+    text = (
+        f"{signal.id} drops out: {int(odd.sum())} single readings ({share:.1f} %) jump away by "
+        f"about {away:.3g} {signal.unit} and back; they are left out"
+    )
+    return _finding(signal, "drop-outs", "Sensor that drops out", text)
+
+
+def failing_at(finding: Finding) -> Location:
+    """Where a sensor fails."""
+    periods = tuple((p.since, p.until) for p in finding.periods)
+    return Location(finding.module, finding.place, "", float("nan"), (), periods)
+
+
+def _finding(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
+    module, _, place = signal.id.partition(".")
     return Finding(
-        f"{signal.id}.drop-outs",
+        f"{signal.id}.{name}",
         "sensor",
-        "drop-outs",
-        "Sensor that drops out",
+        name,
+        title,
         module,
         place,
         {},
         "",
-        f"{signal.id} drops out: {int(odd.sum())} single readings ({share:.1f} %) jump away by "
-        f"about {away:.3g} {signal.unit} and back; they are left out",
+        text,
         "check cable, mounting and supply of the sensor",
         "",
         SURE,

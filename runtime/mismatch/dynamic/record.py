@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.dynamic.memory import Flags
+from runtime.dynamic.still import coarse_step, standing_still
 from runtime.dynamic.thin import filled, glitches_in, resolution, thinned
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.ruleset import Ruleset
+from runtime.ruleset import Ruleset, SignalSpec
+from runtime.stationary import systematic_u
 
 BUDGET = 4096
 """Samples at most; neighbours of longer recordings are averaged."""
@@ -69,6 +71,8 @@ def record_of(
     glitches: dict[str, int] = {}
     for name in shown:
         odd = glitches_in(recording.values[name])
+        for first, behind in standing_still(recording.values[name]):
+            odd[first + 1 : behind] = True
         measured[name] = np.where(odd, np.nan, recording.values[name])
         glitches[name] = int(odd.sum())
     inputs = {n: v for n, v in recording.values.items() if n in given}
@@ -82,9 +86,15 @@ def record_of(
         return None
     part = _split(time, inputs, heldout)
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
-    steps = {n: resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
+    steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
     return Record(time, inputs, measured, steps, glitches, part, text, digest)
+
+
+def _resolution(values: Array, signal: SignalSpec) -> float:
+    """Standard deviation of a reading's steps, however coarse."""
+    u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
+    return coarse_step(values, u) / float(np.sqrt(12.0)) or resolution(values, signal)
 
 
 def lacking(recording: Recording, ruleset: Ruleset) -> str:
@@ -109,7 +119,8 @@ def _split(
     """What each sample serves for.
 
     Which blocks are set aside follows from what is given alone: those whose inputs are most like
-    the others', so that what is proved there was also there to be learnt.
+    the others', so that what is proved there was also there to be learnt. The first block is none
+    of them: what was stored at the beginning shows there alone.
     """
     n = len(time)
     block = np.arange(n) * BLOCKS // n
@@ -119,7 +130,7 @@ def _split(
             inside |= (time >= low) & (time <= high)
         return np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
     turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
-    parts = [turn[block % len(PATTERN)] for turn in turns]
+    parts = [turn[block % len(PATTERN)] for turn in turns if turn[0] != HELDOUT]
     return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
 
 

@@ -30,8 +30,11 @@ BEAM = 6
 KIN = 3
 """Models carried along that share an explanation, at most."""
 
-DEEPEST = 4
-"""Explanations at most."""
+DEEPEST = 3
+"""Explanations at most: any course is explained by enough of them."""
+
+NARROWED = 3
+"""Models of two explanations or more that are carried along."""
 
 SWAPPED = 2
 """Models of each level in which single explanations are exchanged."""
@@ -45,8 +48,11 @@ SCATTERED = 4
 DESCENDED = 2
 """The best starts from which a trial is fitted."""
 
-GLANCE = 4
-"""Evaluations after which it shows whether a trial leads anywhere."""
+SHORTER = 0.3
+"""Share of a step of the model made linear that is tried too: the whole one may lead too far."""
+
+TWINS = 0.01
+"""Models whose errors differ by less than this share of their spread are one."""
 
 WHITE = 1.3
 """Errors that stay as they are for fewer samples than this have no structure to explain."""
@@ -128,17 +134,10 @@ class Searcher:
         descended: int = DESCENDED,
     ) -> Fitted:
         """Fit a model; what `on` knows is where starts are near."""
-        known = on.values if on is not None else {}
-        new = [c for c in joined if on is None or c.id not in on.ids]
-        fixed = dict(self._fixed(on, joined))
-        fitter = Fitter(self.bench, joined, fixed)
-        noise = on.noise if on is not None else self._first_noise()
-        judged = replace(self.judged, noise=noise)
-        if on is not None:
-            judged = replace(judged, slow=on.slow, drift=on.drift)
+        fitter, judged, starts = self._begun(on, joined)
         basis = judged.basis()
         random = np.random.default_rng(len(joined))
-        starts = [fitter.vector({**known, **s}) for s in self._starts(on, new)]
+        starts += [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
         base = list(starts)
         for i in range(scattered):
             starts.append(fitter.scattered(base[i % len(base)], random, SHARE))
@@ -152,6 +151,31 @@ class Searcher:
             return replace(self._hopeless(fitter, judged), joined=joined)
         best = min(near, key=lambda at: fitter.cost(at, judged, basis))
         return fitter.finish(best, judged, evaluations if descended > 1 else 1, 1)
+
+    def _begun(
+        self, on: Fitted | None, joined: tuple[Candidate, ...]
+    ) -> tuple[Fitter, Judged, list[Array]]:
+        """What a trial is fitted with, how it is judged, and where it starts."""
+        known = on.values if on is not None else {}
+        new = [c for c in joined if on is None or c.id not in on.ids]
+        fitter = Fitter(self.bench, joined, dict(self._fixed(on, joined)))
+        noise = on.noise if on is not None else self._first_noise()
+        judged = replace(self.judged, noise=noise)
+        if on is not None:
+            judged = replace(judged, slow=on.slow, drift=on.drift)
+        return fitter, judged, [fitter.vector({**known, **s}) for s in self._starts(on, new)]
+
+    def glance(self, on: Fitted, joined: tuple[Candidate, ...]) -> float:
+        """What a trial promises to gain: two steps of the model made linear, from near its null."""
+        fitter, judged, starts = self._begun(on, joined)
+        basis = judged.basis()
+        first = [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
+        costs = [fitter.cost(at, judged, basis) for at in first]
+        at = first[int(np.argmin(costs))]
+        far = fitter.ahead(at, judged, basis)
+        shares = (1.0, SHORTER)
+        least = min(*costs, *(fitter.cost(at + s * (far - at), judged, basis) for s in shares))
+        return -least - price_of(replace(on, joined=joined), self.news(on))
 
     def polished(self, fitted: Fitted) -> Fitted:
         """The same, fitted to the end."""
@@ -170,13 +194,13 @@ class Searcher:
     def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
         """Fit many models: all at a glance, those that promise something on each model further."""
         with ThreadPoolExecutor(self._workers) as pool:
-            seen = list(pool.map(lambda t: self.trial(t[0], t[1], 1, GLANCE, 1), tasks))
+            seen = list(pool.map(lambda t: self.glance(*t), tasks))
             by_model: dict[tuple[str, ...], list[int]] = {}
             for i, (on, _) in enumerate(tasks):
                 by_model.setdefault(on.ids, []).append(i)
             promising: list[int] = []
             for members in by_model.values():
-                members.sort(key=lambda i: -self.standing(seen[i], plain))
+                members.sort(key=lambda i: -seen[i])
                 promising += members[:PROMISING]
             return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
 
@@ -285,7 +309,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         if depth == 1:
             alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
         beam = _distinct(searcher.refined(_distinct(ranked), plain))
-        if depth > 1 and beam:
+        if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
             swapped = [t for model in beam[:SWAPPED] for t in _swaps(model, single)]
             more = _distinct(searcher.ranked(swapped, plain))[:SWAPPED]
@@ -293,8 +317,10 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
             beam = _distinct(sorted(every, key=lambda f: -searcher.standing(f, plain)))
         if not beam:
             break
-        levels.append(tuple(beam))
+        levels.append(tuple(beam if depth == 1 else beam[:NARROWED]))
         if _is_white(beam[0]):
+            break
+        if depth > 1 and searcher.standing(beam[0], plain) < STEP:
             break
         if depth > 2 and _stands_still(searcher, levels, plain):
             break
@@ -320,6 +346,13 @@ def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
     found = max(searcher.ranked(tasks, plain), key=lambda f: searcher.gain(f, plain), default=None)
     enough = found is not None and searcher.gain(found, plain) > needed(len(tasks))
     return found if enough else None
+
+
+def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> list[Array]:
+    """Starts with all new strengths nearly at their null, each once."""
+    known = on.values if on is not None else {}
+    near = [fitter.gentle(at, known) for at in starts]
+    return list({at.tobytes(): at for at in near}.values())
 
 
 def _is_white(fitted: Fitted) -> bool:
@@ -375,13 +408,27 @@ def _twice(model: Fitted, candidate: Candidate) -> bool:
 
 
 def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
-    """The best ones, of which few share any explanation: their kin would crowd out the rest."""
+    """The best ones, of which few share any explanation: their kin would crowd out the rest.
+
+    Of twins, which say the same in other words, one is carried along; others in its place are
+    weighed in the end.
+    """
     kept: list[Fitted] = []
     count: Counter[str] = Counter()
     for fitted in ranked:
         if len(kept) == BEAM:
             break
+        if any(_are_twins(fitted, other) for other in kept):
+            continue
         if max((count[i] for i in fitted.ids), default=0) < KIN:
             kept.append(fitted)
             count.update(fitted.ids)
     return kept
+
+
+def _are_twins(one: Fitted, other: Fitted) -> bool:
+    """Do two models leave the same errors?"""
+    if len(one.joined) != len(other.joined):
+        return False
+    pairs = ((one.errors[n], other.errors[n], noise.spread) for n, noise in one.noise.items())
+    return all(np.sqrt(np.nanmean((a - b) ** 2)) < TWINS * spread for a, b, spread in pairs)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from runtime.mismatch.candidate import Unknown
+from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.doubt import Accepted, profile
 from runtime.mismatch.dynamic.fit import Fitted
@@ -12,7 +14,7 @@ from runtime.mismatch.dynamic.locate import Suspect, region_in
 from runtime.mismatch.dynamic.search import Searcher
 from runtime.mismatch.dynamic.terms import driving, term_of, variables_of
 from runtime.mismatch.locate import periods_of
-from runtime.mismatch.result import Alternative, Estimate, Finding, Location
+from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from runtime.mismatch.tell import TOLD, sentence, titled
 
 
@@ -49,10 +51,24 @@ def _finding(searcher: Searcher, best: Fitted, own: Accepted, share: float) -> F
         others,
         own.gain,
         own.rivals,
-        (),
+        period_of(bench, candidate, parameters),
         share,
         candidate.members,
     )
+
+
+def period_of(
+    bench: Bench, candidate: Candidate, parameters: Mapping[str, Estimate]
+) -> tuple[Period, ...]:
+    """When a fault that begins was there, and its degree."""
+    onset = candidate.onset
+    degree = next((u for u in candidate.unknowns if u.null is not None), None)
+    if onset is None or degree is None:
+        return ()
+    first, last = (float(t) for t in bench.record.time[[0, -1]])
+    found = parameters[degree.name]
+    since = first + parameters[onset.name].value
+    return (Period(since, last, found.value * degree.factor, found.u * degree.factor),)
 
 
 def _estimate(searcher: Searcher, best: Fitted, unknown: Unknown) -> Estimate:
@@ -76,8 +92,9 @@ def location_of(bench: Bench, best: Fitted, finding: Finding) -> Location:
         finding.place,
         bench.ruleset.modules.get(finding.module, finding.module),
         finding.closed,
-        region,
-        periods_of(bench.time + bench.record.time[0], term),
+        () if finding.periods else region,
+        tuple((p.since, p.until) for p in finding.periods)
+        or periods_of(bench.time + bench.record.time[0], term),
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from runtime.dynamic.thin import glitches_in
 from runtime.mismatch.dynamic.quality import failing
-from runtime.mismatch.dynamic.record import BUDGET, record_of
+from runtime.mismatch.dynamic.record import BLOCKS, BUDGET, record_of
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 
 
@@ -23,6 +23,17 @@ def test_blocks_follow_from_the_inputs_alone() -> None:
     assert second is not None
     assert first.digest == second.digest
     assert 0.15 < 1.0 - first.open.mean() < 0.25
+
+
+def test_the_beginning_is_never_held_out() -> None:
+    """What was stored at the first sample is a parameter, and shows there alone."""
+    ruleset, workshop = tanks()
+    for shift in range(0, 200, 20):
+        recording = made()
+        values = {n: np.roll(v, shift) for n, v in recording.values.items()}
+        record = record_of(replace(recording, values=values), ruleset, workshop.given)
+        assert record is not None
+        assert record.open[: len(record.time) // BLOCKS].all()
 
 
 def test_long_recordings_keep_the_volume_that_was_pumped() -> None:

@@ -1,0 +1,84 @@
+"""Faults of a plant that stores: each from some time on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.dynamic.analyse import fitted_to_all
+from runtime.mismatch.dynamic.drift import no_drift
+from runtime.mismatch.dynamic.fit import Judged
+from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.tell import period_of
+from runtime.mismatch.result import Estimate
+from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
+
+SINCE, DEGREE = 900.0, 0.15
+FAULTS = ("lower.blockage", "upper.lost-inflow", "pump.u.high", "lower.y.low")
+
+
+def planted(fault: str) -> dict[str, float]:
+    return {f"{fault}.x": DEGREE, f"{fault}.since": SINCE, f"{fault}.t_half": 1022.0}
+
+
+def test_every_fault_of_a_plant_that_stores_has_an_onset() -> None:
+    """What is there from the beginning is a matter of calibration."""
+    faults = [c for c in tanks()[1].candidates if c.sort == "fault"]
+    assert {"lower.blockage", "upper.lost-inflow", "pump.leakage"} <= {c.id for c in faults}
+    assert "upper.tank-leak@inflow" in {c.id for c in faults}
+    assert all(c.onset is not None for c in faults)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_before_its_onset_a_fault_does_nothing(fault: str) -> None:
+    plain, broken = (
+        made(joined=joined, more=more) for joined, more in (((), {}), ((fault,), planted(fault)))
+    )
+    change = np.abs(broken.values["lower.y"] - plain.values["lower.y"])
+    before = plain.time < SINCE - 8.0
+    assert change[before].max() < 0.002
+    assert change[~before].max() > 10 * NOISE
+
+
+@pytest.mark.parametrize("fault", ["lower.blockage", "upper.lost-inflow"])
+def test_onset_and_degree_are_found(fault: str) -> None:
+    """From starts all over the recording, to within a few samples."""
+    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = searcher.plain()
+    candidate = place.candidate(fault)
+    assert searcher.glance(plain, (candidate,)) > searcher.glance(
+        plain, (place.candidate("upper.area-slope@h"),)
+    )
+    found = searcher.polished(searcher.trial(plain, (candidate,)))
+    assert not found.pressed
+    assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
+    assert found.values[f"{fault}.x"] == pytest.approx(DEGREE, abs=0.03)
+
+
+def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
+    """Values are fitted beside the fault, which is no part of the model."""
+    fault = "lower.blockage"
+    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    found = searcher.trial(searcher.plain(), (place.candidate(fault),))
+    adopted = fitted_to_all(searcher, found)
+    assert adopted.joined == ()
+    assert not any(name.startswith(fault) for name in (*adopted.free, *adopted.values))
+    assert (len(adopted.free), len(adopted.free)) == adopted.covariance.shape
+    assert adopted.values["lower.a"] == pytest.approx(TRUE["lower.a"], rel=0.1)
+
+
+def test_a_period_is_told_in_the_time_of_the_recording() -> None:
+    recording = made()
+    place = bench(replace(recording, time=recording.time + 5000.0))
+    candidate = place.candidate("lower.blockage")
+    found = {
+        "x": Estimate("", 15.0, 1.0, 13.0, 17.0, "%"),
+        "since": Estimate("", SINCE, 4.0, SINCE - 8, SINCE + 8, "s"),
+    }
+    (period,) = period_of(place, candidate, found)
+    assert (5000.0 + SINCE, 5000.0 + 4.0 * 511) == (period.since, period.until)
+    assert (0.15, 0.01) == (pytest.approx(period.degree), pytest.approx(period.u))

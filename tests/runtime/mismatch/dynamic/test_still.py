@@ -1,0 +1,32 @@
+"""Sensors that stand still or move in coarse steps, told from plants at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.dynamic.still import coarse_step, standing_still
+
+COURSE = 3.0 + np.sin(np.arange(600) / 40.0)
+NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 3)
+
+
+def test_a_reading_that_loses_its_noise_is_stuck() -> None:
+    stuck = NOISY.copy()
+    stuck[200:260] = stuck[200]
+    assert [(200, 260)] == standing_still(stuck)
+    assert standing_still(NOISY) == []
+
+
+def test_a_plant_at_rest_without_noise_is_not_stuck() -> None:
+    """A smooth course that is rounded stands still by itself, and so does a clipped one."""
+    rest = np.round(np.minimum(COURSE, 3.4), 2)
+    assert standing_still(np.concatenate([rest, np.full(100, rest[-1])])) == []
+    assert standing_still(np.minimum(NOISY, 3.4)) == []
+
+
+def test_a_coarse_display_is_told_by_its_step() -> None:
+    coarse = np.round(NOISY / 0.4) * 0.4
+    assert coarse_step(coarse, 0.025) == pytest.approx(0.4)
+    assert coarse_step(NOISY, 0.025) == 0.0
+    assert coarse_step(np.where(COURSE > 3.0, 1.0, 0.0), 0.025) == 0.0
