@@ -14,6 +14,7 @@ import numpy as np
 
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.prepare import ESTIMATION, SELECTION
+from runtime.mismatch.price import price_of_fit
 from runtime.mismatch.screen import Trial, looks_at
 from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
@@ -95,13 +96,25 @@ def entered(fitted: Fitted, trial: Trial) -> Contestant:
 
 
 def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
-    """Refit everything with a trial in it."""
+    """Refit everything with a trial in it.
+
+    A calibration under a law that left something out says little of the repaired one, so it is let
+    go; unless the values that it states do as well, which is the simpler explanation.
+    """
     candidate = trial.candidate
     setting = fitted.setting.joining(candidate, trial.values, trial.fixed, trial.course)
-    if candidate.sort in ("physics", "ageing", HIDDEN):
-        # A calibration under a law that left something out says little of the repaired one.
-        setting = replace(setting, released=setting.released.union(candidate.modules))
-    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper), trial
+    held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+    modules = setting.released.union(candidate.modules)
+    if candidate.sort not in ("physics", "ageing", HIDDEN) or modules == setting.released:
+        return held, trial
+    eased = replace(setting, released=modules)
+    freed = fit(fitted.rows, eased, fitted.used, temper=fitted.temper)
+    return min(held, freed, key=cost_of), trial
+
+
+def cost_of(fitted: Fitted) -> float:
+    """What a fit leaves unexplained, and the price of what it asks for, in log likelihood."""
+    return fitted.objective + price_of_fit(fitted)
 
 
 def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tuple[float, Array]:

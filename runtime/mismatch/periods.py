@@ -54,6 +54,9 @@ MOST_LEVELS = 3
 TELLING = 0.05
 """Share of the scatter of degrees that a few levels may leave."""
 
+PASSING = 0.9
+"""Weight of the gain of a fault that is there when the recording begins."""
+
 SHORTEST = 3
 """Means that a period has at least."""
 
@@ -86,14 +89,26 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     means = np.add.reduceat(weights * degree[known], edges[:-1]) / sums
     noise = _noise(means)
     segments = cut(means / noise, PENALTY * float(np.log(len(means))))
-    tried = {tuple(np.flatnonzero(on)): on for on in (apart(segments, odd) for odd in ODD)}
+    states = [apart(segments, odd) for odd in ODD]
+    # A fault may be there for longer than it is not: then what is at rest is the shorter state.
+    states += [~on for on in states if on.any() and not on.all()]
+    tried = {tuple(np.flatnonzero(on)): on for on in states}
     means_ = _Means(known, edges, means, sums, noise)
     trials = [
         _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on)
         for on in tried.values()
         if on.any()
     ]
-    return max((t for t in trials if t is not None), key=lambda t: t.gain, default=None)
+    return max((t for t in trials if t is not None), key=_likely, default=None)
+
+
+def _likely(trial: Trial) -> float:
+    """Gain of a trial; of two that say the same, a fault that begins is likelier than one that was
+    there first and went."""
+    course = trial.course
+    assert course is not None
+    first = int(np.flatnonzero(course.segment >= 0)[0])
+    return trial.gain * (1.0 if first > 0 and course.periods[0].since > 0.0 else PASSING)
 
 
 @dataclass(frozen=True)

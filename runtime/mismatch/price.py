@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from runtime.mismatch.compete import Contestant
+from runtime.mismatch.fit import Fitted
 from runtime.mismatch.periods import STEPS
 from runtime.mismatch.setting import HIDDEN
+
+if TYPE_CHECKING:
+    from runtime.mismatch.compete import Contestant
 
 NEEDED = 14.0
 """Gain in log likelihood that an explanation needs beyond the logarithm of those tried.
@@ -30,31 +35,35 @@ FLICKERING = 2.0
 
 
 def price_of(contestant: Contestant) -> float:
+    """What the model of a contestant costs before any data."""
+    return price_of_fit(contestant.fitted)
+
+
+def price_of_fit(fitted: Fitted) -> float:
     """What a model costs before any data: rare explanations, periods, values let go.
 
     Blocks held apart cannot judge periods, so each pays for its ends and its degree. A calibration
     that is let go pays for every value as a fit without one would, less what it did not say.
     """
-    setting = contestant.fitted.setting
-    each = 0.5 * float(np.log(max(contestant.fitted.rows.groups, 2)))
+    setting = fitted.setting
+    each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
     steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
     levels = sum(c.levels for c in setting.courses)
-    signals = contestant.fitted.rows.system.ruleset.signal_by_id
+    signals = fitted.rows.system.ruleset.signal_by_id
     rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in setting.joined)
     coming = {course.unknown for course in setting.courses}
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
-    return each * (steps + levels) + rare + _freed(contestant, each)
+    return each * (steps + levels) + rare + _freed(fitted, each)
 
 
-def _freed(contestant: Contestant, each: float) -> float:
+def _freed(fitted: Fitted, each: float) -> float:
     """Price of the values that are let go: what they could be, over what they could be before.
 
     A value that was hardly known before is no freer without its prior.
     """
-    fitted = contestant.fitted
     base = fitted.rows.system.workshop.parameters
     before = np.sqrt(np.diag(base.covariance))
     price = 0.0

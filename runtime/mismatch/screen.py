@@ -11,18 +11,21 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.mismatch.candidate import TIME, Candidate, Unknown
-from runtime.mismatch.fit import Fitted, student_weights
+from runtime.mismatch.fit import Fitted, Prior, prior_of, student_weights
 from runtime.mismatch.setting import Course
 from runtime.mismatch.system import System
 from runtime.plan import Array
 
 MOST_STARTS = 12
 """Combinations of shapes that are tried of one candidate."""
+
+BENT = 5.0
+"""Ratio of two starts from which on a law is taken to bend between them."""
 
 VARYING = 3.0
 """A driver varies by this many times the noise of its settled readings."""
@@ -88,42 +91,60 @@ class Look:
         return amplitudes, -0.5 * self.count * float(np.log1p(-share))
 
 
-def looks_at(fitted: Fitted) -> tuple[Look, Look]:
+def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
     """Two looks: by the weights of the robust fit, and with far points counting more.
 
-    The first sees what is small and everywhere, the second what is large and rare.
+    The first sees what is small and everywhere, the second what is large and rare. `prior` stands
+    for that of the fit, such as one that lets a calibration go.
     """
     rows, scale = fitted.rows, fitted.scale
     use = fitted.used[rows.point]
     size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
     huber = np.minimum(1.0, FAR * scale / np.maximum(size, 1e-300))
     robust = student_weights(rows, fitted.residual, scale)
-    return _look(fitted, robust * use), _look(fitted, huber * use)
+    known = prior or fitted.prior
+    return _look(fitted, robust * use, known), _look(fitted, huber * use, known)
 
 
-def _look(fitted: Fitted, weights: Array) -> Look:
+def _look(fitted: Fitted, weights: Array, prior: Prior) -> Look:
     jacobian, scale = fitted.jacobian, fitted.scale
     normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.temper)
-    normal = normal + fitted.prior.precision
+    normal = normal + prior.precision
     size = np.sqrt(np.diag(normal)) + 1e-300
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
     inverse = inverse / np.outer(size, size) / (scale**2 * fitted.temper)
     # The weighted optimum need not be that of the fit: what is left must be free of base values.
     at = np.array([fitted.setting.values[name] for name in fitted.prior.names])
     unit = scale**2 * fitted.temper
-    pull = unit * fitted.prior.precision @ (at - fitted.prior.mean)
+    pull = unit * prior.precision @ (at - prior.mean)
     part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
     residual = fitted.residual - jacobian @ part
-    pull = pull - unit * fitted.prior.precision @ part
-    total = float(np.sum(weights * residual**2))
+    pull = pull - unit * prior.precision @ part
+    # What can fall is also the strain on the priors.
+    strained = float(pull @ (at - part - prior.mean))
+    total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
     count = int(np.sum(weights > 0))
     return Look(weights, residual, jacobian, inverse, pull, max(total, 1e-300), count)
 
 
 def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
-    """The best start of each candidate that could help, best first."""
+    """The best start of each candidate that could help, best first.
+
+    Physics is also looked at with the calibration of its module let go: one that was made on data
+    that contain the physics has made room for it.
+    """
     looks = looks_at(fitted)
-    trials = [t for c in candidates for t in _best_of(fitted, looks, c)]
+    eased: dict[frozenset[str], tuple[Look, ...]] = {}
+    trials = []
+    for candidate in candidates:
+        modules = fitted.setting.released.union(candidate.modules)
+        own: tuple[Look, ...] = ()
+        if candidate.sort in ("physics", "ageing") and modules != fitted.setting.released:
+            if modules not in eased:
+                setting = replace(fitted.setting, released=modules)
+                eased[modules] = looks_at(fitted, prior_of(fitted.rows.system, setting))
+            own = eased[modules]
+        trials += _best_of(fitted, (*looks, *own), candidate)
     return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
 
 
@@ -134,9 +155,9 @@ def _best_of(fitted: Fitted, looks: Sequence[Look], candidate: Candidate) -> lis
     fixed = references(system, candidate)
     amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
     best: Trial | None = None
-    for shape in starts(system, candidate):
-        null = {u.id: u.null for u in amplitudes if u.null is not None}
-        columns = columns_of(fitted, candidate, {**null, **shape}, fixed)
+    null = {u.id: u.null for u in amplitudes if u.null is not None}
+    for shape, at in itertools.product(starts(system, candidate), _bends(amplitudes, null)):
+        columns = columns_of(fitted, candidate, {**at, **shape}, fixed)
         if columns is None:
             continue
         low = np.array([u.lowest - null[u.id] for u in amplitudes])
@@ -149,6 +170,20 @@ def _best_of(fitted: Fitted, looks: Sequence[Look], candidate: Candidate) -> lis
                 }
                 best = Trial(candidate, {**values, **shape}, fixed, gain)
     return [best] if best is not None and best.gain > 0 else []
+
+
+def _bends(
+    amplitudes: Sequence[Unknown], null: Mapping[str, float]
+) -> Iterator[Mapping[str, float]]:
+    """Amplitudes at which the slope of a law is taken: at the null, and where it may differ.
+
+    An entry that states starts of different size says that its law bends.
+    """
+    yield null
+    for unknown in amplitudes:
+        sizes = [abs(start - null[unknown.id]) for start in unknown.starts]
+        if len(sizes) > 1 and max(sizes) > BENT * min(sizes):
+            yield {**null, unknown.id: max(unknown.starts, key=abs)}
 
 
 def columns_of(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.mismatch.candidate import TIME, Candidate
-from runtime.mismatch.compete import Contestant, contest, refit
+from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import free_form_trials
 from runtime.mismatch.hidden import hidden_trials
@@ -217,7 +217,7 @@ def _first(
 
 def _contested(refitted: Sequence[tuple[Fitted, Trial]], now: Contestant) -> list[Contestant]:
     """Those that fit best in the sample, judged on blocks they were not fitted to, best first."""
-    by_fit = sorted(refitted, key=lambda f: f[0].objective)
+    by_fit = sorted(refitted, key=lambda f: cost_of(f[0]))
     chosen = [contest(fitted, trial) for fitted, trial in by_fit[:CONTESTED]]
     return sorted(chosen, key=lambda c: -net_gain(c, now))
 
