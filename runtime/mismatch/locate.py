@@ -10,7 +10,7 @@ Jorgensen 2004, for static relations.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,9 @@ ALIKE = 0.99
 
 TELLING = 0.35
 """A region is told if it holds this much more of the mismatch than of the points."""
+
+SLOW = 40
+"""Values of a course that changes slowly."""
 
 ENDS = 40
 """Ends of a region that are tried per variable."""
@@ -62,10 +65,15 @@ def noise_scale(rows: Rows, residual: Array) -> float:
 
 
 def suspects(fitted: Fitted) -> list[Suspect]:
-    """Places by the share of the mismatch that an error there explains, largest first."""
+    """Places by the share of the mismatch that an error there explains, largest first.
+
+    An error may have its own value at every point, or one that changes slowly: what is weak shows
+    in the second way only, what is fast in the first.
+    """
     rows = fitted.rows
     system = rows.system
-    noise = noise_scale(rows, fitted.residual) ** 2
+    # Sensors may be better than their class says; then the scatter of what is left says more.
+    noise = min(noise_scale(rows, fitted.residual), fitted.scale) ** 2
     open_ = fitted.used[rows.point]
     total = float(np.sum(fitted.residual[open_] ** 2)) - noise * int(open_.sum())
     found = []
@@ -78,12 +86,23 @@ def suspects(fitted: Fitted) -> list[Suspect]:
         moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
         with np.errstate(invalid="ignore", divide="ignore"):
             course = np.where(weight > 0, -moment / weight, np.nan)
-            explained = np.where(weight > 0, moment**2 / weight, 0.0)
-        known = (weight > 0) & fitted.used
-        gain = float(np.sum(explained[known])) - noise * int(known.sum())
-        share = float(np.clip(gain / total, 0.0, 1.0)) if total > 0 else 0.0
-        found.append(Suspect(spot, column, course, weight, share))
-    return sorted(found, key=lambda s: (-round(s.share, 3), s.spot.id))
+        known = np.flatnonzero((weight > 0) & fitted.used)
+        gain = max(_explained(moment[known], weight[known], noise, k) for k in (len(known), SLOW))
+        found.append((Suspect(spot, column, course, weight, 0.0), gain))
+    most = max((gain for _, gain in found), default=0.0)
+    whole = max(total, most, 1e-300)
+    shared = [replace(s, share=float(np.clip(g / whole, 0.0, 1.0))) for s, g in found]
+    return sorted(shared, key=lambda s: (-round(s.share, 3), s.spot.id))
+
+
+def _explained(moment: Array, weight: Array, noise: float, values: int) -> float:
+    """Squares that a course of so many values explains beyond what it explains of noise."""
+    count = min(values, len(moment))
+    if count == 0:
+        return 0.0
+    edges = np.linspace(0, len(moment), count + 1).astype(int)[:-1]
+    moments, weights = np.add.reduceat(moment, edges), np.add.reduceat(weight, edges)
+    return float(np.sum(moments**2 / weights)) - noise * count
 
 
 def spot_column(fitted: Fitted, spot: Spot) -> Array | None:
