@@ -1,4 +1,5 @@
-"""A term that no physics stands behind: a sum of products of readings, added at a place."""
+"""A term that no physics stands behind, added at a place: a sum of products of readings, or a
+curve over one reading, piece by piece."""
 
 from __future__ import annotations
 
@@ -6,10 +7,13 @@ import math
 
 from rulec.amend import Change
 from rulec.knowledge import Origin, Parameter
-from rulec.language.expression import parse
+from rulec.language.expression import Expression, parse
 from rulec.language.units import UNKNOWN, Unit
 from rulec.match_effects import Matched
 from runtime.mismatch.candidate import Candidate, Spot, Unknown
+
+BAND = "~"
+"""Between a reading and the number of its band."""
 
 MEDIAN = (0.5,)
 SPREAD = (0.16, 0.84)
@@ -17,7 +21,13 @@ SPREAD = (0.16, 0.84)
 
 
 def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
-    """The candidate of an additive term; coefficients in the unit of the place."""
+    """The candidate of an additive term; coefficients in the unit of the place.
+
+    A feature is a product of readings such as ``A.n*A.T``, or a band of one reading such as
+    ``A.n~3/8``: highest at the third of eight quantiles, zero from its neighbours on.
+    """
+    if any(BAND in f for f in features):
+        return _curve(spot, id_, features)
     signals = list(dict.fromkeys(s for f in features for s in f.split("*")))
     drivers = {f"x{i}": s for i, s in enumerate(signals, 1)}
     names = {s: n for n, s in drivers.items()}
@@ -27,6 +37,28 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
     for name, signal in drivers.items():
         unknowns.append(_statistic(id_, f"{name}_m", f"median of {signal}", signal, MEDIAN))
         unknowns.append(_statistic(id_, f"{name}_s", f"spread of {signal}", signal, SPREAD))
+    return _matched(spot, id_, law, unknowns, drivers)
+
+
+def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
+    """A curve over one reading, as a sum of bands."""
+    signal = features[0].partition(BAND)[0]
+    terms, unknowns = [], []
+    for i, feature in enumerate(features, 1):
+        part, _, parts = feature.partition(BAND)[2].partition("/")
+        middle, step = int(part) / int(parts), 1.0 / int(parts)
+        ends = (max(middle - step, 0.0), min(middle + step, 1.0))
+        terms.append(f"c{i}*max(1 - abs(x1 - x_m{i})/x_w{i}, 0)")
+        unknowns.append(_coefficient(id_, i, f"{signal}, band {part} of {parts}", spot))
+        unknowns.append(_statistic(id_, f"x_m{i}", f"middle of band {part}", signal, (middle,)))
+        unknowns.append(_statistic(id_, f"x_w{i}", f"width of band {part}", signal, ends))
+    law = parse(f"law + {' + '.join(terms)}")
+    return _matched(spot, id_, law, unknowns, {"x1": signal})
+
+
+def _matched(
+    spot: Spot, id_: str, law: Expression, unknowns: list[Unknown], drivers: dict[str, str]
+) -> Matched:
     candidate = Candidate(
         id_,
         "free",
@@ -38,7 +70,8 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
         tuple(unknowns),
         drivers,
         f"{spot.place} = {law}",
-        f"{spot.title} of {spot.module} follows {', '.join(signals)} in a way that no entry names",
+        f"{spot.title} of {spot.module} follows {', '.join(drivers.values())} "
+        "in a way that no entry names",
         "",
         "",
     )

@@ -3,18 +3,22 @@
 Its coefficients have the unit of the place, the readings in it are plain numbers (less their
 median, over their spread): any such term is dimensionally legal.
 
-Source: sparse regression by forward selection (Brunton, Proctor, Kutz 2016 for the idea).
+Source: sparse regression by forward selection (Brunton, Proctor, Kutz 2016 for the idea); a curve
+over one reading as in generalised additive models (Hastie, Tibshirani 1986).
 """
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.mismatch.candidate import Spot
 from runtime.mismatch.fit import Fitted
-from runtime.mismatch.locate import suspects, variables_of
-from runtime.mismatch.screen import Trial, screen
+from runtime.mismatch.locate import Suspect, suspects, variables_of
+from runtime.mismatch.screen import Look, Trial, looks_at, screen
+from runtime.plan import Array
 
 MOST_FEATURES = 3
 """Products of readings in a term."""
@@ -26,8 +30,64 @@ VARYING = 5.0
 """A reading says something if it varies by this many times its noise."""
 
 
+PLACES = 2
+"""Most suspect places at which curves are drawn."""
+
+BANDS = 8
+"""Pieces of a curve over one reading."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A free curve over one reading at a place; `gain` in log likelihood, linearised, its pieces
+    paid for."""
+
+    spot: Spot
+    signal: str
+    gain: float
+
+
+def best_curve(fitted: Fitted) -> Curve | None:
+    """What a free function of one reading explains at best."""
+    looks = looks_at(fitted)
+    each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
+    curves = []
+    for suspect in suspects(fitted)[:PLACES]:
+        for name in _varying(fitted, suspect.spot.module):
+            gain = _curve_gain(fitted, looks, suspect, name) - BANDS * each
+            curves.append(Curve(suspect.spot, name, gain))
+    # An error of a reading says the same as one of the law that it is compared with: the law first.
+    return max(curves, key=lambda c: (round(c.gain), c.spot.kind == "definition"), default=None)
+
+
+def _curve_gain(fitted: Fitted, looks: tuple[Look, ...], suspect: Suspect, name: str) -> float:
+    data = fitted.rows.system.data
+    values = data.values[name]
+    knots = np.unique(np.nanquantile(values[data.open], np.linspace(0.0, 1.0, BANDS + 1)))
+    if len(knots) < BANDS // 2:
+        return 0.0
+    known = np.nan_to_num(values, nan=float(np.nanmedian(values[data.open])))
+    bands: Array = np.stack([np.interp(known, knots, row) for row in np.eye(len(knots))], 1)
+    # All of them together are a constant, which base values may hold.
+    bands = np.delete(bands, len(knots) // 2, axis=1)
+    columns = suspect.column[:, None] * bands[fitted.rows.point]
+    wide = np.full(columns.shape[1], np.inf)
+    return max(look.best(columns, -wide, wide)[1] for look in looks)
+
+
 def free_form_trials(fitted: Fitted) -> list[Trial]:
-    """The best term at the most suspect place; none where no reading says anything."""
+    """The best terms at the most suspect places; none where no reading says anything."""
+    workshop, curve = fitted.rows.system.workshop, best_curve(fitted)
+    drawn = []
+    if curve is not None and curve.gain > 0:
+        pieces = [i for i in range(BANDS + 1) if i != BANDS // 2]
+        features = tuple(f"{curve.signal}~{i}/{BANDS}" for i in pieces)
+        drawn = screen(fitted, [workshop.free_form(curve.spot.id, features)])
+    return [*drawn, *_products(fitted)]
+
+
+def _products(fitted: Fitted) -> list[Trial]:
+    """A few products of readings, chosen one by one."""
     found = suspects(fitted)
     if not found:
         return []
@@ -46,7 +106,14 @@ def free_form_trials(fitted: Fitted) -> list[Trial]:
 
 
 def _features(fitted: Fitted, module: str) -> list[str]:
-    """Readings that vary, their squares and products; what follows from others explains nothing."""
+    """Readings that vary, their squares and products."""
+    names = _varying(fitted, module)[:MOST_READINGS]
+    pairs = itertools.combinations_with_replacement(names, 2)
+    return [*names, *(f"{a}*{b}" for a, b in pairs)]
+
+
+def _varying(fitted: Fitted, module: str) -> list[str]:
+    """Readings that vary by more than their noise; what follows from others explains nothing."""
     data = fitted.rows.system.data
     outputs = {name for cell in fitted.rows.cells for name in cell.outputs}
     names = []
@@ -59,6 +126,4 @@ def _features(fitted: Fitted, module: str) -> list[str]:
             and spread > VARYING * float(np.nanmedian(noise))
         ):
             names.append(name)
-    names = names[:MOST_READINGS]
-    pairs = itertools.combinations_with_replacement(names, 2)
-    return [*names, *(f"{a}*{b}" for a, b in pairs)]
+    return names

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from runtime.mismatch.candidate import TIME, Candidate
 from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.free_form import free_form_trials
+from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.pairs import pair_trials
 from runtime.mismatch.periods import in_periods
-from runtime.mismatch.price import needed, net_gain, odds_of
+from runtime.mismatch.price import NEEDED, needed, net_gain, odds_of
 from runtime.mismatch.result import Rival
 from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rivals import beats, defeated, instead_of, released
@@ -38,6 +38,9 @@ CONTESTED = 6
 
 CLOSE = 0.01
 """Odds from which on another explanation is asked again after periods were cut anew."""
+
+SURPASSED = 1.35
+"""Times the gain of a name that a free curve must gain to say that the name only imitates it."""
 
 PART = 0.15
 """A hidden driver is told if it gains more than this share of what was explained with a name."""
@@ -169,12 +172,35 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     for stage in stages:
         found = _first(now, _contested(stage(), now), hidden, tried)
         if found is not None:
-            return _or_sudden(found, now, fitted, free, hidden)
+            found = _or_sudden(found, now, fitted, free, hidden)
+            return _or_nameless(found, now) or found
     worth = needed(now, tried) + PART * explained
-    if hidden is not None and net_gain(hidden, now) > worth:
-        return _Step(hidden, _recorded(hidden, now, [], ()), tried)
     unnamed = _contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
-    return _first(now, unnamed, hidden, tried) or _Step(None, (), tried)
+    best = _first(now, unnamed, None, tried)
+    if hidden is not None and net_gain(hidden, now) > max(worth, _gain_of(best, now)):
+        return _Step(hidden, _recorded(hidden, now, [], ()), tried)
+    return best or _Step(None, (), tried)
+
+
+def _gain_of(step: _Step | None, now: Contestant) -> float:
+    """Net gain of the winner of a step; none without one."""
+    return net_gain(step.winner, now) if step is not None and step.winner is not None else 0.0
+
+
+def _or_nameless(found: _Step, now: Contestant) -> _Step | None:
+    """A term without physics, where it explains much more than the best name does.
+
+    A free curve over one reading pays for each piece: laws that hold are explained about as well by
+    their names. If the curve is far ahead, the name only imitates what is there.
+    """
+    if found.winner is None or not found.records:
+        return None
+    curve, named = best_curve(now.fitted), net_gain(found.winner, now)
+    if curve is None or curve.gain < SURPASSED * named + NEEDED:
+        return None
+    unnamed = _contested([refit(now.fitted, t) for t in free_form_trials(now.fitted)], now)
+    free = _first(now, unnamed, None, found.tried)
+    return free if free is not None and _gain_of(free, now) > SURPASSED * named else None
 
 
 def _or_sudden(

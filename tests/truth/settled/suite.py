@@ -102,7 +102,8 @@ def _fits(effect: Effect, group: str) -> bool:
         case "correlated":
             return effect.driver == "T"
         case "unrecorded":
-            return effect.sort == "physics" and effect.driver != ""
+            # What acts now and then is by its readings a fault that comes and goes.
+            return effect.sort == "physics" and effect.driver != "" and not effect.corner
         case _:
             return effect.sort == group
 

@@ -33,10 +33,10 @@ def play(scene: Scene, module: str, size: float, random: np.random.Generator) ->
 
 
 def beside(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-    """A machine beside the pump, which nobody records, shakes its valves: it comes and goes."""
-    period = float(random.uniform(60.0, 140.0))
+    """A machine beside the pump, which nobody records, shakes its valves, now more, now less."""
+    period = float(random.uniform(120.0, 300.0))
     phase = float(random.uniform(0.0, 2.0 * np.pi))
-    wave = 0.5 * (1.0 + np.sign(np.sin(2.0 * np.pi * scene.time / period + phase)))
+    wave = 0.5 * (1.0 + np.sin(2.0 * np.pi * scene.time / period + phase))
     return Made((Term("gain", module, lambda s: size * wave),), {"share": size, "period": period})
 
 
