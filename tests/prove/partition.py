@@ -45,7 +45,7 @@ DYNAMIC_FULL: Mapping[str, int] = {
     "alike": 7,
 }
 
-DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 4, "sensor": 1}
+DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 3, "sensor": 1}
 SHORT = 320
 """Samples of a dynamic case of a quick run."""
 
@@ -74,8 +74,10 @@ class Partition:
         full = not self.quick
         settled = stationary.FULL if full else stationary.QUICK
         yield from stationary.planned(self.seed, settled, self.quick)
-        counts = DYNAMIC_FULL if full else DYNAMIC_QUICK
-        yield from dynamic.cases(self.seed, counts, 1024 if full else SHORT)
+        if full:
+            yield from dynamic.cases(self.seed, DYNAMIC_FULL)
+        else:
+            yield from dynamic.cases(self.seed, DYNAMIC_QUICK, SHORT, own=1.0)
 
 
 def register() -> Mapping[str, Any]:

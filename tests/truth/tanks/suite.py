@@ -100,19 +100,24 @@ class Planned:
         return SealedCase(made, (CONCEALED[self.group],))
 
 
-def cases(seed: int, count: Mapping[str, int], samples: int = 1024) -> Iterator[Planned]:
-    """So many cases of each group; a case depends on seed, group and number only."""
+def cases(
+    seed: int, count: Mapping[str, int], samples: int = 1024, own: float = OWN_PLANT
+) -> Iterator[Planned]:
+    """So many cases of each group; a case depends on seed, group and number only.
+
+    `own` is the share of cases of the shipped plant.
+    """
     for group, many in count.items():
         if group not in CONCEALED:
             raise ValueError(f"no group '{group}'; known: {', '.join(CONCEALED)}")
         for number in range(many):
-            yield _planned(seed, group, number, samples)
+            yield _planned(seed, group, number, samples, own)
 
 
-def _planned(seed: int, group: str, number: int, samples: int) -> Planned:
+def _planned(seed: int, group: str, number: int, samples: int, share: float) -> Planned:
     random = stream(seed, f"dynamic {group} {number}")
     own = int(random.integers(2**31))
-    shipped = group == "hiding" or random.uniform() < OWN_PLANT
+    shipped = group == "hiding" or random.uniform() < share
     layout = CASCADED if shipped else row(own)
     strength = None
     if group not in ("clean", "pair", "hiding"):

@@ -1,0 +1,86 @@
+"""A run of the proof as a user starts it: sealed, resumed after a kill, told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rulec.cli import main as rulec
+from tests.prove import campaign
+from tests.prove.analyst import FORM, analyse
+from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from tests.prove.partition import Partition, register
+from tests.prove.results import run_from_json
+
+FEW = Partition("development", 1, quick=True, only="stationary-1-clean--1")
+"""A few clean cases."""
+
+
+def quiet(what: str, done: int, all_: int) -> None:
+    """Nobody watches."""
+
+
+def test_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
+    """What is sealed and answered stays; another run is refused."""
+    seals = sealed(FEW, tmp_path, 1, quiet)
+    folders = sorted((tmp_path / "cases").iterdir())
+    assert len(folders) == len(seals) >= 5
+    for folder in folders[1:]:
+        (folder / FORM).write_text(json.dumps({"verdict": "none", "seconds": 1.0}))
+    before = (tmp_path / campaign.SEALS).read_bytes()
+    assert sealed(FEW, tmp_path, 1, quiet) == seals
+    analysed(tmp_path, seals, 1, quiet)
+    found, away = judged(FEW, tmp_path, seals, 1, quiet)
+    assert (len(seals), 0) == (len(found), away)
+    assert [1.0] * len(seals) == [j.clean_right for j in found]
+    assert before == (tmp_path / campaign.SEALS).read_bytes()
+    with pytest.raises(Changed, match="another run"):
+        sealed(Partition("development", 2, quick=True, only=FEW.only), tmp_path, 1, quiet)
+
+
+def test_an_answer_that_was_changed_is_found(tmp_path: Path) -> None:
+    """Its hash is not the one that was told beforehand."""
+    seals = sealed(FEW, tmp_path, 1, quiet)
+    assert digest_of(seals) != digest_of(["0" * 64, *seals[1:]])
+    for folder in (tmp_path / "cases").iterdir():
+        (folder / FORM).write_text(json.dumps({"verdict": "none"}))
+    with pytest.raises(Changed, match="not the one that was sealed"):
+        judged(FEW, tmp_path, ["0" * 64, *seals[1:]], 1, quiet)
+
+
+def test_what_the_tool_refuses_is_an_answer(tmp_path: Path) -> None:
+    """With its message, and kept like any other."""
+    (tmp_path / "plant").mkdir()
+    (tmp_path / "plant" / "plant.yaml").write_text("plant: [")
+    (tmp_path / "recording.csv").write_text("time [s]\n0\n")
+    first = analyse(tmp_path)
+    assert "KB" in first["error"]
+    assert first == analyse(tmp_path)
+
+
+def test_the_final_partition_is_drawn_once() -> None:
+    """Its seed is in the register, with how often it was opened."""
+    final = register()["final"]
+    assert final["opened"] == len(final["log"])
+    assert (final["seed"] is None) == (final["opened"] == 0)
+    assert final["seed"] != register()["development"]["seed"]
+
+
+def test_a_quick_run(tmp_path: Path) -> None:
+    """About forty cases: none fails, no clean one is accused, and most that can be seen are named.
+
+    These are cases of the development partition: they guard what works, they prove nothing.
+    """
+    json_, page = tmp_path / "run.json", tmp_path / "run.html"
+    assert rulec(["prove", "--quick", "--json", str(json_), "--report", str(page)]) == 0
+    run = run_from_json(json_.read_text(encoding="utf-8"))
+    assert 36 <= len(run.judged) <= 44
+    assert [] == [(j.case, j.error) for j in run.judged if j.error]
+    clean = [j for j in run.judged if j.clean]
+    assert len(clean) >= 20
+    assert [] == [j.case for j in clean if j.verdict != "none"]
+    told = [j for j in run.judged if j.name_right is not None and j.margin > 30]
+    assert sum(j.name_right or 0.0 for j in told) >= 0.6 * len(told)
+    assert "<h1" in page.read_text(encoding="utf-8")

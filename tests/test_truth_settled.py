@@ -1,0 +1,163 @@
+"""The independent truth of stationary plants: its numbers, its network, its cases and their key."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from rulec.cli import main as rulec
+from tests.conftest import ROOT
+from tests.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
+from tests.truth.plant import Plant
+from tests.truth.sealed import Request
+from tests.truth.settled.effects import EFFECTS, key
+from tests.truth.settled.plan import Planned, SettledCase
+from tests.truth.settled.pumps import PUMPS
+from tests.truth.settled.rig import Rig, solve
+from tests.truth.settled.rigs import dosing_rig
+from tests.truth.settled.scene import scene, stream
+from tests.truth.settled.suite import FULL, QUICK, planned
+from tests.truth.settled.visible import sight
+from tests.truth.units import BAR, LITRE_PER_HOUR
+
+KB = ROOT / "kb"
+
+TREES = {
+    "abc": (
+        abc,
+        Rig("abc", {"A": "cavity", "B": "cavity"}, {"C": 1.0}, {"A": "C", "B": "C", "C": None}),
+    ),
+    "mixing rig": (
+        mixing_rig,
+        Rig(
+            "rig",
+            {"A": "cavity", "B": "cavity", "C": "cavity", "D": "membrane", "E": "centrifugal"},
+            {"M1": 1.0, "M2": 0.6**4},
+            {"A": "M1", "B": "M1", "C": "M1", "M1": "M2", "D": "M2", "E": "M2", "M2": None},
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", PUMPS)
+def test_numbers_are_those_of_the_module_types(kind: str) -> None:
+    """The truth reads no file of the tool; its copies agree."""
+    pump = PUMPS[kind]
+    text = (KB / "modules" / f"{pump.type}.yaml").read_text(encoding="utf-8")
+    stated = yaml.safe_load(text)["parameters"]
+    assert set(stated) == set(pump.numbers)
+    units = {"l/h": LITRE_PER_HOUR, "bar": BAR, "rpm": 1 / 60, "l/min": 1e-3 / 60}
+    units |= {"ml/rev": 1e-6, "ml/stroke": 1e-6, "W": 1.0, "1": 1.0}
+    for name, entry in stated.items():
+        value, u = pump.numbers[name]
+        if entry["unit"] in units:
+            unit = units[entry["unit"]]
+            assert float(entry["value"]) * unit == pytest.approx(value)
+            assert float(entry["u"]) * unit == pytest.approx(u)
+        # The share is free of units.
+        assert float(entry["u"]) / float(entry["value"]) == pytest.approx(u / value)
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_the_network_agrees_with_the_other_truth(name: str) -> None:
+    """Two solvers, written apart."""
+    make, rig = TREES[name]
+    plant: Plant = make()
+    shown = record(healthy_run(plant, 1), NOISE_FREE).readings
+    given = {f"{m}.n": np.array([module.speed]) for m, module in plant.modules.items()}
+    found = solve(rig, {n: v for n, (v, _) in rig.numbers.items()}, given)
+    for module in rig.pumps:
+        assert found[f"{module}.dp"][0] / BAR == pytest.approx(
+            shown[f"{module}.dp [bar]"][0], rel=1e-6
+        )
+        assert found[f"{module}.P_el"][0] == pytest.approx(shown[f"{module}.P_el [W]"][0], rel=2e-6)
+
+
+def test_the_key_names_entries_that_exist() -> None:
+    """Every effect has a key; every name in it is in the catalogue, with those parameters."""
+    assert set(EFFECTS) == set(key())
+    for name, entry in key().items():
+        assert (EFFECTS[name].sort == "unnamed") == (not entry["entries"])
+        for theirs, parameters in entry["entries"].items():
+            kind = "faults" if EFFECTS[name].sort == "fault" else "effects"
+            text = (KB / kind / f"{theirs}.yaml").read_text(encoding="utf-8")
+            stated = yaml.safe_load(text)
+            if kind == "effects":
+                assert set(parameters) <= set(stated["parameters"])
+
+
+def small(effect: str, aim: float = 1000.0, **more: object) -> SettledCase:
+    return Planned(f"test {effect}", "single", "dosing", "steps", (effect,), aim, small=True).make()
+
+
+def test_the_same_plan_gives_the_same_bytes_and_tells_nothing(tmp_path: Path) -> None:
+    """And the tool accepts the plant."""
+    for folder in ("one", "two"):
+        case = small("slip-warm")
+        case.write(tmp_path / folder)
+        assert case.answer.digest == small("slip-warm").answer.digest
+    files = [p.relative_to(tmp_path / "one") for p in (tmp_path / "one").rglob("*") if p.is_file()]
+    assert {"plant.yaml", "recording.csv"} == {f.name for f in files}
+    for file in files:
+        content = (tmp_path / "one" / file).read_bytes()
+        assert content == (tmp_path / "two" / file).read_bytes()
+        assert b"slip" not in content
+    assert rulec(["check", str(tmp_path / "one" / "plant")]) == 0
+
+
+def test_what_is_not_recorded_has_no_column(tmp_path: Path) -> None:
+    """And its course is in the reference."""
+    plan = Planned(
+        "test hidden", "unrecorded", "dosing", "steps", ("slip-warm",), 2000.0, small=True
+    )
+    case = plan.make()
+    assert ("unnamed", "T") == (case.answer.verdict, case.answer.unrecorded)
+    case.write(tmp_path)
+    with (tmp_path / "recording.csv").open(encoding="utf-8") as file:
+        assert not [h for h in next(csv.reader(file)) if ".T " in h]
+    driver = case.reference(Request(((0.0, 50.0),))).driver
+    assert driver is not None
+    assert np.ptp(driver[1]) > 5.0
+
+
+@pytest.mark.parametrize("effect", ["slip-warm", "laminar", "power-warm"])
+def test_what_is_visible_grows_with_the_size(effect: str) -> None:
+    """As aimed; nothing is visible of nothing."""
+    for aim in (30.0, 1000.0):
+        (planted,) = small(effect, aim).answer.effects
+        assert 0.6 * aim < planted.gain < 1.7 * aim
+        assert planted.margin <= planted.gain * (1 + 1e-9)
+    case = small(effect)
+    assert sight(case.scene).gain(()) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("effect", ["slip-warm", "laminar", "dp-zero-warm", "copper"])
+def test_the_true_model_errs_by_noise_alone(effect: str) -> None:
+    """A reading is predicted by a relation about as well as its noise allows."""
+    case = small(effect)
+    module = case.answer.effects[0].module
+    request = Request(((0.0, 1e9),), {f"{module}.P_el": f"{module}.power-pump"})
+    (error,) = case.reference(request).errors.values()
+    # The noise of P_el is 1.5 W, that of the others adds a little.
+    assert 1.3 < error < 2.2
+
+
+def test_a_drawn_plant_runs_at_all_of_its_speeds() -> None:
+    """Twenty draws."""
+    for seed in range(20):
+        rig = dosing_rig(stream(seed, "rig"))
+        drawn = scene(rig, seed, 60, "steps")
+        assert all(np.all(drawn.plain[f"{m}.Q"] > 0) for m in rig.pumps)
+
+
+def test_the_suite_has_as_many_cases_as_it_says() -> None:
+    """Each with a name of its own; the same seed gives the same list."""
+    for counts in (FULL, QUICK):
+        cases = list(planned(3, counts))
+        assert sum(counts.values()) == len({c.name for c in cases})
+        assert cases == list(planned(3, counts))
+    assert FULL["clean"] >= 100
