@@ -157,15 +157,20 @@ def amplifies_noise(before: Fitted, after: Fitted) -> bool:
     """
     system, data = before.rows.system, before.rows.system.data
     there, bare = system.flows(after.setting), system.flows(_aligned(before, after))
-    term = np.nan_to_num(there.values - bare.values)[:, before.used]
-    noise = 0.0
+    term = np.nan_to_num(there.values - bare.values)
+    noise, usual = np.zeros_like(term), np.zeros_like(term)
     for name in {*there.by_reading, *bare.by_reading}:
         for i in range(len(term)):
             own = there.by_reading.get(name, {}).get(i, np.zeros(1))
-            slope = own - bare.by_reading.get(name, {}).get(i, np.zeros(1))
-            part = np.nan_to_num(slope * data.noise[name])[before.used]
-            noise += float(np.sum(np.minimum(np.abs(part), 1e100) ** 2))
-    return float(np.sum(term**2)) < LOUD**2 * noise
+            plain = bare.by_reading.get(name, {}).get(i, np.zeros(1))
+            with np.errstate(invalid="ignore", over="ignore"):
+                noise[i] += np.nan_to_num(((own - plain) * data.noise[name]) ** 2, posinf=1e100)
+                usual[i] += np.nan_to_num((plain * data.noise[name]) ** 2, posinf=1e100)
+    # Where a law is steep anyway, such as near shut-off, readings say little, and count little.
+    weight = 1.0 / np.maximum(usual, max(float(np.median(usual[usual > 0], axis=None)), 1e-300))
+    used = before.used
+    loud, quiet = (float(np.sum((weight * v)[:, used])) for v in (term**2, noise))
+    return loud < LOUD**2 * quiet
 
 
 def _shuffled(block: np.ndarray, order: np.random.Generator) -> np.ndarray:

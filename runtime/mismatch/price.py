@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.periods import STEPS
 from runtime.mismatch.setting import HIDDEN
@@ -56,7 +57,21 @@ def price_of_fit(fitted: Fitted) -> float:
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
-    return each * (steps + levels) + rare + _freed(fitted, each)
+    shapes = sum(_shapes(c) for c in setting.joined)
+    return each * (steps + levels + shapes) + rare + _freed(fitted, each)
+
+
+def _shapes(candidate: Candidate) -> int:
+    """Values that shape a law beside its amplitude, such as a threshold or a time constant.
+
+    Refits to half of the blocks hold them about where they were, which does not make them pay. A
+    free form pays by its sort.
+    """
+    return 0 if candidate.sort in ("free", HIDDEN) else max(_free_values(candidate) - 1, 0)
+
+
+def _free_values(candidate: Candidate) -> int:
+    return sum(not unknown.fixed for unknown in candidate.unknowns)
 
 
 def _freed(fitted: Fitted, each: float) -> float:

@@ -68,7 +68,7 @@ def _flow(scene: Scene, module: str) -> Array:
 
 
 def _effects() -> Iterator[Effect]:
-    yield Effect("static-head", "level of the feed tank", "physics", 1e-3, 0.3, static_head,
+    yield Effect("static-head", "level of the feed tank", "physics", 1e-3, 0.11, static_head,
                  kinds=DOSING, driver="l")  # fmt: skip
     yield Effect("settling", "line passes more at first", "physics", 1e-4, 0.3, settling,
                  kinds=DOSING, timed=True)  # fmt: skip
