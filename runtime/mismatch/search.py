@@ -210,22 +210,17 @@ def _or_sudden(
     candidates: Sequence[Candidate],
     hidden: Contestant | None,
 ) -> _Step:
-    """What follows the clock alone is no more than a course: a fault that begins may be better."""
+    """A fault that begins, where that does better than what lasts: a driver may happen to turn
+    about when the fault began."""
     winner = found.winner
     trial = None if winner is None else winner.trial
-    if trial is None or winner is None or not found.records or not _by_clock(trial):
+    if trial is None or winner is None or not found.records or trial.course is not None:
         return found
     sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found
     return better if net_gain(better.winner, now) > net_gain(winner, now) else found
-
-
-def _by_clock(trial: Trial) -> bool:
-    """Does all of an explanation follow the time?"""
-    trials = (trial, *trial.along)
-    return all(t.course is None and TIME in t.candidate.drivers.values() for t in trials)
 
 
 def _covered(candidate: Candidate, now: Contestant) -> bool:

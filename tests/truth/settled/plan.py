@@ -197,7 +197,9 @@ def _sized(seen: Sight, placed: Placed, aim: float, seed: int) -> Made | None:
 
 def made_of(scene_: Scene, placed: Placed, size: float, seed: int) -> Made:
     """An effect of some size; what shapes it is the same at every size."""
-    name = f"{placed.effect.name} {placed.module}"
+    # All faults begin at the same time: what else could have begun then is the rival.
+    fault = placed.effect.sort == "fault"
+    name = "fault" if fault else f"{placed.effect.name} {placed.module}"
     return placed.effect.make(scene_, placed.module, size, stream(seed, name))
 
 
