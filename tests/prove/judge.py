@@ -75,14 +75,21 @@ def _set_of(effect: Form) -> list[str]:
     return names
 
 
-def _modules(effect: Form) -> set[str]:
-    """Modules that a finding or one of its alternatives is at."""
-    ids = [effect["id"], *(a["id"] for a in effect["alternatives"])]
-    return {*effect["modules"], *(str(i).partition(".")[0] for i in ids)}
+def _ids_of(effect: Form) -> list[str]:
+    """Ids that a finding leaves open, its own first."""
+    near = {str(a["effect"]): str(a["id"]) for a in effect["alternatives"]}
+    return [str(effect["id"]), *(near[name] for name in _set_of(effect)[1:])]
 
 
 def _is(planted: Planted, effect: Form) -> bool:
-    return bool(set(_set_of(effect)) & set(planted.names)) and planted.module in _modules(effect)
+    """Is one of its names right, in the right module or at a place that means the same?"""
+    for name, id_ in zip(_set_of(effect), _ids_of(effect), strict=True):
+        modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
+        at = {f"{m}.{effect['place']}" for m in modules}
+        here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))
+        if name in planted.names and here:
+            return True
+    return False
 
 
 def _name(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
@@ -129,7 +136,8 @@ def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, i
     hits = count = 0
     for p in planted:
         for effect in effects:
-            if effect["effect"] not in p.names or p.module not in effect["modules"]:
+            alone = {**effect, "alternatives": (), "probability": 1.0}
+            if not _is(p, alone):
                 continue
             for name, value in p.parameters.get(effect["effect"], {}).items():
                 estimate = _estimate(effect, name)

@@ -35,14 +35,14 @@ class Planned(Protocol):
 
 DYNAMIC_FULL: Mapping[str, int] = {
     "clean": 100,
-    "single": 36,
-    "corner": 8,
-    "sensor": 9,
-    "fault": 8,
-    "unnamed": 8,
-    "pair": 7,
-    "hiding": 7,
-    "alike": 7,
+    "single": 22,
+    "corner": 5,
+    "sensor": 6,
+    "fault": 6,
+    "unnamed": 5,
+    "pair": 4,
+    "hiding": 5,
+    "alike": 4,
 }
 
 DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 3, "sensor": 1}

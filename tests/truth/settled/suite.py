@@ -18,15 +18,15 @@ PROFILES = ("steps", "steps", "ramps", "start-stop", "long-constant")
 
 FULL: Mapping[str, int] = {
     "clean": 100,
-    "single": 40,
-    "calibrated": 9,
-    "correlated": 8,
-    "sensor": 9,
-    "fault": 13,
-    "unnamed": 8,
-    "unrecorded": 8,
-    "pair": 9,
-    "hiding": 6,
+    "single": 54,
+    "calibrated": 12,
+    "correlated": 10,
+    "sensor": 12,
+    "fault": 18,
+    "unnamed": 10,
+    "unrecorded": 10,
+    "pair": 12,
+    "hiding": 8,
 }
 """Cases of a run."""
 
