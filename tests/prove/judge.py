@@ -168,7 +168,7 @@ def _reference(case: Case, form: Form) -> Reference:
     """The true model on what the tool held out; nothing where it cannot be had."""
     try:
         return case.reference(_request(form))
-    except (ValueError, np.linalg.LinAlgError):
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
         return Reference({})
 
 

@@ -46,7 +46,7 @@ DYNAMIC_FULL: Mapping[str, int] = {
 }
 
 DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 3, "sensor": 1}
-SHORT = 320
+SHORT = 256
 """Samples of a dynamic case of a quick run."""
 
 

@@ -294,7 +294,7 @@ def _margin(
     least, rival = math.inf, ""
     for effect in EFFECTS.values():
         for other in places_of(rig, effect):
-            if other.module not in near or other == placed:
+            if other.module not in near or other == placed or _mirrored(placed, other):
                 continue
             tried = _rough(seen, other, seed)
             if tried is None:
@@ -304,6 +304,13 @@ def _margin(
             if gain < least:
                 least, rival = gain, f"{other.module}.{effect.name}"
     return least, rival
+
+
+def _mirrored(one: Placed, other: Placed) -> bool:
+    """Is it the same with the other sign? A direction that is free in sign would not tell them."""
+    faults = one.effect.sort == other.effect.sort == "fault"
+    places = [key()[placed.effect.name]["places"] for placed in (one, other)]
+    return faults and one.module == other.module and places[0] == places[1]
 
 
 def _rough(seen: Sight, placed: Placed, seed: int) -> Array | None:

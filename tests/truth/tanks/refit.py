@@ -74,21 +74,27 @@ def _fitted(
 ) -> _Fit:
     """A few damped Gauss-Newton steps."""
 
-    def at(plant: Plant) -> _Fit:
-        course = model.course(plant)
+    def at(plant: Plant) -> _Fit | None:
+        try:
+            course = model.course(plant)
+        except ArithmeticError:  # a step to where a law has no value
+            return None
         residuals = measured - model.readings(plant, course)
         cost = 0.5 * float(np.sum(residuals[used] ** 2) + np.sum(_priors(plant, knobs) ** 2))
         return _Fit(plant, course, residuals, cost)
 
     fit = at(plant)
+    if fit is None:
+        raise ValueError("the true model has no course")
     for _ in range(STEPS):
         further = _step(model, fit, used, knobs)
         for halving in range(HALVINGS):
             tried = at(_moved(fit.plant, knobs, further * 0.5**halving))
-            if tried.cost < fit.cost:
+            if tried is not None and tried.cost < fit.cost:
                 break
         else:
             return fit
+        assert tried is not None
         gained, fit = fit.cost - tried.cost, tried
         if gained < DONE:
             break
