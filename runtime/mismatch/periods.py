@@ -92,23 +92,38 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     states = [apart(segments, odd) for odd in ODD]
     # A fault may be there for longer than it is not: then what is at rest is the shorter state.
     states += [~on for on in states if on.any() and not on.all()]
+    states += [_longest(segments, on) for on in states if on.any()]
     tried = {tuple(np.flatnonzero(on)): on for on in states}
     means_ = _Means(known, edges, means, sums, noise)
     trials = [
-        _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on)
+        _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on, most)
         for on in tried.values()
+        for most in (1, MOST_LEVELS)
         if on.any()
     ]
-    return max((t for t in trials if t is not None), key=_likely, default=None)
+    each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
+    found = [t for t in trials if t is not None]
+    return max(found, key=lambda t: _likely(t, each), default=None)
 
 
-def _likely(trial: Trial) -> float:
-    """Gain of a trial; of two that say the same, a fault that begins is likelier than one that was
-    there first and went."""
+def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
+    """The longest period alone: the others may be noise."""
+    first, last = max(_runs(segments, on), key=lambda run: run[1] - run[0])
+    inside: np.ndarray = (segments.first >= first) & (segments.first < last) & on
+    return inside
+
+
+def _likely(trial: Trial, each: float) -> float:
+    """Gain of a trial less the price of its periods and degrees.
+
+    Of two that say the same, a fault that begins is likelier than one that was there and went.
+    """
     course = trial.course
     assert course is not None
     first = int(np.flatnonzero(course.segment >= 0)[0])
-    return trial.gain * (1.0 if first > 0 and course.periods[0].since > 0.0 else PASSING)
+    begins = first > 0 and course.periods[0].since > 0.0
+    price = each * (STEPS * len(course.periods) + course.levels)
+    return trial.gain * (1.0 if begins else PASSING) - price
 
 
 @dataclass(frozen=True)
@@ -130,8 +145,9 @@ def _trial(
     means: _Means,
     segments: Segments,
     on: np.ndarray,
+    most: int,
 ) -> Trial | None:
-    """The fault with a degree for each period; None where none is left that lasts."""
+    """The fault with at most so many degrees; None where no period is left that lasts."""
     null = unknown.null or 0.0
     rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
     runs, levels = [], []
@@ -143,7 +159,7 @@ def _trial(
             levels.append(level)
     if not runs:
         return None
-    number, centres = few_levels(np.array(levels), np.array([b - a for a, b in runs]))
+    number, centres = few_levels(np.array(levels), np.array([b - a for a, b in runs]), most)
     segment = np.full(len(fitted.rows.system.data), -1)
     time = fitted.rows.system.data.time
     periods = []
@@ -159,7 +175,9 @@ def _trial(
     return Trial(candidate, values, {}, gain, course)
 
 
-def few_levels(levels: Array, lengths: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
+def few_levels(
+    levels: Array, lengths: NDArray[np.intp], most: int = MOST_LEVELS
+) -> tuple[NDArray[np.intp], Array]:
     """Number of the level of each period, and the levels: as few as tell most, at most three.
 
     A fault that comes and goes has a few degrees; one that has another each time is no fault.
@@ -171,7 +189,7 @@ def few_levels(levels: Array, lengths: NDArray[np.intp]) -> tuple[NDArray[np.int
     order = np.argsort(levels)
     whole = _scatter(levels, lengths)
     best = np.zeros(len(levels), dtype=int)
-    for count in range(1, min(MOST_LEVELS, len(levels)) + 1):
+    for count in range(1, min(most, len(levels)) + 1):
         splits = itertools.combinations(range(1, len(levels)), count - 1)
         parts = [np.split(order, split) for split in itertools.islice(splits, 5000)]
         scatters = [sum(_scatter(levels[p], lengths[p]) for p in part) for part in parts]

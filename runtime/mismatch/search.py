@@ -42,6 +42,14 @@ CLOSE = 0.01
 SURPASSED = 1.35
 """Times the gain of a name that a free curve must gain to say that the name only imitates it."""
 
+FEW_CHANGES = 2
+DRIVEN = 0.7
+"""The same for a fault that comes and goes more often than a few times: if a curve over one reading
+does nearly as well, it comes and goes with that reading, and is no fault of its own."""
+
+COARSE = 0.5
+"""Part of that which such a curve must gain on blocks that it was not fitted to."""
+
 PART = 0.15
 """A hidden driver is told if it gains more than this share of what was explained with a name."""
 
@@ -196,11 +204,21 @@ def _or_nameless(found: _Step, now: Contestant) -> _Step | None:
     if found.winner is None or not found.records:
         return None
     curve, named = best_curve(now.fitted), net_gain(found.winner, now)
-    if curve is None or curve.gain < SURPASSED * named + NEEDED:
+    driven = _changes(found.winner) > FEW_CHANGES
+    share = DRIVEN if driven else SURPASSED
+    if curve is None or curve.gain < share * named + NEEDED:
         return None
     unnamed = _contested([refit(now.fitted, t) for t in free_form_trials(now.fitted)], now)
     free = _first(now, unnamed, None, found.tried)
-    return free if free is not None and _gain_of(free, now) > SURPASSED * named else None
+    # A few bands are a coarse curve: on other blocks it does worse than periods cut to measure.
+    least = COARSE * share if driven else share
+    return free if free is not None and _gain_of(free, now) > least * named else None
+
+
+def _changes(contestant: Contestant) -> int:
+    """Periods of what was added, if it comes and goes."""
+    trial = contestant.trial
+    return 0 if trial is None or trial.course is None else len(trial.course.periods)
 
 
 def _or_sudden(

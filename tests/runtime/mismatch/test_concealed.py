@@ -1,0 +1,53 @@
+"""What the independent truth conceals and the search once took for something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rulec.workshop import open_workshop
+from runtime.mismatch.analyse import analyse
+from runtime.mismatch.result import Mismatch
+from runtime.recording import read_recording
+from tests.truth.settled.plan import Planned, SettledCase
+
+
+def case(effect: str, aim: float = 3000.0) -> SettledCase:
+    """Two pumps and a mixer, driven by steps."""
+    return Planned(f"concealed {effect}", "single", "dosing", "steps", (effect,), aim).make()
+
+
+def told(made: SettledCase, folder: Path) -> Mismatch:
+    """The answer to a case, from its files alone."""
+    made.write(folder)
+    ruleset, workshop = open_workshop(folder / "plant")
+    return analyse(read_recording(folder / "recording.csv", ruleset), ruleset, workshop)
+
+
+@pytest.mark.parametrize(
+    ("effect", "verdict", "name"),
+    [
+        ("leak", "fault", "leakage"),  # it may be there for longer than it is not
+        ("clogged", "fault", "clogging"),  # a driver may turn about when it begins
+        ("slip-laminar", "named", "slip-linear"),  # more than stated values can make room for
+        ("wear", "named", "wear-slip"),  # a time constant that is not needed
+    ],
+)
+def test_what_was_planted_is_named(effect: str, verdict: str, name: str, tmp_path: Path) -> None:
+    """First, and in its module."""
+    made = case(effect)
+    found = told(made, tmp_path)
+    module = made.answer.effects[0].module
+    assert verdict == found.verdict
+    assert [(name, module)] == [(f.name, f.module) for f in found.findings]
+
+
+def test_what_no_entry_names_is_not_named(tmp_path: Path) -> None:
+    """A frame that shakes in a band of speeds takes power."""
+    made = case("resonance", 8000.0)
+    found = told(made, tmp_path)
+    assert "unnamed" == found.verdict
+    (planted,) = made.answer.effects
+    assert found.locations[0].module == planted.module
+    assert f"{planted.module}.{found.locations[0].place}" in planted.places
