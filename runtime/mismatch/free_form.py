@@ -33,6 +33,9 @@ VARYING = 5.0
 PLACES = 2
 """Most suspect places at which curves are drawn."""
 
+WIDE = 4.0
+"""Times the noise of a reading that a band is wide at least."""
+
 BANDS = 8
 """Pieces of a curve over one reading."""
 
@@ -64,7 +67,9 @@ def _curve_gain(fitted: Fitted, looks: tuple[Look, ...], suspect: Suspect, name:
     data = fitted.rows.system.data
     values = data.values[name]
     knots = np.unique(np.nanquantile(values[data.open], np.linspace(0.0, 1.0, BANDS + 1)))
-    if len(knots) < BANDS // 2:
+    noise = float(np.nanmedian(data.noise[name][data.open]))
+    # Bands within the noise of a reading, as at a few operating points, would sort that noise.
+    if len(knots) < BANDS // 2 or float(np.min(np.diff(knots))) < WIDE * noise:
         return 0.0
     known = np.nan_to_num(values, nan=float(np.nanmedian(values[data.open])))
     bands: Array = np.stack([np.interp(known, knots, row) for row in np.eye(len(knots))], 1)
