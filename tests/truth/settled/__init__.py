@@ -3,6 +3,6 @@
 Shares no code with the packages it tests. Files in order of data flow: `pumps`, `term` (what acts
 beyond plain laws), `rig` (plant and operating points), `rigs` (plants that are drawn), `drive`,
 `scene` (a plant and how it is run), `effect` and four files of effects, `effects`, `key.yaml` (what
-the catalogue calls them), `visible` (how much can be seen at best), `folder`, `plan` (a case),
-`reference` (the true model on held-out samples), `suite` (the list).
+the catalogue calls them), `visible` (how much can be seen at best), `sized`, `rivals`, `told` (the
+answer), `folder`, `reference` (the true model on held-out samples), `plan` (a case), `suite`.
 """

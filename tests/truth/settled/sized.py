@@ -1,0 +1,54 @@
+"""How large an effect is made: so large that it can be seen as its case asks."""
+
+from __future__ import annotations
+
+import math
+
+from .effect import Made
+from .effects import Placed
+from .scene import Scene, Stalled, stream
+from .visible import Sight
+
+TRIES = 14
+NEAR = 1.25
+"""Factor to the aimed gain that is near enough."""
+
+FAR = 4.0
+"""Factor to the aimed gain that is taken where an effect cannot be larger or smaller."""
+
+LEAST = 4.0
+"""Expected gain that an effect has at least."""
+
+
+def sized(seen: Sight, placed: Placed, aim: float, seed: int) -> Made | None:
+    """An effect so large that it can be seen as aimed; None where that is not possible."""
+    effect = placed.effect
+    low, high = effect.low, effect.high
+    size, best, least = math.sqrt(low * high), None, math.inf
+    for _ in range(TRIES):
+        made = made_of(seen.scene, placed, size, seed)
+        try:
+            gain = seen.gain(made.changes)
+        except Stalled:
+            high = size
+            size = math.sqrt(low * size)
+            continue
+        off = abs(math.log(max(gain, 1e-9) / aim))
+        if off < least:
+            best, least, reached = made, off, gain
+        if off < math.log(NEAR) or high / low < 1.01:
+            break
+        low, high = (size, high) if gain < aim else (low, size)
+        guess = size * math.sqrt(aim / max(gain, 1e-9))
+        size = guess if low * 1.005 < guess < high / 1.005 else math.sqrt(low * high)
+    if best is None or reached < LEAST or least > math.log(FAR):
+        return None
+    return best
+
+
+def made_of(scene_: Scene, placed: Placed, size: float, seed: int) -> Made:
+    """An effect of some size; what shapes it is the same at every size."""
+    # All faults begin at the same time: what else could have begun then is the rival.
+    fault = placed.effect.sort == "fault"
+    name = "fault" if fault else f"{placed.effect.name} {placed.module}"
+    return placed.effect.make(scene_, placed.module, size, stream(seed, name))

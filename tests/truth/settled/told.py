@@ -1,0 +1,88 @@
+"""The sealed answer of a stationary case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..sealed import Answer, Planted, verdict_of
+from .effect import Made
+from .effects import Placed, key
+from .rig import Rig
+from .rivals import margin_of
+from .visible import Sight
+
+
+def answer_of(
+    name: str,
+    group: str,
+    conceal: Sequence[str],
+    seen: Sight,
+    found: Sequence[tuple[Placed, Made]],
+    seed: int,
+) -> Answer:
+    """What a perfect analysis would say; `conceal` are ways of concealing that were asked for."""
+    planted = []
+    for placed, made in found:
+        others = [seen.change(m.changes) for p, m in found if p is not placed]
+        flat = np.stack(others, 1) if others else None
+        gain = seen.gain(made.changes, flat)
+        margin, rival = margin_of(seen, placed, made, flat, seed)
+        planted.append(_planted(seen.scene.rig, placed, made, gain, margin, rival))
+    sorts = [p.sort for p in planted]
+    verdict = "unnamed" if group == "unrecorded" else verdict_of(sorts)
+    gone = found[0][0].effect.driver if group == "unrecorded" else ""
+    return Answer(
+        name,
+        "stationary",
+        seen.scene.rig.name,
+        seen.scene.profile,
+        seed,
+        seen.scene.time.size,
+        verdict,
+        _concealed(group, conceal, found, planted),
+        tuple(planted),
+        gone,
+    )
+
+
+def _concealed(
+    group: str,
+    conceal: Sequence[str],
+    found: Sequence[tuple[Placed, Made]],
+    planted: Sequence[Planted],
+) -> tuple[str, ...]:
+    ways = list(conceal)
+    if not planted:
+        ways.append("clean")
+    if any(placed.effect.corner for placed, _ in found):
+        ways.append("corner")
+    if group in ("pair", "hiding", "unrecorded", "unnamed"):
+        ways.append(group)
+    if any(p.margin < 0.1 * p.gain for p in planted):
+        ways.append("alike")
+    return tuple(ways or ["open"])
+
+
+def _planted(
+    rig: Rig, placed: Placed, made: Made, gain: float, margin: float, rival: str
+) -> Planted:
+    effect, entry = placed.effect, key()[placed.effect.name]
+    values = {
+        name: {theirs: made.parameters[ours] for theirs, ours in map_.items()}
+        for name, map_ in entry["entries"].items()
+    }
+    return Planted(
+        effect.name,
+        effect.title,
+        effect.sort,
+        placed.module,
+        effect.title,
+        tuple(entry["entries"]),
+        tuple(f"{placed.module}.{place}" for place in entry["places"]),
+        values,
+        gain,
+        margin,
+        rival,
+    )
