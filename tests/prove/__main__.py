@@ -6,12 +6,15 @@ import argparse
 import os
 import tempfile
 import time
+from concurrent.futures.process import BrokenProcessPool
+from importlib.metadata import version
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import Progress
 
 from rulec.cli import prove_options
+from rulec.commands.output import without_folder
 from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from tests.prove.page import page
 from tests.prove.partition import Partition, register
@@ -22,16 +25,24 @@ from tests.prove.tell import tell
 def main(words: list[str] | None = None) -> int:
     """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
     options = parser().parse_args(words)
-    options.jobs = options.jobs or os.cpu_count() or 1
     out, aside = Console(highlight=False), Console(stderr=True, highlight=False)
+    mistake = _mistake(options)
+    if mistake is not None:
+        aside.print(f"rulec prove: {mistake}", markup=False, soft_wrap=True)
+        return 2
+    options.jobs = options.jobs or os.cpu_count() or 1
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
         work = Path(options.keep or temporary)
         work.mkdir(parents=True, exist_ok=True)
         try:
             run = _run(options, work, aside)
-        except Changed as mistake:
-            aside.print(f"rulec prove: {mistake}", markup=False, soft_wrap=True)
+        except Changed as refused:
+            aside.print(f"rulec prove: {refused}", markup=False, soft_wrap=True)
             return 1
+        except (KeyboardInterrupt, BrokenProcessPool):
+            hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
+            aside.print(f"rulec prove: interrupted; {hint}", markup=False, soft_wrap=True)
+            return 130
     tell(out, run)
     if options.json:
         Path(options.json).write_text(run.to_json(), encoding="utf-8")
@@ -39,6 +50,17 @@ def main(words: list[str] | None = None) -> int:
         Path(options.report).write_text(page(run), encoding="utf-8")
         out.print(f"[dim]report: {options.report}[/]")
     return 0
+
+
+def _mistake(options: argparse.Namespace) -> str | None:
+    """What is wrong with the options, before long work is done for them."""
+    if options.final and register()["final"]["seed"] is None:
+        return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
+    if options.jobs is not None and options.jobs < 1:
+        return f"--jobs {options.jobs}: at least one process is needed"
+    if not partition_of(options)[0].cases():
+        return f"--only {options.only}: no case has this in its name"
+    return without_folder(options, "json", "report")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -53,8 +75,6 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     known = register()
     if options.final:
         final = known["final"]
-        if final["seed"] is None:
-            raise Changed("the final partition was not drawn yet")
         return Partition("final", final["seed"], only=options.only), final["opened"]
     seed = known["development"]["seed"] if options.seed is None else options.seed
     return Partition("development", seed, options.quick, options.only), 0
@@ -84,7 +104,7 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         {partition.name: str(partition.seed)},
         openings,
         digest,
-        "",
+        version("rulec"),
         time.perf_counter() - begin,
         away,
         notes,

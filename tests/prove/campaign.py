@@ -20,7 +20,7 @@ from tests.prove.judge import judge
 from tests.prove.partition import Partition, Planned
 from tests.prove.results import Judged
 
-SEALS, JUDGED = "seals.txt", "judged.json"
+SEALS, OPENED = "seals.txt", "answer-opened.json"
 
 Told = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
@@ -103,13 +103,12 @@ def _analyse(folder: Path) -> None:
 
 
 def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:
-    kept = folder / JUDGED
     made = case.make()
     if made.answer.digest != seal:
         raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
     form: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
     result = judge(made, form, folder, partition)
-    kept.with_name("answer-opened.json").write_text(made.answer.to_json(), encoding="utf-8")
+    (folder / OPENED).write_text(made.answer.to_json(), encoding="utf-8")
     return result
 
 

@@ -61,8 +61,9 @@ class Partition:
 
     @property
     def digest(self) -> str:
-        """Tells one run from another."""
-        return hashlib.sha256(repr(self).encode()).hexdigest()
+        """Tells one run from another, also where the list of cases has changed."""
+        names = "\n".join([repr(self), *(case.name for case in self.cases())])
+        return hashlib.sha256(names.encode()).hexdigest()
 
     def cases(self) -> list[Planned]:
         """All of them, in an order that tells nothing."""

@@ -81,7 +81,7 @@ class Answer:
 
     def to_json(self) -> str:
         """As text; numbers with six digits."""
-        fields = _rounded(dataclasses.asdict(self))
+        fields = rounded(dataclasses.asdict(self))
         return json.dumps(fields, indent=1, ensure_ascii=False) + "\n"
 
     @property
@@ -149,14 +149,14 @@ def verdict_of(sorts: list[str]) -> str:
     return "named" if "physics" in sorts else "fault"
 
 
-def _rounded(value: object) -> object:
+def rounded(value: object) -> object:
     """Floats with six significant digits, in any nesting; infinite ones as text."""
     match value:
         case float():
             return float(f"{value:.6g}") if np.isfinite(value) else str(value)
         case dict():
-            return {key: _rounded(inner) for key, inner in value.items()}
+            return {key: rounded(inner) for key, inner in value.items()}
         case list() | tuple():
-            return [_rounded(inner) for inner in value]
+            return [rounded(inner) for inner in value]
         case _:
             return value

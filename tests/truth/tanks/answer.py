@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ..sealed import rounded
 from .effect import Values
 
 
@@ -69,7 +70,7 @@ class Answer:
         for part in (fields, *fields["effects"]):
             part["parameters"] = _stated(part["parameters"])
         fields["sensing"] = _stated(fields["sensing"])
-        return json.dumps(_rounded(fields), indent=1, ensure_ascii=False) + "\n"
+        return json.dumps(rounded(fields), indent=1, ensure_ascii=False) + "\n"
 
     @property
     def digest(self) -> str:
@@ -77,31 +78,6 @@ class Answer:
         return hashlib.sha256(self.to_json().encode()).hexdigest()
 
 
-def verdict_of(sorts: list[str]) -> str:
-    """What a perfect analysis would say first."""
-    if not sorts:
-        return "none"
-    if "unnamed" in sorts:
-        return "unnamed"
-    for only in ("sensor", "fault"):
-        if set(sorts) == {only}:
-            return only
-    return "named"
-
-
 def _stated(values: Values) -> dict[str, dict[str, object]]:
     """Values as the machine form has them."""
     return {name: {"value": value, "unit": unit} for name, (value, unit) in values.items()}
-
-
-def _rounded(value: object) -> object:
-    """Floats with six significant digits, in any nesting."""
-    match value:
-        case float():
-            return float(f"{value:.6g}")
-        case dict():
-            return {key: _rounded(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [_rounded(inner) for inner in value]
-        case _:
-            return value

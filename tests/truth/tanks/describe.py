@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .answer import Answer, Truth, verdict_of
+from ..sealed import verdict_of
+from .answer import Answer, Truth
 from .build import LITRE_PER_HOUR, METER_NOISE, UNITS, Setup
 from .effect import Values
 from .effects import SENSOR
