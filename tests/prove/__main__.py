@@ -16,6 +16,8 @@ from rich.progress import Progress
 from rulec.cli import prove_options
 from rulec.commands.output import without_folder
 from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from tests.prove.ending import interruptible
+from tests.prove.kept import unusable
 from tests.prove.page import page
 from tests.prove.partition import Partition, register
 from tests.prove.results import Run
@@ -26,23 +28,31 @@ def main(words: list[str] | None = None) -> int:
     """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
     options = parser().parse_args(words)
     out, aside = Console(highlight=False), Console(stderr=True, highlight=False)
-    mistake = _mistake(options)
-    if mistake is not None:
-        aside.print(f"rulec prove: {mistake}", markup=False, soft_wrap=True)
-        return 2
-    options.jobs = options.jobs or os.cpu_count() or 1
-    with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        work = Path(options.keep or temporary)
-        work.mkdir(parents=True, exist_ok=True)
+    with interruptible(options.lifeline):
         try:
-            run = _run(options, work, aside)
+            return _asked(options, out, aside)
         except Changed as refused:
-            aside.print(f"rulec prove: {refused}", markup=False, soft_wrap=True)
-            return 1
+            return _ended(aside, 1, str(refused))
+        except OSError as error:
+            return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
         except (KeyboardInterrupt, BrokenProcessPool):
             hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
-            aside.print(f"rulec prove: interrupted; {hint}", markup=False, soft_wrap=True)
-            return 130
+            return _ended(aside, 130, f"interrupted; {hint}")
+
+
+def _ended(aside: Console, code: int, why: str) -> int:
+    aside.print(f"rulec prove: {why}", markup=False, soft_wrap=True)
+    return code
+
+
+def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
+    """What the options ask for."""
+    mistake = _mistake(options)
+    if mistake is not None:
+        return _ended(aside, 2, mistake)
+    options.jobs = options.jobs or os.cpu_count() or 1
+    with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
+        run = _run(options, Path(options.keep or temporary), aside)
     tell(out, run)
     if options.json:
         Path(options.json).write_text(run.to_json(), encoding="utf-8")
@@ -60,13 +70,16 @@ def _mistake(options: argparse.Namespace) -> str | None:
         return f"--jobs {options.jobs}: at least one process is needed"
     if not partition_of(options)[0].cases():
         return f"--only {options.only}: no case has this in its name"
-    return without_folder(options, "json", "report")
+    unwritable = without_folder(options, "json", "report")
+    return unwritable or (unusable(Path(options.keep)) if options.keep else None)
 
 
 def parser() -> argparse.ArgumentParser:
     """Options of the command."""
     made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
     prove_options(made)
+    # Given by `rulec prove`, which holds the other side of standard input.
+    made.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
     return made
 
 

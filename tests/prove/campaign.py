@@ -16,11 +16,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.prove.analyst import FORM, analyse
+from tests.prove.ending import end_with_parent, end_workers
 from tests.prove.judge import judge
+from tests.prove.kept import CASES, SEALS
 from tests.prove.partition import Partition, Planned
 from tests.prove.results import Judged
 
-SEALS, OPENED = "seals.txt", "answer-opened.json"
+OPENED = "answer-opened.json"
 
 Told = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
@@ -37,19 +39,34 @@ def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]
 
     Raises Changed where a folder was sealed with other answers.
     """
-    file = work / SEALS
-    kept = file.read_text(encoding="utf-8").split("\n")[:-1] if file.exists() else []
+    kept = owned(work, partition.digest)
     if kept:
-        if kept[0] != partition.digest:
-            raise Changed(f"{work} holds another run; give another folder, or remove it")
-        return kept[1:]
+        return kept
     cases = partition.cases()
     todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
     made = list(_spread(_seal, todo, jobs, lambda n: told("sealing", n, len(todo))))
-    partly = file.with_suffix(".part")
-    partly.write_text("\n".join([partition.digest, *made]) + "\n", encoding="utf-8")
-    partly.replace(file)
+    _write_seals(work, [partition.digest, *made])
     return made
+
+
+def owned(work: Path, digest: str) -> list[str]:
+    """Make a folder that of a run, if it is none yet; what was sealed in it, none at first.
+
+    Raises Changed where it is that of another run.
+    """
+    file = work / SEALS
+    kept = file.read_text("utf-8", "replace").splitlines() if file.exists() else []
+    if not kept:
+        _write_seals(work, [digest])
+    elif kept[0] != digest:
+        raise Changed(f"--keep: {work} holds another run; name another folder")
+    return kept[1:]
+
+
+def _write_seals(work: Path, lines: Sequence[str]) -> None:
+    partly = (work / SEALS).with_suffix(".part")
+    partly.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    partly.replace(work / SEALS)
 
 
 def digest_of(seals: Sequence[str]) -> str:
@@ -84,7 +101,7 @@ def judged(
 
 
 def _folder(work: Path, number: int) -> Path:
-    return work / "cases" / f"{number:04d}"
+    return work / CASES / f"{number:04d}"
 
 
 def _seal(case: Planned, folder: Path) -> str:
@@ -122,9 +139,14 @@ def _spread(
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
     found: dict[int, B] = {}
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context) as pool:
-        asked = {pool.submit(work, *words): i for i, words in enumerate(todo)}
-        for count, future in enumerate(as_completed(asked), 1):
-            found[asked[future]] = future.result()
-            told(count)
+    with ProcessPoolExecutor(jobs, context, end_with_parent) as pool:
+        try:
+            asked = {pool.submit(work, *words): i for i, words in enumerate(todo)}
+            for count, future in enumerate(as_completed(asked), 1):
+                found[asked[future]] = future.result()
+                told(count)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            end_workers()
+            raise
     return (found[i] for i in range(len(todo)))

@@ -1,0 +1,72 @@
+"""How a run ends before it is done: an interrupt, or the end of the process that started it."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+INPUT = 0
+"""File descriptor of standard input."""
+
+
+@contextlib.contextmanager
+def interruptible(lifeline: bool) -> Iterator[None]:
+    """Raise KeyboardInterrupt, once, for SIGINT, for SIGTERM and where the lifeline ends.
+
+    A second signal would interrupt the tidying up. An interrupt that whoever started this process
+    wants ignored (`nohup`) is. With a `lifeline` standard input is read: at its end the process
+    that holds the other side asks for an interrupt, or is gone, however it ended.
+    """
+    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
+    if lifeline and signal.SIGTERM not in heard:
+        heard.append(signal.SIGTERM)  # by which the lifeline speaks
+    before = {number: signal.getsignal(number) for number in heard}
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        for other in heard:
+            signal.signal(other, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number in heard:
+        signal.signal(number, interrupt)
+    if lifeline:
+        threading.Thread(target=_listen, daemon=True).start()
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _listen() -> None:
+    # Not by sys.stdin: the lock of its buffer would be held when the interpreter ends.
+    while os.read(INPUT, 1024):
+        pass
+    main = threading.main_thread().ident
+    if main is not None:
+        # The main thread itself must get it, or it goes on waiting for a result.
+        signal.pthread_kill(main, signal.SIGTERM)
+
+
+def end_with_parent() -> None:
+    """To be called as a worker starts: it ends when its parent has, and leaves interrupts to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_outlived, daemon=True).start()
+
+
+def _outlived() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def end_workers() -> None:
+    """End the workers of this process in the middle of what they do."""
+    for worker in multiprocessing.active_children():
+        worker.terminate()

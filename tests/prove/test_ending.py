@@ -1,0 +1,158 @@
+"""A run that is interrupted leaves no process and goes on; a folder of other things is refused."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+from tests.prove.__main__ import main
+from tests.prove.campaign import Changed, owned
+from tests.prove.kept import CASES, SEALS, unusable
+
+FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")
+PATIENCE = 60.0
+NOBODY = 65534
+
+
+def started(work: Path) -> subprocess.Popen[str]:
+    """`rulec prove`, as from a terminal: interrupts are heard, also where these tests hear none."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "rulec", "prove", *FEW, f"--keep={work}"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+
+
+def below(pid: int) -> set[int]:
+    """Processes that a process started, and those that they started."""
+    table = subprocess.run(
+        ["ps", "-A", "-o", "pid=,ppid="], capture_output=True, text=True, check=True
+    )
+    parents = [(int(a), int(b)) for a, b in map(str.split, table.stdout.splitlines())]
+    found = {pid}
+    while more := {a for a, b in parents if b in found} - found:
+        found |= more
+    return found - {pid}
+
+
+def alive(pids: set[int]) -> set[int]:
+    """Those that run; what ended and was not waited for does not."""
+    table = subprocess.run(
+        ["ps", "-A", "-o", "pid=,stat="], capture_output=True, text=True, check=True
+    )
+    rows = map(str.split, table.stdout.splitlines())
+    return {int(a) for a, state in rows if not state.startswith("Z")} & pids
+
+
+def waited(done: Callable[[], object], seconds: float = PATIENCE) -> bool:
+    """Whether something came about in time."""
+    until = time.monotonic() + seconds
+    while not done() and time.monotonic() < until:
+        time.sleep(0.1)
+    return bool(done())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGKILL"])
+def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
+    """Sent to the command alone, while its workers analyse; then the same command goes on."""
+    with started(tmp_path) as run:
+        # Suite, tracker of its resources, two workers.
+        assert waited(lambda: (tmp_path / CASES).exists() and len(below(run.pid)) >= 4)
+        time.sleep(1.0)
+        others = below(run.pid)
+        os.kill(run.pid, getattr(signal, number))
+        said = run.communicate(timeout=PATIENCE)[1]
+    assert waited(lambda: not alive(others), 5.0), alive(others)
+    assert "Traceback" not in said
+    assert "rulec prove: interrupted; the same command goes on" in said
+    assert run.returncode == (-signal.SIGKILL if number == "SIGKILL" else 130)
+    if number == "SIGINT":
+        with started(tmp_path) as again:
+            said = again.communicate(timeout=3 * PATIENCE)[1]
+        assert (0, True) == (again.returncode, "answers sealed" in said)
+
+
+def test_a_sealing_that_was_interrupted_is_that_of_its_run(tmp_path: Path) -> None:
+    """What another run made must not stand beside what this one makes."""
+    assert [] == owned(tmp_path, "one")
+    assert [] == owned(tmp_path, "one")
+    with pytest.raises(Changed, match="another run"):
+        owned(tmp_path, "two")
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("", "a file is in the way"),
+        (SEALS + "/notes", "a run has a file there"),
+        (CASES, "a run has a folder there"),
+        (CASES + "/mine", "no run of rulec prove left it"),
+    ],
+)
+def test_a_folder_with_something_in_the_way(
+    path: str, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line with place and remedy, and everything stays."""
+    work = tmp_path / "folder"
+    file = work / path if path else work
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    assert 2 == main([*FEW, f"--keep={work}"])
+    said = capsys.readouterr().err
+    assert said.startswith(f"rulec prove: --keep: {work}")
+    assert text in said
+    assert said.endswith("; name another folder\n")
+    assert (1, before, "mine") == (said.count("\n"), sorted(tmp_path.rglob("*")), file.read_text())
+
+
+def test_seals_of_something_else_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that is no list of seals, not even text, is not written over."""
+    (tmp_path / SEALS).write_bytes(b"\xff mine")
+    assert 1 == main([*FEW, f"--keep={tmp_path}"])
+    assert f"{tmp_path} holds another run; name another folder" in capsys.readouterr().err
+    assert b"\xff mine" == (tmp_path / SEALS).read_bytes()
+
+
+def test_what_lies_beside_a_run_does_not_matter(tmp_path: Path) -> None:
+    """Such as the page of the run, or what it wrote to the terminal."""
+    (tmp_path / "log.txt").write_text("mine")
+    assert unusable(tmp_path) is None
+    assert unusable(tmp_path / "new" / "folder") is None
+
+
+@pytest.fixture
+def closed() -> Iterator[Path]:
+    """A folder that this process, for whom permissions hold for once, may not write to."""
+    if not hasattr(os, "geteuid"):
+        pytest.skip("permissions are a POSIX matter")
+    user = os.geteuid()
+    with tempfile.TemporaryDirectory() as name:
+        os.chmod(name, 0o555)
+        if user == 0:
+            os.seteuid(NOBODY)
+        yield Path(name)
+        os.seteuid(user)
+        os.chmod(name, 0o755)
+
+
+def test_a_folder_that_cannot_be_written_to(closed: Path) -> None:
+    """The folder itself, and one to be made in it."""
+    for work in (closed, closed / "new"):
+        said = unusable(work)
+        assert (
+            said == f"--keep: {work}: cannot write there (Permission denied); name another folder"
+        )
