@@ -212,6 +212,9 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     )
     which.add_argument("--final", action="store_true", help="the cases that were kept apart")
     which.add_argument("--seed", type=int, metavar="N", help="cases of your own draw")
+    which.add_argument(
+        "--real", action="store_true", help="real recordings, as far as they are there"
+    )
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"
     )

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import os
 import tempfile
 import time
+from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from importlib.metadata import version
 from pathlib import Path
@@ -15,13 +18,16 @@ from rich.progress import Progress
 
 from rulec.cli import prove_options
 from rulec.commands.output import without_folder
-from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from tests.conftest import recordings_folder
+from tests.prove.campaign import Changed, Told, analysed, digest_of, judged, sealed
 from tests.prove.ending import interruptible
 from tests.prove.kept import unusable
 from tests.prove.page import page
 from tests.prove.partition import Partition, register
+from tests.prove.real import answers
 from tests.prove.results import Run
 from tests.prove.tell import tell
+from tests.prove.tell_real import tell_real
 
 
 def main(words: list[str] | None = None) -> int:
@@ -52,7 +58,10 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
         return _ended(aside, 2, mistake)
     options.jobs = options.jobs or os.cpu_count() or 1
     with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        run = _run(options, Path(options.keep or temporary), aside)
+        work = Path(options.keep or temporary)
+        if options.real:
+            return _real(options, work, out, aside)
+        run = _run(options, work, aside)
     tell(out, run)
     if options.json:
         Path(options.json).write_text(run.to_json(), encoding="utf-8")
@@ -62,13 +71,25 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
     return 0
 
 
+def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
+    with _progress(aside) as told:
+        found = answers(recordings_folder(), work, options.only, options.jobs, told)
+    tell_real(out, *found)
+    if options.json:
+        forms = {answer.case: answer.form for answer in found[0]}
+        Path(options.json).write_text(json.dumps(forms, indent=1), encoding="utf-8")
+    return 0
+
+
 def _mistake(options: argparse.Namespace) -> str | None:
     """What is wrong with the options, before long work is done for them."""
     if options.final and register()["final"]["seed"] is None:
         return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
     if options.jobs is not None and options.jobs < 1:
         return f"--jobs {options.jobs}: at least one process is needed"
-    if not partition_of(options)[0].cases():
+    if options.real and options.report:
+        return "--report: there is no page of real recordings, a table and --json only"
+    if not options.real and not partition_of(options)[0].cases():
         return f"--only {options.only}: no case has this in its name"
     unwritable = without_folder(options, "json", "report")
     return unwritable or (unusable(Path(options.keep)) if options.keep else None)
@@ -96,14 +117,7 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
     begin = time.perf_counter()
     partition, openings = partition_of(options)
-    with Progress(console=aside, transient=True) as progress:
-        tasks = {}
-
-        def told(what: str, done: int, all_: int) -> None:
-            if what not in tasks:
-                tasks[what] = progress.add_task(what, total=all_)
-            progress.update(tasks[what], completed=done)
-
+    with _progress(aside) as told:
         seals = sealed(partition, work, options.jobs, told)
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
@@ -122,6 +136,20 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         away,
         notes,
     )
+
+
+@contextlib.contextmanager
+def _progress(aside: Console) -> Iterator[Told]:
+    """Shows what is being done, a bar for each kind of work."""
+    with Progress(console=aside, transient=True) as progress:
+        tasks = {}
+
+        def told(what: str, done: int, all_: int) -> None:
+            if what not in tasks:
+                tasks[what] = progress.add_task(what, total=all_)
+            progress.update(tasks[what], completed=done)
+
+        yield told
 
 
 if __name__ == "__main__":

@@ -76,7 +76,11 @@ def digest_of(seals: Sequence[str]) -> str:
 
 def analysed(work: Path, seals: Sequence[str], jobs: int, told: Told) -> None:
     """Ask the tool about every case that was made and not asked about yet."""
-    folders = [_folder(work, i) for i, seal in enumerate(seals) if seal]
+    asked([_folder(work, i) for i, seal in enumerate(seals) if seal], jobs, told)
+
+
+def asked(folders: Sequence[Path], jobs: int, told: Told) -> None:
+    """Ask the tool about every folder that holds a plant and a recording, and no answer yet."""
     todo = [(f,) for f in folders if not (f / FORM).exists()]
     done = len(folders) - len(todo)
     told("analysing", done, len(folders))
