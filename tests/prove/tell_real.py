@@ -18,6 +18,9 @@ COVERAGE = 2.0
 LIKELY = 0.1
 """Probability from which on another name is told beside the first."""
 
+REST = "what is left is not noise: "
+"""How a note begins that says where the rest of a mismatch would be explained."""
+
 MODELS = ("shipped", "recalibrated", "repaired")
 WORSE = "▲"
 
@@ -80,6 +83,9 @@ def found_lines(form: Mapping[str, Any]) -> Iterator[str]:
     if form["hidden_driver"]:
         hidden = form["hidden_driver"]
         yield f"unrecorded driver at {hidden['module']}.{hidden['place']}"
+    for note in form["notes"]:
+        if note.startswith(REST):
+            yield f"not explained: {note.removeprefix(REST).partition(';')[0]}"
 
 
 def _named(effect: Mapping[str, Any]) -> str:

@@ -79,6 +79,18 @@ def test_answers_fit_a_terminal(mismatch: Any) -> None:
     assert form["fits"][0]["signal"] in said
 
 
+def test_what_is_not_explained_is_told() -> None:
+    """Free curves have no name, repairs that did harm a mark, and a rest a place."""
+    form = mismatch_form(NAMED, "plant.yaml")
+    form["notes"] = ["what is left is not noise: an error of A.h; no entry does"]
+    form["effects"][0]["sort"] = "free"
+    form["fits"][0]["heldout"] |= {"recalibrated": 1.0, "repaired": 3.0, "noise": 2.0}
+    said = told(form)
+    assert "• free curve, no name, at" in said
+    assert "• not explained: an error of A.h" in said
+    assert "▲ 1.5" in said
+
+
 def test_no_answer_is_told() -> None:
     """With its message, and without errors."""
     said = told({"error": "ValueError: [no] answer", "seconds": 1.0})
