@@ -85,7 +85,10 @@ def answers(
     owned(work, WHOSE)
     skipped = list(_skipped(recordings))
     there = [s for s in SOURCES if s.cases and (recordings / s.folder).is_dir()]
-    planned = [p for s in there for p in _planned(s, recordings, work) if only in p.case.name]
+    planned: list[Planned] = []
+    for count, source in enumerate(there, 1):
+        planned += (p for p in _planned(source, recordings, work) if only in p.case.name)
+        told("preparing", count, len(there))
     for plan in planned:
         _lay_out(plan)
     asked([p.folder for p in planned], jobs, told)

@@ -28,13 +28,13 @@ WORSE = "▲"
 def tell_real(out: Console, answers: Sequence[Answer], skipped: Sequence[str]) -> None:
     """Write the table, and what was left out."""
     shown = Table(box=None, pad_edge=False, padding=(0, 1, 1, 0))
-    shown.add_column("recording", max_width=17)
+    shown.add_column("recording", max_width=15)
     shown.add_column("found, with parameters ± U", ratio=1)
     shown.add_column("reading", no_wrap=True)
     for title in ("shipped", "recal.", "repaired", "noise", "left"):
         shown.add_column(title, justify="right", no_wrap=True)
     for answer in answers:
-        title = escape(f"{answer.case} ({answer.plant})")
+        title = f"{escape(answer.case)}\n[dim]{escape(answer.plant)}[/]"
         verdict = f"[bold]{escape(str(answer.form.get('verdict', 'no answer')))}[/]"
         found = "\n".join(escape(f"• {line}") for line in found_lines(answer.form))
         columns = zip(*map(fit_cells, answer.form.get("fits") or ()), strict=True)
