@@ -34,16 +34,16 @@ def main(words: list[str] | None = None) -> int:
     """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
     options = parser().parse_args(words)
     out, aside = Console(highlight=False), Console(stderr=True, highlight=False)
-    with interruptible(options.lifeline):
-        try:
+    try:
+        with interruptible(options.lifeline):
             return _asked(options, out, aside)
-        except Changed as refused:
-            return _ended(aside, 1, str(refused))
-        except OSError as error:
-            return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
-        except (KeyboardInterrupt, BrokenProcessPool):
-            hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
-            return _ended(aside, 130, f"interrupted; {hint}")
+    except Changed as refused:
+        return _ended(aside, 1, str(refused))
+    except OSError as error:
+        return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
+    except (KeyboardInterrupt, BrokenProcessPool):
+        hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
+        return _ended(aside, 130, f"interrupted; {hint}")
 
 
 def _ended(aside: Console, code: int, why: str) -> int:

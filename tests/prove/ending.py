@@ -6,6 +6,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from types import FrameType
@@ -13,44 +14,50 @@ from types import FrameType
 INPUT = 0
 """File descriptor of standard input."""
 
+AGAIN = 0.5
+"""Seconds until a process that has lost its lifeline is interrupted again."""
+
 
 @contextlib.contextmanager
 def interruptible(lifeline: bool) -> Iterator[None]:
-    """Raise KeyboardInterrupt, once, for SIGINT, for SIGTERM and where the lifeline ends.
+    """Raise KeyboardInterrupt for SIGINT, for SIGTERM, and where the lifeline ends.
 
-    A second signal would interrupt the tidying up. An interrupt that whoever started this process
-    wants ignored (`nohup`) is. With a `lifeline` standard input is read: at its end the process
-    that holds the other side asks for an interrupt, or is gone, however it ended.
+    An interrupt that whoever started this process wants ignored (`nohup`) is. With a `lifeline`
+    standard input is read: at its end the process that holds the other side asks for an interrupt,
+    or is gone, however it ended.
     """
     heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
     if lifeline and signal.SIGTERM not in heard:
         heard.append(signal.SIGTERM)  # by which the lifeline speaks
-    before = {number: signal.getsignal(number) for number in heard}
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        for other in heard:
-            signal.signal(other, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    for number in heard:
-        signal.signal(number, interrupt)
+    before = {number: signal.signal(number, _interrupt) for number in heard}
+    left = threading.Event()
     if lifeline:
-        threading.Thread(target=_listen, daemon=True).start()
+        threading.Thread(target=_listen, args=(left,), daemon=True).start()
     try:
         yield
     finally:
+        left.set()
         for number, handler in before.items():
-            signal.signal(number, handler)
+            # The last call of a lifeline may be under way still.
+            signal.signal(number, signal.SIG_IGN if lifeline else handler)
 
 
-def _listen() -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """What tidies up behind an interrupt is not interrupted."""
+    if not isinstance(sys.exc_info()[1], KeyboardInterrupt):
+        raise KeyboardInterrupt
+
+
+def _listen(left: threading.Event) -> None:
     # Not by sys.stdin: the lock of its buffer would be held when the interpreter ends.
     while os.read(INPUT, 1024):
         pass
     main = threading.main_thread().ident
-    if main is not None:
-        # The main thread itself must get it, or it goes on waiting for a result.
+    # The main thread itself must get it, or it goes on waiting for a result; and more than once,
+    # as compiled code (numpy's random numbers) swallows an exception that is raised below it.
+    while main is not None and not left.is_set():
         signal.pthread_kill(main, signal.SIGTERM)
+        left.wait(AGAIN)
 
 
 def end_with_parent() -> None:

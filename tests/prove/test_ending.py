@@ -85,6 +85,41 @@ def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
         assert (0, True) == (again.returncode, "answers sealed" in said)
 
 
+SWALLOWING = """
+import time
+from tests.prove.ending import interruptible
+try:
+    with interruptible(lifeline=True):
+        try:
+            time.sleep(60)
+        except KeyboardInterrupt:
+            print("swallowed", flush=True)
+        try:
+            time.sleep(60)
+        finally:
+            time.sleep(1.5)
+            print("tidied up")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
+def test_the_end_of_the_lifeline_is_not_lost() -> None:
+    """Compiled code may swallow an interrupt: another follows, but not while things are tidied."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", SWALLOWING],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    assert ["swallowed", "tidied up", "interrupted"] == done.stdout.split("\n")[:-1]
+
+
 def test_a_sealing_that_was_interrupted_is_that_of_its_run(tmp_path: Path) -> None:
     """What another run made must not stand beside what this one makes."""
     assert [] == owned(tmp_path, "one")
