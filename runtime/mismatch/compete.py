@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.fit import Fitted, fit, strain_of
 from runtime.mismatch.prepare import ESTIMATION, SELECTION
 from runtime.mismatch.price import price_of_fit
 from runtime.mismatch.screen import Trial, looks_at
@@ -41,8 +41,16 @@ class Contestant:
     blocks: Array
 
     def gain_over(self, other: Contestant) -> float:
+        """Gain in log likelihood on blocks not fitted to, and of what is known without them."""
+        return self.seen_over(other) + self.relief_over(other)
+
+    def seen_over(self, other: Contestant) -> float:
         """Gain in log likelihood on blocks not fitted to."""
         return float(np.sum(self.blocks - other.blocks))
+
+    def relief_over(self, other: Contestant) -> float:
+        """How much less a model strains what was known before the recording."""
+        return strain_of(other.fitted) - strain_of(self.fitted)
 
     def certainty_over(self, other: Contestant) -> float:
         """The same in standard deviations of its own scatter over blocks.
@@ -63,7 +71,8 @@ class Contestant:
         difference = (self.blocks - other.blocks)[self._judged]
         centre = float(np.median(difference))
         spread = 1.4826 * float(np.median(np.abs(difference - centre)))
-        return float(np.sum(difference)) / float(np.sqrt(len(difference) * spread**2 + 1.0))
+        gain = float(np.sum(difference)) + self.relief_over(other)
+        return gain / float(np.sqrt(len(difference) * spread**2 + 1.0))
 
 
 def contest(fitted: Fitted, trial: Trial | None) -> Contestant:

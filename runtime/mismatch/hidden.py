@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -15,8 +14,11 @@ from runtime.mismatch.screen import Trial
 from runtime.mismatch.setting import HIDDEN, Course, Span
 from runtime.plan import Array
 
-WINDOWS = 40
-"""Values of a course that is free in time."""
+KNOTS = (2, 4, 7, 12, 20, 40)
+"""Values of a course that is free in time: as few as tell it."""
+
+FEWEST = 4
+"""Points per knot at least."""
 
 LOOKED_AT = 2
 """Most suspect places at which such a course is tried."""
@@ -35,18 +37,43 @@ def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
     data = fitted.rows.system.data
     spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
-    window = np.full(len(data), -1)
-    edges = np.linspace(0, len(known), min(WINDOWS, len(known)) + 1).astype(int)
-    periods, values = [], {}
-    for i, (low, high) in enumerate(pairwise(edges)):
-        inside = known[low:high]
-        last = known[high] if high < len(known) else len(data)
-        window[inside[0] : last] = i
-        periods.append(Span(float(data.time[inside[0]]), float(data.time[inside[-1]]), i))
-        middle = float(np.median(suspect.course[inside]))
-        values[f"{spot.unknown}#{i}"] = middle
-    course = Course(spot.unknown, window, tuple(periods))
+    levels = _levels(suspect.course[known], suspect.weight[known])
+    # Held-out points lie between those that are known; outside of all the course stays.
+    at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
+    segment = np.minimum(at.astype(int), len(levels) - 1)
+    knots = data.time[known[np.linspace(0, len(known) - 1, len(levels)).astype(int)]]
+    ends = [*((knots[1:] + knots[:-1]) / 2.0), knots[-1]]
+    periods, since = [], float(knots[0])
+    for i, until in enumerate(ends):
+        periods.append(Span(since, float(until), i))
+        since = float(until)
+    values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
+    course = Course(spot.unknown, segment, tuple(periods), at - segment)
     return Trial(_candidate(spot), values, {}, 0.0, course)
+
+
+def _levels(course: Array, weight: Array) -> Array:
+    """Knots of a course that passes from one to the next: as many as pay for themselves.
+
+    Source: Schwarz 1978, with free scale.
+    """
+    n = len(course)
+    root = np.sqrt(weight)
+    # One point far off must not draw the course to it.
+    near = _clipped(course)
+    best: tuple[float, Array] | None = None
+    for count in KNOTS:
+        if count > max(n // FEWEST, 2):
+            break
+        at = np.linspace(0.0, count - 1.0, n)
+        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
+        levels = np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0]
+        left = float(np.sum(weight * (near - table @ levels) ** 2))
+        cost = 0.5 * (n * float(np.log(left + 1e-300)) + count * float(np.log(n)))
+        if best is None or cost < best[0]:
+            best = (cost, levels)
+    assert best is not None
+    return best[1]
 
 
 def _candidate(spot: Spot) -> Candidate:
@@ -95,7 +122,7 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
     values = level[known] + _clipped(rest[known])
-    smooth = _smoothed(values, weight[known], len(known) // (6 * WINDOWS))
+    smooth = _smoothed(values, weight[known], len(known) // (6 * KNOTS[-1]))
     return Reconstruction(spot, system.data.time[known], smooth)
 
 

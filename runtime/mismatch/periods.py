@@ -10,6 +10,7 @@ levels by Otsu 1979.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,16 +91,16 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     noise = _noise(means)
     segments = cut(means / noise, PENALTY * float(np.log(len(means))))
     states = [apart(segments, odd) for odd in ODD]
-    # A fault may be there for longer than it is not: then what is at rest is the shorter state.
-    states += [~on for on in states if on.any() and not on.all()]
-    states += [_longest(segments, on) for on in states if on.any()]
-    tried = {tuple(np.flatnonzero(on)): on for on in states}
+    some = [on for on in states if on.any() and not on.all()]
+    states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
     means_ = _Means(known, edges, means, sums, noise)
+    states.append(_begun(segments, means_))
+    tried = {tuple(np.flatnonzero(on)): on for on in states}
     trials = [
         _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on, most)
         for on in tried.values()
         for most in (1, MOST_LEVELS)
-        if on.any()
+        if on.any() and not on.all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None]
@@ -111,6 +112,27 @@ def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
     first, last = max(_runs(segments, on), key=lambda run: run[1] - run[0])
     inside: np.ndarray = (segments.first >= first) & (segments.first < last) & on
     return inside
+
+
+def _hull(on: np.ndarray) -> np.ndarray:
+    """One period from the first to the last: what is between may be noise as well."""
+    there = np.flatnonzero(on)
+    inside: np.ndarray = np.zeros(len(on), dtype=bool)
+    inside[there[0] : there[-1] + 1] = True
+    return inside
+
+
+def _begun(segments: Segments, means: _Means) -> np.ndarray:
+    """One change for good, where that tells most: what faults do."""
+    begins = segments.first[1:]
+    weights = np.cumsum(means.weight)
+    moments = np.cumsum(means.weight * means.value)
+    before, whole = weights[begins - 1], weights[-1]
+    apart_ = moments[begins - 1] / before - (moments[-1] - moments[begins - 1]) / (whole - before)
+    told = before * (whole - before) * apart_**2
+    since = begins[int(np.argmax(told))] if len(begins) else len(means.value)
+    on: np.ndarray = segments.first >= since
+    return on
 
 
 def _likely(trial: Trial, each: float) -> float:
@@ -163,7 +185,7 @@ def _trial(
     segment = np.full(len(fitted.rows.system.data), -1)
     time = fitted.rows.system.data.time
     periods = []
-    for (first, last), i in zip(runs, number, strict=True):
+    for first, last, i in _joined(runs, number):
         inside = means.known[means.edges[first] : means.edges[last]]
         segment[inside[0] : inside[-1] + 1] = i
         periods.append(Span(float(time[inside[0]]), float(time[inside[-1]]), int(i)))
@@ -173,6 +195,20 @@ def _trial(
     wide = np.array([np.inf])
     gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks_at(fitted))
     return Trial(candidate, values, {}, gain, course)
+
+
+def _joined(
+    runs: Sequence[tuple[int, int]], number: NDArray[np.intp]
+) -> Iterator[tuple[int, int, int]]:
+    """Runs with the number of their level; what is between two of a level may be nothing."""
+    first, last, level = *runs[0], int(number[0])
+    for (begin, end), i in zip(runs[1:], number[1:].tolist(), strict=True):
+        if begin - last < SHORTEST and i == level:
+            last = end
+            continue
+        yield first, last, level
+        first, last, level = begin, end, i
+    yield first, last, level
 
 
 def few_levels(

@@ -9,7 +9,7 @@ import numpy as np
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.periods import STEPS
-from runtime.mismatch.setting import HIDDEN
+from runtime.mismatch.setting import HIDDEN, Course
 
 if TYPE_CHECKING:
     from runtime.mismatch.compete import Contestant
@@ -30,6 +30,10 @@ sensors leave their class. A free form is chosen among thousands, and pays for t
 
 COMMON = 6.0
 """What a claim about several modules must gain more than one about a single module."""
+
+HEALED = 3.0
+"""How much less expected a fault is with each time that it ends by itself, in log odds
+[assumed]."""
 
 FLICKERING = 2.0
 """How much less expected a sensor is that errs in some periods only, in log odds [assumed]."""
@@ -57,8 +61,15 @@ def price_of_fit(fitted: Fitted) -> float:
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             rare += FLICKERING * (f"{candidate.module}.{candidate.place}" in signals)
+    rare += HEALED * sum(_ends(c, fitted) for c in setting.courses if c.unknown not in hidden)
     shapes = sum(_shapes(c) for c in setting.joined)
     return each * (steps + levels + shapes) + rare + _freed(fitted, each)
+
+
+def _ends(course: Course, fitted: Fitted) -> int:
+    """How often a fault ends before the recording does, at points that are looked at."""
+    there = course.segment[fitted.used] >= 0
+    return int(np.sum(there[:-1] & ~there[1:]))
 
 
 def _shapes(candidate: Candidate) -> int:
@@ -106,7 +117,8 @@ def odds_of(other: Contestant, winner: Contestant) -> float:
     the difference scatters over blocks so that its sign is open, the odds are nearer to one.
     """
     temper = winner.fitted.temper
-    ahead = winner.gain_over(other) / temper + price_of(other) - price_of(winner)
+    ahead = winner.seen_over(other) / temper + winner.relief_over(other)
+    ahead += price_of(other) - price_of(winner)
     lead = max(winner.certainty_over(other), 0.0)
     scattered = float(np.exp(-0.5 * lead**2 - 0.8 * lead))
     scattered *= float(np.exp(min(price_of(winner) - price_of(other), 0.0)))

@@ -85,9 +85,31 @@ def search(rows: Rows, progress: Progress) -> Search:
     data = rows.system.data
     progress("refitting the plain model")
     plain = contest(retempered(fit(rows, Setting(), data.open)), None)
-    now, tried = plain, 0
-    accepted: list[Accepted] = []
-    candidates = rows.system.workshop.candidates
+    named = _one_by_one(plain, (), 0, progress)
+    # Several names may together imitate one driver that nobody recorded.
+    hidden = _best([refit(plain.fitted, t) for t in hidden_trials(plain.fitted)], plain)
+    if hidden is None or any(r.trial.candidate.sort == HIDDEN for r in named.accepted):
+        return named
+    unnamed = any(r.trial.candidate.sort == "free" for r in named.accepted)
+    ahead = net_gain(hidden, plain) - net_gain(named.best, plain)
+    if ahead < (0.0 if unnamed else NEEDED):
+        return named
+    progress("a driver that nobody recorded explains more than all names")
+    first = _recorded(hidden, plain, [], ())
+    return _one_by_one(plain, first, named.tried, progress, hidden)
+
+
+def _one_by_one(
+    plain: Contestant,
+    begun: tuple[Accepted, ...],
+    tried: int,
+    progress: Progress,
+    now: Contestant | None = None,
+) -> Search:
+    """Add explanations to a model until none is worth it."""
+    now = plain if now is None else now
+    accepted = list(begun)
+    candidates = plain.fitted.rows.system.workshop.candidates
     while len(accepted) < MOST_TERMS and not any(
         r.trial.candidate.sort == "free" for r in accepted
     ):
@@ -228,13 +250,15 @@ def _or_sudden(
     candidates: Sequence[Candidate],
     hidden: Contestant | None,
 ) -> _Step:
-    """A fault that begins, where that does better than what lasts: a driver may happen to turn
-    about when the fault began."""
+    """A fault that begins, where that says the same better than what lasts: a driver may happen to
+    turn about when the fault began."""
     winner = found.winner
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
     sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
+    alike = instead_of(winner, sudden, now)
+    sudden = [c for c in alike if _changes(c) <= FEW_CHANGES]
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found

@@ -31,12 +31,14 @@ class Span:
 class Course:
     """An unknown that has one of a few levels in some periods, and none outside.
 
-    `segment` has shape (n,): the number of the level at each point, -1 outside.
+    `segment` has shape (n,): the number of the level at each point, -1 outside. A course that is
+    smooth passes from each level to the next: `ahead`, shape (n,), is how far it is.
     """
 
     unknown: str
     segment: np.ndarray
     periods: tuple[Span, ...]
+    ahead: Array | None = None
 
     @property
     def levels(self) -> int:
@@ -49,9 +51,16 @@ class Course:
 
     def degrees(self, values: Mapping[str, float]) -> Array:
         """The unknown at each point, shape (n,)."""
-        levels = np.array([*(values[name] for name in self.names()), 0.0])
-        course: Array = levels[self.segment]
+        levels = [values[name] * self.share(i) for i, name in enumerate(self.names())]
+        course: Array = np.sum(levels, axis=0)
         return course
+
+    def share(self, level: int) -> Array:
+        """How much of a level is there at each point, shape (n,)."""
+        share: Array = (self.segment == level).astype(float)
+        if self.ahead is not None:
+            share = share * (1.0 - self.ahead) + (self.segment == level - 1) * self.ahead
+        return share
 
 
 @dataclass(frozen=True)

@@ -226,9 +226,6 @@ def test_a_driver_that_is_not_recorded() -> None:
     assert found.next.startswith("Record ")
 
 
-@pytest.mark.xfail(
-    reason="a slow course cut into neighbouring levels is told as a fault", strict=True
-)
 def test_a_slow_course_is_no_fault_that_comes_and_goes() -> None:
     """A single module whose temperature is not recorded: its slip rises and falls once."""
     given = {**tour(alone()[0], 240, 0.98, 1.02), "A.T": warming(240)}
