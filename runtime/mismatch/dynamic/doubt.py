@@ -54,9 +54,7 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
         best, without = _needed_alone(searcher, best, found)
         if not best.joined:
             return best, ()
-        every = searcher.bench.candidates
-        tasks = {c.id: in_place_of(c, without[c.id], every) for c in best.joined}
-        others = {name: searcher.ranked(own, found.plain) for name, own in tasks.items()}
+        others = {c.id: _others(searcher, found, c, without[c.id]) for c in best.joined}
         better = _better(searcher, best, [f for own in others.values() for f in own])
         if better is None or not left:
             break
@@ -73,6 +71,13 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
             Accepted(candidate, own, _odds(searcher, best, others[candidate.id]), rivals)
         )
     return best, tuple(accepted)
+
+
+def _others(searcher: Searcher, found: Found, left: Candidate, bare: Fitted) -> list[Fitted]:
+    """Other explanations in the place of one, best first; alone they were all tried already."""
+    if bare is found.plain and found.singles:
+        return [f for f in found.singles if f.ids != (left.id,) and not f.joined[0].members]
+    return searcher.ranked(in_place_of(left, bare, searcher.bench.candidates), found.plain)
 
 
 def _rivals(searcher: Searcher, bare: Fitted, candidate: Candidate) -> Iterator[Rival]:

@@ -48,8 +48,9 @@ SCATTERED = 4
 DESCENDED = 2
 """The best starts from which a trial is fitted."""
 
-SHORTER = 0.3
-"""Share of a step of the model made linear that is tried too: the whole one may lead too far."""
+SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Of a step of the model made linear: strong physics bends so much that the whole one leads far
+away, and no share of it too."""
 
 TWINS = 0.01
 """Models whose errors differ by less than this share of their spread are one."""
@@ -61,7 +62,8 @@ MOST = 12
 """Readings and states that a term without physics may follow."""
 
 PROMISING = 10
-"""Trials on each model that are fitted further than that."""
+"""Trials on each model with explanations that are fitted further than that; on the plain one all
+are, as what is told in the end is mostly told there."""
 
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
@@ -83,7 +85,7 @@ class Found:
     """The recalibrated model, and the best one with explanations, which may be the same.
 
     `judged` says which samples count; `tried` how many candidates there were; `alone` what each of
-    them gains by itself, by id.
+    them gains by itself, by id, `singles` the models with one of them, best first.
     """
 
     plain: Fitted
@@ -91,6 +93,7 @@ class Found:
     judged: Judged
     tried: int
     alone: Mapping[str, float]
+    singles: tuple[Fitted, ...] = ()
 
 
 class Searcher:
@@ -169,12 +172,9 @@ class Searcher:
         """What a trial promises to gain: two steps of the model made linear, from near its null."""
         fitter, judged, starts = self._begun(on, joined)
         basis = judged.basis()
-        first = [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
-        costs = [fitter.cost(at, judged, basis) for at in first]
-        at = first[int(np.argmin(costs))]
-        far = fitter.ahead(at, judged, basis)
-        shares = (1.0, SHORTER)
-        least = min(*costs, *(fitter.cost(at + s * (far - at), judged, basis) for s in shares))
+        first = [_stepped(fitter, at, judged, basis) for at in _near_null(fitter, on, starts)]
+        _, at = min(first, key=lambda step: step[0])
+        least, _ = _stepped(fitter, at, judged, basis)
         return -least - price_of(replace(on, joined=joined), self.news(on))
 
     def polished(self, fitted: Fitted) -> Fitted:
@@ -192,17 +192,20 @@ class Searcher:
         return fitted
 
     def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
-        """Fit many models: all at a glance, those that promise something on each model further."""
+        """Fit many models: on each with explanations those that promise something at a glance."""
+        by_model: dict[tuple[str, ...], list[Task]] = {}
+        for task in tasks:
+            by_model.setdefault(task[0].ids, []).append(task)
         with ThreadPoolExecutor(self._workers) as pool:
-            seen = list(pool.map(lambda t: self.glance(*t), tasks))
-            by_model: dict[tuple[str, ...], list[int]] = {}
-            for i, (on, _) in enumerate(tasks):
-                by_model.setdefault(on.ids, []).append(i)
-            promising: list[int] = []
-            for members in by_model.values():
-                members.sort(key=lambda i: -seen[i])
-                promising += members[:PROMISING]
-            return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
+            promising: list[Task] = []
+            for ids, members in by_model.items():
+                if ids:
+                    seen = list(pool.map(lambda t: self.glance(*t), members))
+                    order = sorted(range(len(members)), key=lambda i: -seen[i])
+                    promising += [members[i] for i in order[:PROMISING]]
+                else:
+                    promising += members
+            return list(pool.map(lambda t: self.trial(*t), promising))
 
     def ranked(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
         """Trials, best first; what is pressed to an end of its range stands for something else."""
@@ -302,12 +305,13 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         return Found(plain, plain, judged, len(candidates), {})
     levels: list[tuple[Fitted, ...]] = [(plain,)]
     alone: dict[str, float] = {}
+    singles: list[Fitted] = []
     single = tuple(c for c in candidates if not c.members)
     for depth in range(1, DEEPEST + 1):
         tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
         ranked = searcher.ranked(_tasks(levels[-1], candidates if depth == 1 else single), plain)
         if depth == 1:
-            alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
+            singles, alone = ranked, {f.ids[0]: searcher.gain(f, plain) for f in ranked}
         beam = _distinct(searcher.refined(_distinct(ranked), plain))
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
@@ -329,7 +333,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best
-    return Found(plain, best, judged, len(candidates), alone)
+    return Found(plain, best, judged, len(candidates), alone, tuple(singles))
 
 
 def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
@@ -353,6 +357,15 @@ def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> li
     known = on.values if on is not None else {}
     near = [fitter.gentle(at, known) for at in starts]
     return list({at.tobytes(): at for at in near}.values())
+
+
+def _stepped(fitter: Fitter, at: Array, judged: Judged, basis: Array) -> tuple[float, Array]:
+    """The cheapest point on the way to the optimum of the model made linear, with its cost."""
+    far = fitter.ahead(at, judged, basis)
+    points = [at, *(at + share * (far - at) for share in SHARES)]
+    costs = [fitter.cost(point, judged, basis) for point in points]
+    least = int(np.argmin(costs))
+    return costs[least], points[least]
 
 
 def _is_white(fitted: Fitted) -> bool:
