@@ -431,7 +431,7 @@ def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
     for fitted in ranked:
         if len(kept) == BEAM:
             break
-        if any(_are_twins(fitted, other) for other in kept):
+        if any(are_twins(fitted, other) for other in kept):
             continue
         if max((count[i] for i in fitted.ids), default=0) < KIN:
             kept.append(fitted)
@@ -439,7 +439,7 @@ def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
     return kept
 
 
-def _are_twins(one: Fitted, other: Fitted) -> bool:
+def are_twins(one: Fitted, other: Fitted) -> bool:
     """Do two models leave the same errors?"""
     if len(one.joined) != len(other.joined):
         return False
