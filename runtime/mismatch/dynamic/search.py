@@ -360,12 +360,14 @@ def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> li
 
 
 def _stepped(fitter: Fitter, at: Array, judged: Judged, basis: Array) -> tuple[float, Array]:
-    """The cheapest point on the way to the optimum of the model made linear, with its cost."""
-    far = fitter.ahead(at, judged, basis)
-    points = [at, *(at + share * (far - at) for share in SHARES)]
-    costs = [fitter.cost(point, judged, basis) for point in points]
-    least = int(np.argmin(costs))
-    return costs[least], points[least]
+    """A cheaper point on the way to the optimum of the model made linear, with its cost."""
+    far, here = fitter.ahead(at, judged, basis), fitter.cost(at, judged, basis)
+    for share in SHARES:
+        point = at + share * (far - at)
+        cost = fitter.cost(point, judged, basis)
+        if cost < here:
+            return cost, point
+    return here, at
 
 
 def _is_white(fitted: Fitted) -> bool:
