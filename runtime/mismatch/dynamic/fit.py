@@ -179,6 +179,12 @@ class Fitter:
         moved[: self._count] += share * self._u * random.standard_normal(self._count)
         return np.clip(moved, self._low, self._high)
 
+    def stated(self, at: Array) -> Array:
+        """The same with all plain parameters as they are stated."""
+        moved = at.copy()
+        moved[: self._count] = self._mean
+        return np.clip(moved, self._low, self._high)
+
     def values(self, at: Array) -> dict[str, float]:
         """The same by id, with what is fixed."""
         return {**self.fixed, **dict(zip(self.free, at.tolist(), strict=True))}

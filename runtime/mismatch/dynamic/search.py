@@ -46,7 +46,8 @@ SCATTERED = 4
 """Random starts of a trial beside those that its candidate names."""
 
 DESCENDED = 2
-"""The best starts from which a trial is fitted."""
+"""The best starts from which a trial is fitted, beside the best one with parameters as stated:
+recalibration that makes up for strong physics may lie behind a ridge."""
 
 SHARES = (1.0, 0.3, 0.1, 0.03)
 """Of a step of the model made linear: strong physics bends so much that the whole one leads far
@@ -139,17 +140,15 @@ class Searcher:
         """Fit a model; what `on` knows is where starts are near."""
         fitter, judged, starts = self._begun(on, joined)
         basis = judged.basis()
+        stated = [fitter.stated(at) for at in starts] if on is not None else []
         random = np.random.default_rng(len(joined))
         starts += [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
         base = list(starts)
         for i in range(scattered):
             starts.append(fitter.scattered(base[i % len(base)], random, SHARE))
-        ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
-        near = [
-            fitter.descend(starts[i], judged, basis, evaluations)
-            for cost, i in ranked[:descended]
-            if np.isfinite(cost)
-        ]
+        groups = ((starts, descended), (stated, 1))
+        begun = [a for g, most in groups for a in _cheapest(fitter, g, most, judged, basis)]
+        near = [fitter.descend(at, judged, basis, evaluations) for at in begun]
         if not near:
             return replace(self._hopeless(fitter, judged), joined=joined)
         best = min(near, key=lambda at: fitter.cost(at, judged, basis))
@@ -357,6 +356,14 @@ def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> li
     known = on.values if on is not None else {}
     near = [fitter.gentle(at, known) for at in starts]
     return list({at.tobytes(): at for at in near}.values())
+
+
+def _cheapest(
+    fitter: Fitter, starts: Sequence[Array], most: int, judged: Judged, basis: Array
+) -> Sequence[Array]:
+    """The best starts of all that can be simulated."""
+    ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
+    return [starts[i] for cost, i in ranked[:most] if np.isfinite(cost)]
 
 
 def _stepped(fitter: Fitter, at: Array, judged: Judged, basis: Array) -> tuple[float, Array]:
