@@ -39,6 +39,9 @@ NARROWED = 3
 SWAPPED = 2
 """Models of each level in which single explanations are exchanged."""
 
+LED = 3
+"""The best explanations from whose values the plain model is fitted anew."""
+
 STEP = 1.0
 """Gain of one more explanation below which no further one is tried."""
 
@@ -302,15 +305,22 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     plain = searcher.polished(replace(plain, slow=judged.slow, drift=drift))
     if _is_white(plain):
         return Found(plain, plain, judged, len(candidates), {})
+    tell(f"trying {len(candidates)} explanations alone")
+    singles = searcher.ranked(_tasks([plain], candidates), plain)
+    better = _where_they_led(searcher, plain, singles)
+    if better is not None:
+        plain = better
+        if _is_white(plain):
+            return Found(plain, plain, judged, len(candidates), {})
+        singles = searcher.ranked(_tasks([plain], candidates), plain)
+    alone = {f.ids[0]: searcher.gain(f, plain) for f in singles}
     levels: list[tuple[Fitted, ...]] = [(plain,)]
-    alone: dict[str, float] = {}
-    singles: list[Fitted] = []
     single = tuple(c for c in candidates if not c.members)
     for depth in range(1, DEEPEST + 1):
-        tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
-        ranked = searcher.ranked(_tasks(levels[-1], candidates if depth == 1 else single), plain)
-        if depth == 1:
-            singles, alone = ranked, {f.ids[0]: searcher.gain(f, plain) for f in ranked}
+        ranked = singles
+        if depth > 1:
+            tell(f"trying {len(single)} explanations on {len(levels[-1])} models, depth {depth}")
+            ranked = searcher.ranked(_tasks(levels[-1], single), plain)
         beam = _distinct(searcher.refined(_distinct(ranked), plain))
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
@@ -333,6 +343,20 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
+
+
+def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]) -> Fitted | None:
+    """The plain model fitted anew from where explanations led, if that is better.
+
+    What looks like a gain of theirs may be that of another optimum of the plain model.
+    """
+    known = plain.values.keys()
+    for near in singles[:LED]:
+        values = {n: v for n, v in near.values.items() if n in known}
+        found = searcher.polished(replace(plain, values=values))
+        if searcher.gain(found, plain) > STEP:
+            return found
+    return None
 
 
 def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
