@@ -121,7 +121,13 @@ def _with_states(
         assert rate is not None
         assert start is not None
         states[local.id] = replace(
-            state, name=local.id, rate=rate, start=start, low=told(state.low), high=told(state.high)
+            state,
+            name=local.id,
+            rate=rate,
+            start=start,
+            low=told(state.low),
+            high=told(state.high),
+            after=told(state.after),
         )
     return replace(amended, type=replace(amended.type, states=states))
 
@@ -280,7 +286,8 @@ def state_over(state: State, table: Mapping[str, ast.expr]) -> State:
         return None if expression is None else over(expression, table)
 
     rate, start = over(state.rate, table), over(state.start, table)
-    return replace(state, rate=rate, start=start, low=told(state.low), high=told(state.high))
+    low, high, after = told(state.low), told(state.high), told(state.after)
+    return replace(state, rate=rate, start=start, low=low, high=high, after=after)
 
 
 _JOIN = {

@@ -71,7 +71,9 @@ def check_dimensions(
     for state in module.states.values():
         for key, expression in state.equations():
             path = ("states", state.name, key)
-            wanted = state.unit.dimension / SECOND if key == "der" else state.unit.dimension
+            wanted = {"der": state.unit.dimension / SECOND, "after": SECOND}.get(
+                key, state.unit.dimension
+            )
             _check_gathered(document, path, expression, provided, found)
             _check_given(document, path, expression, wanted, known, gathered, found)
     for reading in module.readings.values():

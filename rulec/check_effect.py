@@ -117,7 +117,11 @@ class _EffectReader:
                     message = f"'{used}' is neither driver, parameter nor state of this effect"
                     self._report(spot, "KB036", message, did_you_mean(used, known))
         return EffectState(
-            equations["der"], equations["start"], equations.get("low"), equations.get("high")
+            equations["der"],
+            equations["start"],
+            equations.get("low"),
+            equations.get("high"),
+            equations.get("after"),
         )
 
     def _asked(self, path: tuple[str, ...], name: str, drivers: Mapping[str, Driver]) -> str | None:

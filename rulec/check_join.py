@@ -143,7 +143,7 @@ class JoinReader:
         for name, state in self.states.items():
             for key, expression in state.equations():
                 path = ("states", name, key)
-                wanted = own / _SECOND if key == "der" else own
+                wanted = {"der": own / _SECOND, "after": _SECOND}.get(key, own)
                 try:
                     given = dimension(expression, known, {})
                 except Rejected as error:

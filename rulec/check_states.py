@@ -10,7 +10,7 @@ from rulec.language.diagnostics import Diagnostic, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Expression, parse
 from rulec.language.part_readers import origin_of, read_expression, read_unit
-from rulec.language.units import UNKNOWN, Unit, UnitTable
+from rulec.language.units import SECOND, UNKNOWN, Unit, UnitTable
 
 
 @dataclass
@@ -65,6 +65,7 @@ class StateReader:
             self._value((*path, "low"), unit) if "low" in part else None,
             self._value((*path, "high"), unit) if "high" in part else None,
             origin_of(self.document, *path, source=part["source"]),
+            self._value((*path, "after"), self.units.plain(SECOND)) if "after" in part else None,
         )
 
     def _value(self, path: Path_, unit: Unit) -> Expression:

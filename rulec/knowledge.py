@@ -114,7 +114,8 @@ class State:
     """What a module stores: `rate` is its derivative by time, `start` its value at the beginning.
 
     It stays between `low` and `high`, where they are given; all equations, in SI. `quantity` is
-    empty where no sensor measures such a thing.
+    empty where no sensor measures such a thing. With `after` (s), a dead time, what the state
+    would follow as with a lag arrives all at once, so much later.
     """
 
     name: str
@@ -126,6 +127,7 @@ class State:
     low: Expression | None
     high: Expression | None
     origin: Origin
+    after: Expression | None = None
 
     def equations(self) -> Iterator[tuple[str, Expression]]:
         """All of them by key."""
@@ -135,6 +137,8 @@ class State:
             yield "low", self.low
         if self.high is not None:
             yield "high", self.high
+        if self.after is not None:
+            yield "after", self.after
 
 
 @dataclass(frozen=True)
@@ -393,16 +397,21 @@ class EffectLaw:
 
 @dataclass(frozen=True)
 class EffectState:
-    """Something that an effect stores, of the kind of its place; equations as in its law."""
+    """Something that an effect stores, of the kind of its place; equations as in its law.
+
+    `after` as in `State`.
+    """
 
     rate: Expression
     start: Expression
     low: Expression | None
     high: Expression | None
+    after: Expression | None
 
     def equations(self) -> Iterator[tuple[str, Expression]]:
         """All of them by key."""
         given = {"der": self.rate, "start": self.start, "low": self.low, "high": self.high}
+        given["after"] = self.after
         yield from ((key, e) for key, e in given.items() if e is not None)
 
     def names(self) -> set[str]:

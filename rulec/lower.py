@@ -137,7 +137,8 @@ def lower_states(what: Lowering) -> Plan:
 
     Inputs are ids of states (``A.h``), signals, parameters, and what changes and shifts bring in.
     Outputs are ``der:<state>``, ``start:<state>``, ``low:<state>``, ``high:<state>`` where there
-    are limits, ``shown:<signal>`` for readings, and ``inflow:<module>``, ``outflow:<module>``.
+    are limits, ``after:<state>`` for a dead time, ``shown:<signal>`` for readings, and
+    ``inflow:<module>``, ``outflow:<module>``.
     """
     modules = what.network.plant.modules
     graph = Graph(dict.fromkeys(name for m in modules for name in _inputs(what, m)))
@@ -151,6 +152,8 @@ def lower_states(what: Lowering) -> Plan:
                 graph.outputs[f"low:{state_id}"] = lower_tree(graph, state.low.tree, scope)
             if state.high is not None:
                 graph.outputs[f"high:{state_id}"] = lower_tree(graph, state.high.tree, scope)
+            if state.after is not None:
+                graph.outputs[f"after:{state_id}"] = lower_tree(graph, state.after.tree, scope)
         for name in kind.readings:
             graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
         known = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]

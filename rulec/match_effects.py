@@ -224,7 +224,7 @@ class _Matcher:
         if site.kind == "balance":
             unit = self._plant.knowledge.units.plain(unit.dimension / SECOND)
         equations = state.rate, state.start, state.low, state.high
-        return State(name, "", unit, f"delayed {site.name}", *equations, origin)
+        return State(name, "", unit, f"delayed {site.name}", *equations, origin, state.after)
 
     def _place(self, site: Site) -> str:
         """Name of a place; with its kind where a definition has the name of an observer."""

@@ -44,6 +44,8 @@ def _bounds(state: State) -> Iterator[str]:
         yield f"not below {_value(state, state.low)}"
     if state.high is not None:
         yield f"not above {_value(state, state.high)}"
+    if state.after is not None:
+        yield f"not as a lag, but all of it {state.after} s later"
 
 
 def _value(state: State, expression: Expression) -> str:

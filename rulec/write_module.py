@@ -117,7 +117,7 @@ def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
         entry[key] = _equation(entry.get(key), expression)
         number = constant(expression, {})
         if key != "der" and number is not None:
-            entry[key] = _full(state.unit.from_si(number))
+            entry[key] = _full(number if key == "after" else state.unit.from_si(number))
     if old is None:
         entry |= {"title": state.title, "source": state.origin.source or "[assumed]"}
     return entry

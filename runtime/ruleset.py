@@ -249,9 +249,9 @@ class Dynamics:
 
     The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
     ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``; it gives
-    ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, and
-    ``shown:<signal>`` for each of `outputs`. `uncertainties` are those of `values`, SI, without
-    their correlations.
+    ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, dead
+    times ``after:<state>``, and ``shown:<signal>`` for each of `outputs`. `uncertainties` are those
+    of `values`, SI, without their correlations.
     """
 
     states: tuple[StateSpec, ...]

@@ -96,6 +96,7 @@ class Balances:
             tape.rates,
             tape.lows,
             tape.highs,
+            tape.afters,
             tape.inputs,
             np.ascontiguousarray(held, dtype=np.bool_),
             tape.outputs,
@@ -152,6 +153,7 @@ class _Tape:
         self.rates = at([f"der:{s}" for s in balances.states], outputs)
         self.lows = at([f"low:{s}" for s in balances.states], outputs)
         self.highs = at([f"high:{s}" for s in balances.states], outputs)
+        self.afters = at([f"after:{s}" for s in balances.states], outputs)
         self.outputs = at(balances.outputs, outputs)
         self._parameters = place
         self._constants = np.array(plan.constants)

@@ -184,6 +184,70 @@ def _give(
 
 
 @compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+def _follow(
+    values: np.ndarray,
+    slopes: np.ndarray,
+    late: np.ndarray,
+    slots: np.ndarray,
+    after_slots: np.ndarray,
+    when: float,
+    nodes: np.ndarray,
+    count: int,
+    past: np.ndarray,
+    past_slopes: np.ndarray,
+) -> None:
+    """States with a dead time are what they followed so much earlier, in a line between nodes.
+
+    `late` numbers them. The first `count` of `nodes` (times, s) are known; before the first and
+    behind the last the past stands still.
+    """
+    for j in range(late.shape[0]):
+        slot, delay = slots[late[j]], after_slots[late[j]]
+        then = when - max(values[delay], 0.0)
+        low, high = 0, count - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if nodes[middle] <= then:
+                low = middle
+            else:
+                high = middle
+        share, steep = 0.0, 0.0
+        if high > low:
+            share = (then - nodes[low]) / (nodes[high] - nodes[low])
+            if 0.0 <= share <= 1.0:
+                steep = (past[high, j] - past[low, j]) / (nodes[high] - nodes[low])
+            share = min(max(share, 0.0), 1.0)
+        values[slot] = past[low, j] + share * (past[high, j] - past[low, j])
+        for c in range(slopes.shape[1]):
+            moved = past_slopes[high, j, c] - past_slopes[low, j, c]
+            followed = past_slopes[low, j, c] + share * moved
+            slopes[slot, c] = followed - steep * slopes[delay, c]
+
+
+@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+def _aim(
+    values: np.ndarray,
+    slopes: np.ndarray,
+    late: np.ndarray,
+    slots: np.ndarray,
+    rate_slots: np.ndarray,
+    after_slots: np.ndarray,
+    weight: float,
+    past: np.ndarray,
+    past_slopes: np.ndarray,
+    node: int,
+) -> None:
+    """Add what states with a dead time follow now, as a lag would, to a node of the past."""
+    for j in range(late.shape[0]):
+        slot, rate, after = slots[late[j]], rate_slots[late[j]], after_slots[late[j]]
+        time_constant = max(values[after], TINY)
+        past[node, j] += weight * (values[slot] + time_constant * values[rate])
+        for c in range(slopes.shape[1]):
+            moved = slopes[slot, c] + time_constant * slopes[rate, c]
+            past_slopes[node, j, c] += weight * (moved + slopes[after, c] * values[rate])
+
+
+@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     first: int,
     codes: np.ndarray,
@@ -198,6 +262,7 @@ def integrate(
     rate_slots: np.ndarray,
     low_slots: np.ndarray,
     high_slots: np.ndarray,
+    after_slots: np.ndarray,
     input_slots: np.ndarray,
     held: np.ndarray,
     output_slots: np.ndarray,
@@ -214,8 +279,8 @@ def integrate(
     values, slopes : one row per value of the plan, parameters, constants and what follows from
         them alone (operations before `begin`) filled in; (values,) and (values, width).
     clock : the slot of time, or -1.
-    start_slots, rate_slots, low_slots, high_slots : outputs of the plan per state; limits may be
-        -1.
+    start_slots, rate_slots, low_slots, high_slots, after_slots : outputs of the plan per state;
+        limits and dead times may be -1.
     inputs : shape (n, inputs); a `held` one keeps its value up to the next sample, others are
         interpolated.
     outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
@@ -248,6 +313,19 @@ def integrate(
             x[i] = values[start_slots[i]]
             for c in range(width):
                 dx[i, c] = slopes[start_slots[i], c]
+    # The past of what has a dead time: as it began, then one mean per step, in its middle, where
+    # the mean of what is held from sample to sample lies.
+    late = np.flatnonzero(after_slots >= 0)
+    lates = late.shape[0]
+    nodes = np.zeros(n + 1 if lates else 1)
+    past = np.zeros((nodes.shape[0], lates))
+    past_slopes = np.zeros((nodes.shape[0], lates, width))
+    mean, mean_slopes = np.zeros((1, lates)), np.zeros((1, lates, width))
+    nodes[0] = time[0]
+    for j in range(lates):
+        past[0, j] = x[late[j]]
+        for c in range(width):
+            past_slopes[0, j, c] = dx[late[j], c]
     for s in range(n):
         # What is shown at this sample, states within their limits.
         for j in range(input_slots.shape[0]):
@@ -261,6 +339,26 @@ def integrate(
                     slopes[state_slots[i], c] = dx[i, c]
             evaluate(first, codes, left, right, begin, values, slopes, width)
             moved = False
+            if lates and s < n - 1:
+                # Before the step is done, what is followed now stands for its mean.
+                nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
+                past[s + 1] = 0.0
+                past_slopes[s + 1] = 0.0
+                _aim(
+                    values, slopes, late, state_slots, rate_slots, after_slots, 1.0, past,
+                    past_slopes, s + 1,
+                )  # fmt: skip
+            if lates and s > 0:
+                _follow(
+                    values, slopes, late, state_slots, after_slots, time[s], nodes,
+                    min(s + 2, n), past, past_slopes,
+                )  # fmt: skip
+                for j in range(lates):
+                    slot = state_slots[late[j]]
+                    moved = moved or abs(values[slot] - x[late[j]]) > 0.0
+                    x[late[j]] = values[slot]
+                    for c in range(width):
+                        dx[late[j], c] = slopes[slot, c]
             for i in range(count):
                 for side in range(2):
                     slot = low_slots[i] if side == 0 else high_slots[i]
@@ -289,6 +387,8 @@ def integrate(
             for c in range(width):
                 d_old[i, c] = dx[i, c]
         while True:
+            mean[:] = 0.0
+            mean_slopes[:] = 0.0
             step = length / pieces
             rate, error, growing = 0.0, 0.0, False
             for p in range(pieces):
@@ -303,22 +403,38 @@ def integrate(
                         _give(values, input_slots, held, inputs, s, at)
                         if clock >= 0:
                             values[clock] = time[s] + at * length
+                        if lates:
+                            _follow(
+                                values, slopes, late, state_slots, after_slots,
+                                time[s] + at * length, nodes, s + 2, past, past_slopes,
+                            )  # fmt: skip
                         if stage == 0:
                             evaluate(first, codes, left, right, begin, values, jacobian, count)
                             for i in range(count):
                                 for c in range(count):
                                     matrix[i, c] = -GAMMA * step * jacobian[rate_slots[i], c]
                                 matrix[i, i] += 1.0
+                                if after_slots[i] >= 0:
+                                    matrix[i, :] = 0.0
+                                    matrix[i, i] = 1.0
+                                    continue
                                 total = 0.0
                                 for c in range(count):
                                     total += abs(jacobian[rate_slots[i], c])
                                 rate = max(rate, total)
                         evaluate(first, codes, left, right, begin, values, slopes, width)
+                        if lates and ((p == 0 and stage == 0) or (p == pieces - 1 and stage == 1)):
+                            _aim(
+                                values, slopes, late, state_slots, rate_slots, after_slots, 0.5,
+                                mean, mean_slopes, 0,
+                            )  # fmt: skip
                         for i in range(count):
                             right_side[i, 0] = values[rate_slots[i]] - 2.0 * stage * k[0, i]
                             for c in range(width):
                                 moved_slope = slopes[rate_slots[i], c] - 2.0 * stage * dk[0, i, c]
                                 right_side[i, 1 + c] = moved_slope
+                        for j in range(lates):
+                            right_side[late[j], :] = 0.0
                         work[:, :] = matrix
                         _solve(work, right_side)
                         for i in range(count):
@@ -341,11 +457,24 @@ def integrate(
                         _give(values, input_slots, held, inputs, s, at)
                         if clock >= 0:
                             values[clock] = time[s] + at * length
+                        if lates:
+                            _follow(
+                                values, slopes, late, state_slots, after_slots,
+                                time[s] + at * length, nodes, s + 2, past, past_slopes,
+                            )  # fmt: skip
                         evaluate(first, codes, left, right, begin, values, slopes, width)
+                        if lates and ((p == 0 and stage == 0) or (p == pieces - 1 and stage == 3)):
+                            _aim(
+                                values, slopes, late, state_slots, rate_slots, after_slots, 0.5,
+                                mean, mean_slopes, 0,
+                            )  # fmt: skip
                         for i in range(count):
                             k[stage, i] = values[rate_slots[i]]
                             for c in range(width):
                                 dk[stage, i, c] = slopes[rate_slots[i], c]
+                        for j in range(lates):
+                            k[stage, late[j]] = 0.0
+                            dk[stage, late[j], :] = 0.0
                     # The rate of the fastest mode, from two slopes at the same time.
                     above, below, turn = 0.0, 0.0, 0.0
                     for i in range(count):
@@ -395,6 +524,9 @@ def integrate(
                 stiff = rate * step > 0.5 * LIVELY
             elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
                 pieces //= 2
+            if lates:
+                past[s + 1] = mean[0]
+                past_slopes[s + 1] = mean_slopes[0]
             break
         for i in range(count):
             if not abs(x[i]) < HUGE:

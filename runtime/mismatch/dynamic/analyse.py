@@ -45,7 +45,8 @@ BEYOND = 1.15
 """Errors of a model over noise from which on something is left at all."""
 
 PROVEN = 1.0
-"""Log likelihood that names must gain on held-out blocks."""
+"""Log likelihood that names must gain on held-out blocks, or may lose where no reading of those
+is off by more than noise: after a step, say, that they do not have."""
 
 
 def analyse_stores(
@@ -86,12 +87,14 @@ def analyse_stores(
 
 def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
     """Do names gain on blocks that played no part in finding them?"""
-    gained = 0.0
+    gained, seen, learnt = 0.0, False, False
     for proof in proofs:
-        errors = proof.fit.heldout
+        errors, before = proof.fit.heldout, proof.fit.estimation
         fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
         gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
-    return gained > PROVEN
+        seen = seen or errors.recalibrated > BEYOND * errors.noise
+        learnt = learnt or before.recalibrated > BEYOND * before.noise
+    return gained > (-PROVEN if learnt and not seen else PROVEN)
 
 
 def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
@@ -212,17 +215,16 @@ def _worse(proof: Proof) -> float:
 
 
 def _nameless(bench: Bench, best: Fitted, left: list[Suspect], tried: int) -> tuple[Location, ...]:
-    """The place where the final model is still wrong, if it is so beyond doubt."""
+    """The place where the final model is still wrong, if it is so beyond doubt, the likeliest
+    first, and all that are not told from it."""
     if not left or left[0].gain < needed(tried) or left[0].share < LEFT:
         return ()
     steps = bench.record.resolution
     if all(noise.spread < BEYOND * steps[n] for n, noise in best.noise.items()):
         return ()
     first = left[0]
-    also = tuple(
-        s for s in left[1:] if s.gain > first.gain - NEARLY or s.share > first.share - ALIKE
-    )
-    return (place_of(bench, best, left[0], also),)
+    near = [s for s in left if s.gain > first.gain - NEARLY or s.share > first.share - ALIKE]
+    return tuple(place_of(bench, best, s, tuple(o for o in near if o is not s)) for s in near)
 
 
 def _untested(bench: Bench, best: Fitted, findings: Sequence[Finding]) -> tuple[str, ...]:

@@ -67,7 +67,7 @@ class Bench:
 
     def _watched(self, outputs: Mapping[str, int]) -> list[str]:
         shown = [f"{SHOWN}{n}" for n in self.signals]
-        moving = ("der:", "start:", "low:", "high:")
+        moving = ("der:", "start:", "low:", "high:", "after:")
         return [n for n in outputs if n.startswith(moving) or n in shown]
 
     @cached_property

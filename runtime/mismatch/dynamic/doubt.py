@@ -11,7 +11,7 @@ from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import STORED, smooth_gain
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.search import Found, Searcher, in_place_of
+from runtime.mismatch.dynamic.search import Found, Searcher, are_twins, in_place_of
 from runtime.mismatch.result import Confounded, Rival
 
 CONFOUNDED = 0.9
@@ -54,9 +54,7 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
         best, without = _needed_alone(searcher, best, found)
         if not best.joined:
             return best, ()
-        every = searcher.bench.candidates
-        tasks = {c.id: in_place_of(c, without[c.id], every) for c in best.joined}
-        others = {name: searcher.ranked(own, found.plain) for name, own in tasks.items()}
+        others = {c.id: _others(searcher, found, c, without[c.id]) for c in best.joined}
         better = _better(searcher, best, [f for own in others.values() for f in own])
         if better is None or not left:
             break
@@ -73,6 +71,13 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
             Accepted(candidate, own, _odds(searcher, best, others[candidate.id]), rivals)
         )
     return best, tuple(accepted)
+
+
+def _others(searcher: Searcher, found: Found, left: Candidate, bare: Fitted) -> list[Fitted]:
+    """Other explanations in the place of one, best first; alone they were all tried already."""
+    if bare is found.plain and found.singles:
+        return [f for f in found.singles if f.ids != (left.id,) and not f.joined[0].members]
+    return searcher.ranked(in_place_of(left, bare, searcher.bench.candidates), found.plain)
 
 
 def _rivals(searcher: Searcher, bare: Fitted, candidate: Candidate) -> Iterator[Rival]:
@@ -123,13 +128,22 @@ def _odds(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Odds:
     """Odds of other explanations in the place of one, the likeliest first.
 
     Those that come near are fitted to the end first: a trial does not know yet what errors of
-    sensors do in its model.
+    sensors do in its model. The same effect that does the very same elsewhere, as what delays the
+    way from one module to the next, is no other.
     """
     near = sorted(others, key=lambda f: -searcher.gain(f, best))[:WEIGHED]
     exact = [searcher.polished(f) for f in near if searcher.gain(f, best) > -DISTANT]
-    ahead = [(f.joined[-1], searcher.gain(f, best)) for f in exact if not f.pressed]
+    ahead = [
+        (f.joined[-1], searcher.gain(f, best))
+        for f in exact
+        if not f.pressed and not (_same_names(f, best) and are_twins(f, best))
+    ]
     odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
     return tuple(sorted(odds, key=lambda o: -o[1]))
+
+
+def _same_names(one: Fitted, other: Fitted) -> bool:
+    return sorted(c.name for c in one.joined) == sorted(c.name for c in other.joined)
 
 
 def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:

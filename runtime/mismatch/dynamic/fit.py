@@ -29,7 +29,11 @@ NEAR = 0.01
 """Share of its range by which a value may be off an end and still count as there."""
 
 INWARD, PRESSING = 0.1, 0.5
-"""A value is pressed to an end if this share of the way back would cost so much likelihood."""
+"""A value is pressed to an end if this share of the way back would cost so much likelihood, """
+
+ONWARD = 1.92
+"""and to go on would gain so much (chi-square with one degree, half): a truth that lies at the end,
+as of a pump that follows no further at all, is pressed there by noise half of the time."""
 
 GENTLE = 0.05
 """Share of a step that matters by which a strength is off its null where models are made linear."""
@@ -177,6 +181,12 @@ class Fitter:
         """A start somewhere near: the plain parameters moved by a share of their uncertainties."""
         moved = at.copy()
         moved[: self._count] += share * self._u * random.standard_normal(self._count)
+        return np.clip(moved, self._low, self._high)
+
+    def stated(self, at: Array) -> Array:
+        """The same with all plain parameters as they are stated."""
+        moved = at.copy()
+        moved[: self._count] = self._mean
         return np.clip(moved, self._low, self._high)
 
     def values(self, at: Array) -> dict[str, float]:
@@ -327,10 +337,12 @@ class Fitter:
         if not at_end:
             return ()
         residual, slopes = self.residual(at, judged, judged.basis())
+        open_ = np.diag(np.linalg.pinv(slopes.T @ slopes))
         found = []
         for i, unknown, end in at_end:
             back = INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
-            if abs(float(slopes[:, i] @ residual)) * back > PRESSING:
+            steep = abs(float(slopes[:, i] @ residual))
+            if steep * back > PRESSING and 0.5 * steep**2 * open_[i] > ONWARD:
                 found.append(unknown.id)
         return tuple(found)
 

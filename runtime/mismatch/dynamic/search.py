@@ -39,6 +39,9 @@ NARROWED = 3
 SWAPPED = 2
 """Models of each level in which single explanations are exchanged."""
 
+LED = 3
+"""The best explanations from whose values the plain model is fitted anew."""
+
 STEP = 1.0
 """Gain of one more explanation below which no further one is tried."""
 
@@ -46,10 +49,12 @@ SCATTERED = 4
 """Random starts of a trial beside those that its candidate names."""
 
 DESCENDED = 2
-"""The best starts from which a trial is fitted."""
+"""The best starts from which a trial is fitted, beside the best one with parameters as stated:
+recalibration that makes up for strong physics may lie behind a ridge."""
 
-SHORTER = 0.3
-"""Share of a step of the model made linear that is tried too: the whole one may lead too far."""
+SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Of a step of the model made linear: strong physics bends so much that the whole one leads far
+away, and no share of it too."""
 
 TWINS = 0.01
 """Models whose errors differ by less than this share of their spread are one."""
@@ -61,7 +66,8 @@ MOST = 12
 """Readings and states that a term without physics may follow."""
 
 PROMISING = 10
-"""Trials on each model that are fitted further than that."""
+"""Trials on each model with explanations that are fitted further than that; on the plain one all
+are, as what is told in the end is mostly told there."""
 
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
@@ -83,7 +89,7 @@ class Found:
     """The recalibrated model, and the best one with explanations, which may be the same.
 
     `judged` says which samples count; `tried` how many candidates there were; `alone` what each of
-    them gains by itself, by id.
+    them gains by itself, by id, `singles` the models with one of them, best first.
     """
 
     plain: Fitted
@@ -91,6 +97,7 @@ class Found:
     judged: Judged
     tried: int
     alone: Mapping[str, float]
+    singles: tuple[Fitted, ...] = ()
 
 
 class Searcher:
@@ -136,17 +143,15 @@ class Searcher:
         """Fit a model; what `on` knows is where starts are near."""
         fitter, judged, starts = self._begun(on, joined)
         basis = judged.basis()
+        stated = [fitter.stated(at) for at in starts] if on is not None else []
         random = np.random.default_rng(len(joined))
         starts += [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
         base = list(starts)
         for i in range(scattered):
             starts.append(fitter.scattered(base[i % len(base)], random, SHARE))
-        ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
-        near = [
-            fitter.descend(starts[i], judged, basis, evaluations)
-            for cost, i in ranked[:descended]
-            if np.isfinite(cost)
-        ]
+        groups = ((starts, descended), (stated, 1))
+        begun = [a for g, most in groups for a in _cheapest(fitter, g, most, judged, basis)]
+        near = [fitter.descend(at, judged, basis, evaluations) for at in begun]
         if not near:
             return replace(self._hopeless(fitter, judged), joined=joined)
         best = min(near, key=lambda at: fitter.cost(at, judged, basis))
@@ -169,12 +174,9 @@ class Searcher:
         """What a trial promises to gain: two steps of the model made linear, from near its null."""
         fitter, judged, starts = self._begun(on, joined)
         basis = judged.basis()
-        first = [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
-        costs = [fitter.cost(at, judged, basis) for at in first]
-        at = first[int(np.argmin(costs))]
-        far = fitter.ahead(at, judged, basis)
-        shares = (1.0, SHORTER)
-        least = min(*costs, *(fitter.cost(at + s * (far - at), judged, basis) for s in shares))
+        first = [_stepped(fitter, at, judged, basis) for at in _near_null(fitter, on, starts)]
+        _, at = min(first, key=lambda step: step[0])
+        least, _ = _stepped(fitter, at, judged, basis)
         return -least - price_of(replace(on, joined=joined), self.news(on))
 
     def polished(self, fitted: Fitted) -> Fitted:
@@ -192,17 +194,20 @@ class Searcher:
         return fitted
 
     def trials(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
-        """Fit many models: all at a glance, those that promise something on each model further."""
+        """Fit many models: on each with explanations those that promise something at a glance."""
+        by_model: dict[tuple[str, ...], list[Task]] = {}
+        for task in tasks:
+            by_model.setdefault(task[0].ids, []).append(task)
         with ThreadPoolExecutor(self._workers) as pool:
-            seen = list(pool.map(lambda t: self.glance(*t), tasks))
-            by_model: dict[tuple[str, ...], list[int]] = {}
-            for i, (on, _) in enumerate(tasks):
-                by_model.setdefault(on.ids, []).append(i)
-            promising: list[int] = []
-            for members in by_model.values():
-                members.sort(key=lambda i: -seen[i])
-                promising += members[:PROMISING]
-            return list(pool.map(lambda i: self.trial(*tasks[i]), promising))
+            promising: list[Task] = []
+            for ids, members in by_model.items():
+                if ids:
+                    seen = list(pool.map(lambda t: self.glance(*t), members))
+                    order = sorted(range(len(members)), key=lambda i: -seen[i])
+                    promising += [members[i] for i in order[:PROMISING]]
+                else:
+                    promising += members
+            return list(pool.map(lambda t: self.trial(*t), promising))
 
     def ranked(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
         """Trials, best first; what is pressed to an end of its range stands for something else."""
@@ -300,14 +305,22 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     plain = searcher.polished(replace(plain, slow=judged.slow, drift=drift))
     if _is_white(plain):
         return Found(plain, plain, judged, len(candidates), {})
+    tell(f"trying {len(candidates)} explanations alone")
+    singles = searcher.ranked(_tasks([plain], candidates), plain)
+    better = _where_they_led(searcher, plain, singles)
+    if better is not None:
+        plain = better
+        if _is_white(plain):
+            return Found(plain, plain, judged, len(candidates), {})
+        singles = searcher.ranked(_tasks([plain], candidates), plain)
+    alone = {f.ids[0]: searcher.gain(f, plain) for f in singles}
     levels: list[tuple[Fitted, ...]] = [(plain,)]
-    alone: dict[str, float] = {}
     single = tuple(c for c in candidates if not c.members)
     for depth in range(1, DEEPEST + 1):
-        tell(f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}")
-        ranked = searcher.ranked(_tasks(levels[-1], candidates if depth == 1 else single), plain)
-        if depth == 1:
-            alone = {f.ids[0]: searcher.gain(f, plain) for f in ranked}
+        ranked = singles
+        if depth > 1:
+            tell(f"trying {len(single)} explanations on {len(levels[-1])} models, depth {depth}")
+            ranked = searcher.ranked(_tasks(levels[-1], single), plain)
         beam = _distinct(searcher.refined(_distinct(ranked), plain))
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
@@ -329,7 +342,21 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best
-    return Found(plain, best, judged, len(candidates), alone)
+    return Found(plain, best, judged, len(candidates), alone, tuple(singles))
+
+
+def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]) -> Fitted | None:
+    """The plain model fitted anew from where explanations led, if that is better.
+
+    What looks like a gain of theirs may be that of another optimum of the plain model.
+    """
+    known = plain.values.keys()
+    for near in singles[:LED]:
+        values = {n: v for n, v in near.values.items() if n in known}
+        found = searcher.polished(replace(plain, values=values))
+        if searcher.gain(found, plain) > STEP:
+            return found
+    return None
 
 
 def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
@@ -353,6 +380,25 @@ def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> li
     known = on.values if on is not None else {}
     near = [fitter.gentle(at, known) for at in starts]
     return list({at.tobytes(): at for at in near}.values())
+
+
+def _cheapest(
+    fitter: Fitter, starts: Sequence[Array], most: int, judged: Judged, basis: Array
+) -> Sequence[Array]:
+    """The best starts of all that can be simulated."""
+    ranked = sorted((fitter.cost(at, judged, basis), i) for i, at in enumerate(starts))
+    return [starts[i] for cost, i in ranked[:most] if np.isfinite(cost)]
+
+
+def _stepped(fitter: Fitter, at: Array, judged: Judged, basis: Array) -> tuple[float, Array]:
+    """A cheaper point on the way to the optimum of the model made linear, with its cost."""
+    far, here = fitter.ahead(at, judged, basis), fitter.cost(at, judged, basis)
+    for share in SHARES:
+        point = at + share * (far - at)
+        cost = fitter.cost(point, judged, basis)
+        if cost < here:
+            return cost, point
+    return here, at
 
 
 def _is_white(fitted: Fitted) -> bool:
@@ -418,7 +464,7 @@ def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
     for fitted in ranked:
         if len(kept) == BEAM:
             break
-        if any(_are_twins(fitted, other) for other in kept):
+        if any(are_twins(fitted, other) for other in kept):
             continue
         if max((count[i] for i in fitted.ids), default=0) < KIN:
             kept.append(fitted)
@@ -426,7 +472,7 @@ def _distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
     return kept
 
 
-def _are_twins(one: Fitted, other: Fitted) -> bool:
+def are_twins(one: Fitted, other: Fitted) -> bool:
     """Do two models leave the same errors?"""
     if len(one.joined) != len(other.joined):
         return False
