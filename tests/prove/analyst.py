@@ -44,9 +44,11 @@ def _asked(folder: Path) -> dict[str, Any]:
     file = plant / "plant.yaml"
     if (folder / EARLIER).exists() and "calibration:" not in file.read_text(encoding="utf-8"):
         made = plant / "calibration.yaml"
-        _run("calibrate", plant, folder / EARLIER, "-o", made)
-        with file.open("a", encoding="utf-8") as text:
-            text.write("calibration: [calibration.yaml]\n")
+        # Where the earlier run does not tell a parameter, a user goes on with the data sheet.
+        with contextlib.suppress(ValueError):
+            _run("calibrate", plant, folder / EARLIER, "-o", made)
+            with file.open("a", encoding="utf-8") as text:
+                text.write("calibration: [calibration.yaml]\n")
     series = folder / SERIES
     recording = folder / "recording.csv"
     _run("mismatch", plant, recording, "--json", answer, "--series", series)

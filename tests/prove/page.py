@@ -10,7 +10,7 @@ from tests.prove import tables
 from tests.prove.mistakes import confusion
 from tests.prove.pictures import draw_curve, draw_ratio
 from tests.prove.results import Judged, Run
-from tests.prove.scores import Row, by, by_concealment, table
+from tests.prove.scores import Row, by, by_concealment, plain, table
 
 STYLE = """<style>
 .word { white-space: nowrap; }
@@ -46,7 +46,7 @@ def page(run: Run) -> str:
         ("By partition", tables.groups(by(run.judged, "partition"), "partition")),
         ("How this was measured", f'<div class="facts">{_measured(run)}</div>'),
     ]
-    first = STYLE + _told(run, rows) + tables.goals(rows) + _remark()
+    first = STYLE + _told(run, rows) + tables.goals(rows, table(plain(run.shown))) + _remark()
     sections = [first, *_pictures(judged), *(section(*part) for part in parts if part[1])]
     title = "Proof on concealed effects"
     return document(title, f"{run.partition} cases", "proof", "".join(sections))

@@ -15,18 +15,30 @@ from tests.prove.mistakes import (
     worst,
 )
 from tests.prove.results import Judged
-from tests.prove.scores import Group, Row
+from tests.prove.scores import PLAIN_GAIN, PLAIN_MARGIN, Group, Row
 
 NOTHING = "nothing"
 
 
-def goals(rows: Sequence[Row]) -> str:
-    """Every score, its goal, and in words whether it is met."""
-    head = _head("score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right")
-    return _table(head, "".join(_goal(row) for row in rows), "slim")
+PLAIN = f"strength of {PLAIN_GAIN:g} and margin of {PLAIN_MARGIN:g} at least"
 
 
-def _goal(row: Row) -> str:
+def goals(rows: Sequence[Row], plainly: Sequence[Row]) -> str:
+    """Every score, its goal, and in words whether it is met; `plainly` of what is plain to see."""
+    head = _head(
+        "score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right", ".plain to see"
+    )
+    body = "".join(_goal(row, one) for row, one in zip(rows, plainly, strict=True))
+    note = f'<p class="soft">Plain to see: {safe(PLAIN)}.</p>'
+    return _table(head, body, "slim") + note
+
+
+def of_count(row: Row) -> str:
+    """A score and how many cases it is of; a dash without cases."""
+    return f"{value_of(row)} of {row.count}" if row.count else "–"
+
+
+def _goal(row: Row, plain: Row) -> str:
     symbol, style = {True: ("✓", "agrees"), False: ("✗", "contradicts"), None: ("–", "soft")}[
         row.met
     ]
@@ -34,7 +46,8 @@ def _goal(row: Row) -> str:
     first, rest = (value_of(row), row.goal.text), (interval_of(row), str(row.count), hits)
     return (
         f"<tr><td>{safe(row.score)}</td>{''.join(map(_number, first))}"
-        f'<td class="{style} word">{symbol} {row.words}</td>{"".join(map(_number, rest))}</tr>'
+        f'<td class="{style} word">{symbol} {row.words}</td>{"".join(map(_number, rest))}'
+        f"{_number(of_count(plain))}</tr>"
     )
 
 

@@ -12,8 +12,8 @@ from runtime.report.text import number
 from tests.prove.mistakes import worst
 from tests.prove.page import headline, partition_words
 from tests.prove.results import Run
-from tests.prove.scores import Row, table
-from tests.prove.tables import interval_of, planted_words, said_words, value_of
+from tests.prove.scores import Row, plain, table
+from tests.prove.tables import PLAIN, interval_of, of_count, planted_words, said_words, value_of
 
 MARK = {True: "[green]✓[/]", False: "[red]✗[/]", None: "[dim]–[/]"}
 
@@ -23,7 +23,8 @@ def tell(out: Console, run: Run) -> None:
     rows = table(run.shown)
     out.print(f"[bold]{escape(headline(run, rows))}[/]")
     out.print(f"[dim]{escape(partition_words(run))}[/]\n")
-    out.print(_goals(rows))
+    out.print(_goals(rows, table(plain(run.shown))))
+    out.print(f"[dim]plain to see: {PLAIN}[/]")
     found = worst(run.shown)
     if not found:
         return
@@ -46,13 +47,14 @@ def text(run: Run, width: int = 100) -> str:
     return out.file.getvalue()
 
 
-def _goals(rows: list[Row]) -> Table:
+def _goals(rows: list[Row], plainly: list[Row]) -> Table:
     shown = Table(box=None, pad_edge=False)
     shown.add_column("score")
     for title in ("goal", "cases", "reached", "95 % interval"):
         shown.add_column(title, justify="right", no_wrap=True)
     shown.add_column("", no_wrap=True)
-    for row in rows:
+    shown.add_column("plain to see", justify="right", no_wrap=True)
+    for row, one in zip(rows, plainly, strict=True):
         cells = (row.goal.text, str(row.count), value_of(row), interval_of(row))
-        shown.add_row(row.score, *cells, f"{MARK[row.met]} {row.words}")
+        shown.add_row(row.score, *cells, f"{MARK[row.met]} {row.words}", of_count(one))
     return shown

@@ -43,11 +43,11 @@ CONCEALED: Mapping[str, str] = {
 CORNER = ("overflow-sharp", "saturation", "clipping")
 """Their size is the share of samples in which they act."""
 
-NAMELESS = ("quantisation", "stuck")
-"""Errors of sensors that no entry names."""
-
 UNSEEN = ("gain-high", "gain-low")
 """What these change is what a recalibration mends: nothing is missing."""
+
+LEAST = 4.0
+"""Expected gain that an effect has at least, where it is alone."""
 
 ALIKE = (
     "outlet-height",  # an offset of the sensor
@@ -97,7 +97,10 @@ class Planned:
             self.profile,
             self.rarely,
         )
-        return SealedCase(made, (CONCEALED[self.group],))
+        found = SealedCase(made, (CONCEALED[self.group],))
+        if len(found.answer.effects) == 1 and found.answer.effects[0].gain < LEAST:
+            raise ValueError("nobody could see it")
+        return found
 
 
 def cases(
@@ -151,7 +154,7 @@ def _chosen(
 def _fits(group: str, placed: Placed) -> bool:
     """May a case of the group have this effect?"""
     name, sort = placed.effect.name, placed.effect.sort
-    plain = name not in (*NAMELESS, *UNSEEN)
+    plain = name not in UNSEEN
     match group:
         case "single":
             return sort == "physics"
@@ -160,7 +163,7 @@ def _fits(group: str, placed: Placed) -> bool:
         case "alike":
             return name in ALIKE
         case "unnamed":
-            return sort == "unnamed" or name in NAMELESS
+            return sort == "unnamed"
         case "pair":
             return sort != "unnamed" and plain
         case _:
