@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,6 +50,18 @@ def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
     values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
     course = Course(spot.unknown, segment, tuple(periods), at - segment)
     return Trial(_candidate(spot), values, {}, 0.0, course)
+
+
+def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
+    """An error at the place of a fault, with its periods: what it follows is not known."""
+    candidate, course = trial.candidate, trial.course
+    spots = [s for s in fitted.rows.system.workshop.spots if s.module == candidate.module]
+    here = [s for s in spots if s.place == candidate.place]
+    here = here or [s for s in spots if set(s.observers) & set(candidate.observers)]
+    if course is None or not here or here[0].id in fitted.setting.spots:
+        return None
+    same = replace(course, unknown=here[0].unknown)
+    return Trial(_candidate(here[0]), dict.fromkeys(same.names(), 0.0), {}, trial.gain, same)
 
 
 def _levels(course: Array, weight: Array) -> Array:

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.mismatch.candidate import TIME, Candidate
+from runtime.mismatch.coincide import with_readings
 from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import best_curve, free_form_trials
-from runtime.mismatch.hidden import hidden_trials
+from runtime.mismatch.hidden import hidden_trials, with_the_course_of
 from runtime.mismatch.pairs import pair_trials
 from runtime.mismatch.periods import in_periods
 from runtime.mismatch.price import NEEDED, needed, net_gain, odds_of
@@ -42,10 +43,12 @@ CLOSE = 0.01
 SURPASSED = 1.35
 """Times the gain of a name that a free curve must gain to say that the name only imitates it."""
 
-FEW_CHANGES = 2
 DRIVEN = 0.7
-"""The same for a fault that comes and goes more often than a few times: if a curve over one reading
-does nearly as well, it comes and goes with that reading, and is no fault of its own."""
+"""The same for a fault that comes and goes more than once: if a curve over one reading does nearly
+as well, it comes and goes with that reading, and is no fault of its own."""
+
+FEW_CHANGES = 2
+"""Periods of a fault that begins, at most."""
 
 COARSE = 0.5
 """Part of that which such a curve must gain on blocks that it was not fitted to."""
@@ -200,7 +203,10 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
     )
     for stage in stages:
-        found = _first(now, _contested(stage(), now), hidden, tried)
+        ranked = _contested(stage(), now)
+        following = [c for c in ranked if _follows_readings(c)]
+        hidden = _better(hidden, following[:1], now)
+        found = _first(now, [c for c in ranked if c not in following], hidden, tried)
         if found is not None:
             found = _or_sudden(found, now, fitted, free, hidden)
             return _or_nameless(found, now) or found
@@ -226,7 +232,7 @@ def _or_nameless(found: _Step, now: Contestant) -> _Step | None:
     if found.winner is None or not found.records:
         return None
     curve, named = best_curve(now.fitted), net_gain(found.winner, now)
-    driven = _changes(found.winner) > FEW_CHANGES
+    driven = _changes(found.winner) > 1
     share = DRIVEN if driven else SURPASSED
     if curve is None or curve.gain < share * named + NEEDED:
         return None
@@ -235,6 +241,24 @@ def _or_nameless(found: _Step, now: Contestant) -> _Step | None:
     # A few bands are a coarse curve: on other blocks it does worse than periods cut to measure.
     least = COARSE * share if driven else share
     return free if free is not None and _gain_of(free, now) > least * named else None
+
+
+def _follows_readings(contestant: Contestant) -> bool:
+    """Does a fault come and go with the operating point?"""
+    trial = contestant.trial
+    if trial is None or trial.course is None:
+        return False
+    return with_readings(contestant.fitted, trial.course, trial.candidate.module)
+
+
+def _better(
+    hidden: Contestant | None, following: Sequence[Contestant], now: Contestant
+) -> Contestant | None:
+    """What follows readings in a way that has no name, if that is more than a hidden driver."""
+    trials = (with_the_course_of(now.fitted, c.trial) for c in following if c.trial is not None)
+    found = [contest(*refit(now.fitted, t)) for t in trials if t is not None]
+    known = [*found, *([hidden] if hidden is not None else [])]
+    return max(known, key=lambda c: net_gain(c, now), default=None)
 
 
 def _changes(contestant: Contestant) -> int:
