@@ -7,7 +7,7 @@ from second differences, which neither steps nor slopes disturb (robustly: from 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.ruleset import Ruleset, SignalSpec
+from runtime.ruleset import ObserverSpec, Ruleset, SignalSpec
 
 SHORTEST = 3
 """Samples a stretch must have."""
@@ -107,8 +107,14 @@ def systematic_u(signal: SignalSpec, values: Array | float) -> Array:
     return signal.standard * np.asarray(size, dtype=float)
 
 
-def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Stretches:
-    """Settled stretches by all readings that some observer uses."""
+def find_stretches(
+    recording: Recording,
+    ruleset: Ruleset,
+    noise: Mapping[str, float],
+    observers: Sequence[ObserverSpec] | None = None,
+    longest: int = LONGEST,
+) -> Stretches:
+    """Settled stretches by all readings that some observer (or one of those given) uses."""
     n = len(recording)
     breaks = np.zeros(n, dtype=bool)
     breaks[0] = True
@@ -116,7 +122,7 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
     if n > 1:
         breaks[1:] |= steps > GAP * np.median(steps)
         breaks[1:] |= np.diff(recording.segment) != 0
-    used = {s for o in ruleset.observers for s in o.signals}
+    used = {s for o in observers or ruleset.observers for s in o.signals}
     jumps = np.zeros(n, dtype=bool)
     levels: list[Array] = []
     for signal in ruleset.signals:
@@ -134,7 +140,7 @@ def find_stretches(recording: Recording, ruleset: Ruleset, noise: Mapping[str, f
             jumps[1:] |= np.abs(np.diff(values[latest])) > limit
             jumps |= _shifts(values[latest], max(limit / np.sqrt(SHORTEST), floor))
         breaks[_edges_of_long(~readable)] = True
-    return _cut(breaks | jumps, jumps, np.array(levels).reshape(-1, n))
+    return _cut(breaks | jumps, jumps, np.array(levels).reshape(-1, n), longest)
 
 
 def _shifts(values: Array, limit: float) -> np.ndarray:
@@ -167,14 +173,14 @@ def _edges_of_long(blank: np.ndarray) -> np.ndarray:
     return long[long < len(blank)]
 
 
-def _cut(ends: np.ndarray, jumps: np.ndarray, levels: Array) -> Stretches:
+def _cut(ends: np.ndarray, jumps: np.ndarray, levels: Array, longest: int) -> Stretches:
     """Runs between ends; the sample behind a jump may still average over it and is left out."""
     starts = np.flatnonzero(ends)
     stops = np.append(starts[1:], len(ends))
     first, last = [], []
     for start, stop in zip(starts, stops, strict=True):
         begin = _settled_from(levels, int(start) + 1, int(stop)) if jumps[start] else start
-        pieces = max(1, -(-(stop - begin) // LONGEST))
+        pieces = max(1, -(-(stop - begin) // longest))
         edges = np.linspace(begin, stop, pieces + 1).astype(int)
         for low, high in pairwise(edges):
             if high - low >= SHORTEST:

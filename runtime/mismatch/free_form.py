@@ -56,7 +56,7 @@ def best_curve(fitted: Fitted) -> Curve | None:
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     curves = []
     for suspect in suspects(fitted)[:PLACES]:
-        for name in varying(fitted, suspect.spot.module):
+        for name in _varying(fitted, suspect.spot.module):
             gain = _curve_gain(fitted, looks, suspect, name) - BANDS * each
             curves.append(Curve(suspect.spot, name, gain))
     # An error of a reading says the same as one of the law that it is compared with: the law first.
@@ -112,12 +112,12 @@ def _products(fitted: Fitted) -> list[Trial]:
 
 def _features(fitted: Fitted, module: str) -> list[str]:
     """Readings that vary, their squares and products."""
-    names = varying(fitted, module)[:MOST_READINGS]
+    names = _varying(fitted, module)[:MOST_READINGS]
     pairs = itertools.combinations_with_replacement(names, 2)
     return [*names, *(f"{a}*{b}" for a, b in pairs)]
 
 
-def varying(fitted: Fitted, module: str) -> list[str]:
+def _varying(fitted: Fitted, module: str) -> list[str]:
     """Readings that vary by more than their noise; what follows from others explains nothing."""
     data = fitted.rows.system.data
     outputs = {name for cell in fitted.rows.cells for name in cell.outputs}

@@ -17,8 +17,8 @@ from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
 from runtime.point_table import each_row, is_point_table
 from runtime.recording import Recording
-from runtime.ruleset import Ruleset
-from runtime.stationary import Stretches, find_stretches, noise_at_work, systematic_u
+from runtime.ruleset import ObserverSpec, Ruleset
+from runtime.stationary import LONGEST, Stretches, find_stretches, noise_at_work, systematic_u
 
 ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
 
@@ -47,7 +47,8 @@ class Data:
 
     `time` shape (n,), s; `part` and `block` shape (n,). `noise` is the statistical standard
     uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
-    `of_rows` tells that each row of the recording is a settled point of its own.
+    `of_rows` tells that each row of the recording is a settled point of its own. `moving` are flags
+    per module, shape (n,): while one ramps, the others may be judged.
     """
 
     points: Points
@@ -58,6 +59,7 @@ class Data:
     of_rows: bool
     split: str
     digest: str
+    moving: Mapping[str, np.ndarray]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -81,9 +83,10 @@ def prepare(
     of_rows = is_point_table(recording, ruleset)
     if of_rows:
         stretches = each_row(recording)
+        moving: dict[str, np.ndarray] = {}
         noise = dict.fromkeys(noise, 0.0)
     else:
-        stretches = _pieces(find_stretches(recording, ruleset, noise), len(ruleset.observers))
+        stretches, moving = settled_parts(recording, ruleset, noise)
     if not len(stretches):
         return None
     points = points_of_stretches(recording, ruleset, stretches, noise)
@@ -103,7 +106,33 @@ def prepare(
     digest = hashlib.sha256(
         np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
     ).hexdigest()[:16]
-    return Data(points, time, statistical, block, part, of_rows, text, digest)
+    return Data(points, time, statistical, block, part, of_rows, text, digest, moving)
+
+
+def settled_parts(
+    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> tuple[Stretches, dict[str, np.ndarray]]:
+    """Pieces of time in which some modules rest, and by module in which of them it moves.
+
+    Pumps that are run one by one seldom all rest at once.
+    """
+    own: dict[str, list[ObserverSpec]] = {}
+    for observer in ruleset.observers:
+        own.setdefault(observer.module, []).append(observer)
+    n = len(recording)
+    number = np.full((len(own), n), -1)
+    for row, observers in zip(number, own.values(), strict=True):
+        found = find_stretches(recording, ruleset, noise, observers, n)
+        for i, (low, high) in enumerate(zip(found.first, found.last, strict=True)):
+            row[low:high] = i
+    rests: np.ndarray = np.any(number >= 0, axis=0)
+    changes = np.any(np.diff(number, axis=1) != 0, axis=0)
+    first = np.flatnonzero(np.concatenate([[True], changes]))
+    last = np.append(first[1:], n)
+    kept = rests[first]
+    pieces = _pieces(Stretches(first[kept], last[kept]), len(ruleset.observers))
+    moving = {module: row[pieces.first] < 0 for module, row in zip(own, number, strict=True)}
+    return pieces, moving
 
 
 def _bridged(points: Points, read: set[str]) -> Points:
@@ -120,7 +149,7 @@ def _bridged(points: Points, read: set[str]) -> Points:
 def _pieces(stretches: Stretches, observers: int) -> Stretches:
     """Stretches cut, so that there are as many points as the budget allows, and no more."""
     budget = BUDGET // max(observers, 1)
-    length = max(1, -(-int(stretches.lengths.sum()) // budget))
+    length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST)
     first, last = [], []
     for low, high in zip(stretches.first, stretches.last, strict=True):
         count = max(1, round((high - low) / length))

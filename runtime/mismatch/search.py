@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.mismatch.candidate import TIME, Candidate
-from runtime.mismatch.coincide import with_readings
+from runtime.mismatch.coincide import with_settings
 from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import best_curve, free_form_trials
@@ -204,7 +204,7 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     )
     for stage in stages:
         ranked = _contested(stage(), now)
-        following = [c for c in ranked if _follows_readings(c)]
+        following = [c for c in ranked if _follows_settings(c)]
         hidden = _better(hidden, following[:1], now)
         found = _first(now, [c for c in ranked if c not in following], hidden, tried)
         if found is not None:
@@ -243,12 +243,12 @@ def _or_nameless(found: _Step, now: Contestant) -> _Step | None:
     return free if free is not None and _gain_of(free, now) > least * named else None
 
 
-def _follows_readings(contestant: Contestant) -> bool:
+def _follows_settings(contestant: Contestant) -> bool:
     """Does a fault come and go with the operating point?"""
     trial = contestant.trial
     if trial is None or trial.course is None:
         return False
-    return with_readings(contestant.fitted, trial.course, trial.candidate.module)
+    return with_settings(contestant.fitted, trial.course)
 
 
 def _better(

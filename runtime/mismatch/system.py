@@ -61,7 +61,11 @@ class System:
     def valid(self) -> np.ndarray:
         """Which estimates may be used at which point, shape (observers, n)."""
         seen = observe(self.ruleset, self.data.points).valid
-        return np.array([seen[self.ruleset.observer_index[o.id]] for o in self.observers])
+        valid = np.array([seen[self.ruleset.observer_index[o.id]] for o in self.observers])
+        for row, observer in zip(valid, self.observers, strict=True):
+            if observer.module in self.data.moving:
+                row &= ~self.data.moving[observer.module]
+        return valid
 
     @cached_property
     def inputs(self) -> dict[str, Array | float]:

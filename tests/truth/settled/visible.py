@@ -1,7 +1,8 @@
 """How visible an effect is at best: expected gain in log likelihood over recalibration.
 
 Samples count as independent, laws as linear in the parameters: a bound, not what a tool reaches.
-Sensors' systematic errors and all parameters are free within their uncertainties.
+Sensors' systematic errors and all parameters are free within their uncertainties. A sample counts
+where its module is settled: of a reading that moves, a model of settled operation says nothing.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ class Sight:
     Attributes
     ----------
     noise : by output, SI, shape (n,); that of the inputs included
+    settled : by module, shape (n,)
     sensitivities : shape (outputs*n, k), over the noise
     """
 
     scene: Scene
     noise: Mapping[str, Array]
     sensitivities: Array
+    settled: Mapping[str, np.ndarray]
 
     def change(self, terms: Sequence[Change]) -> Array:
         """What terms change in the readings, over the noise; shape (outputs*n,)."""
@@ -56,9 +59,10 @@ class Sight:
         return self._stacked(_outputs_moved(self.scene, name, off))
 
     def _stacked(self, values: Mapping[str, Array]) -> Array:
-        seen = self.scene.running.copy()
-        seen[: self.scene.first] = False
-        parts = [(values[n] / self.noise[n])[seen] for n in self.scene.rig.outputs]
+        parts = [
+            (values[n] / self.noise[n])[self.settled[n.partition(".")[0]]]
+            for n in self.scene.rig.outputs
+        ]
         return np.concatenate(parts)
 
 
@@ -73,7 +77,8 @@ def sight(scene: Scene) -> Sight:
         for output in rig.outputs:
             variance[output] = variance[output] + slopes[name][output] ** 2
     noise = {n: np.sqrt(v) for n, v in variance.items()}
-    bare = Sight(scene, noise, np.zeros((0, 0)))
+    settled = settled_of(scene)
+    bare = Sight(scene, noise, np.zeros((0, 0)), settled)
     columns = []
     for name, (_, u) in rig.numbers.items():
         if u > 0:
@@ -83,12 +88,27 @@ def sight(scene: Scene) -> Sight:
             columns.append(bare._stacked(change))
     zero = {n: np.zeros_like(scene.time) for n in rig.outputs}
     for name in rig.outputs:
-        systematic = noise_of(scene, name) / SENSING.statistical
-        columns.append(bare._stacked({**zero, name: systematic}))
+        columns.append(bare._stacked({**zero, name: class_of(scene, name)}))
     for name in rig.inputs:
         moved = {n: v / SENSING.statistical for n, v in slopes[name].items()}
         columns.append(bare._stacked(moved))
-    return Sight(scene, noise, np.stack(columns, 1))
+    return Sight(scene, noise, np.stack(columns, 1), settled)
+
+
+def settled_of(scene: Scene) -> dict[str, np.ndarray]:
+    """By module the samples of the recording, shape (n,), at which none of its readings moves from
+    one to the next by more than its class."""
+    seen = scene.running.copy()
+    seen[: scene.first] = False
+    found: dict[str, np.ndarray] = {}
+    for place in scene.rig.sensors:
+        module = place.partition(".")[0]
+        rests = found.setdefault(module, seen.copy())
+        if place in scene.plain and not place.endswith((".T", ".l")):
+            moves = np.abs(np.diff(scene.plain[place])) > class_of(scene, place)[1:]
+            rests[1:] &= ~moves
+            rests[:-1] &= ~moves
+    return found
 
 
 def noise_of(scene: Scene, place: str) -> Array:
@@ -97,6 +117,11 @@ def noise_of(scene: Scene, place: str) -> Array:
     bound = sensor.bound * (np.abs(sensor.shown(scene.plain[place])) if sensor.relative else 1.0)
     size = SENSING.statistical * 0.5 * bound * sensor.scale
     return np.asarray(size * np.ones_like(scene.time))
+
+
+def class_of(scene: Scene, place: str) -> Array:
+    """Standard deviation of what all readings of a sensor share, SI, shape (n,)."""
+    return noise_of(scene, place) / SENSING.statistical
 
 
 def _outputs_moved(scene: Scene, name: str, off: Array) -> dict[str, Array]:
