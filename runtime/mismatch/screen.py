@@ -38,7 +38,8 @@ FAR = 2.5
 class Trial:
     """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
 
-    `along` are others that must be joined with it.
+    `along` are others that must be joined with it; `held` is the gain under a calibration that
+    holds.
     """
 
     candidate: Candidate
@@ -47,6 +48,7 @@ class Trial:
     gain: float
     course: Course | None = None
     along: tuple[Trial, ...] = ()
+    held: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -144,17 +146,20 @@ def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
                 setting = replace(fitted.setting, released=modules)
                 eased[modules] = looks_at(fitted, prior_of(fitted.rows.system, setting))
             own = eased[modules]
-        trials += _best_of(fitted, (*looks, *own), candidate)
+        trials += _best_of(fitted, looks, own, candidate)
     return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
 
 
-def _best_of(fitted: Fitted, looks: Sequence[Look], candidate: Candidate) -> list[Trial]:
+def _best_of(
+    fitted: Fitted, looks: Sequence[Look], eased: Sequence[Look], candidate: Candidate
+) -> list[Trial]:
     system = fitted.rows.system
     if not _has_drivers(system, candidate):
         return []
     fixed = references(system, candidate)
     amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
     best: Trial | None = None
+    held = 0.0
     null = {u.id: u.null for u in amplitudes if u.null is not None}
     for shape, at in itertools.product(starts(system, candidate), _bends(amplitudes, null)):
         columns = columns_of(fitted, candidate, {**at, **shape}, fixed)
@@ -162,14 +167,15 @@ def _best_of(fitted: Fitted, looks: Sequence[Look], candidate: Candidate) -> lis
             continue
         low = np.array([u.lowest - null[u.id] for u in amplitudes])
         high = np.array([u.highest - null[u.id] for u in amplitudes])
-        for look in looks:
+        for look in (*looks, *eased):
             found, gain = look.best(columns, low, high)
+            held = held if any(look is e for e in eased) else max(held, gain)
             if best is None or gain > best.gain:
                 values = {
                     u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
                 }
                 best = Trial(candidate, {**values, **shape}, fixed, gain)
-    return [best] if best is not None and best.gain > 0 else []
+    return [replace(best, held=held)] if best is not None and best.gain > 0 else []
 
 
 def _bends(

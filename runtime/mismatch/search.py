@@ -11,7 +11,7 @@ from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials, with_the_course_of
-from runtime.mismatch.pairs import pair_trials
+from runtime.mismatch.pairs import held_pairs, pair_trials
 from runtime.mismatch.periods import in_periods
 from runtime.mismatch.price import NEEDED, needed, net_gain, odds_of
 from runtime.mismatch.result import Rival
@@ -197,9 +197,11 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     tried += len(trials)
     hopeless = HOPELESS * needed(now, tried)
     hidden = _best([refit(fitted, t) for t in hidden_trials(fitted)], now)
+    # Where no single explanation beats a calibration that is let go, two at once may.
+    eased: _Step | None = None
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
         lambda: [refit(fitted, t) for t in trials[:FINALISTS] if t.gain > hopeless],
-        lambda: pair_trials(fitted, trials),
+        lambda: (pair_trials if eased is None else held_pairs)(fitted, trials),
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
     )
     for stage in stages:
@@ -207,9 +209,12 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
         following = [c for c in ranked if _follows_settings(c)]
         hidden = _better(hidden, following[:1], now)
         found = _first(now, [c for c in ranked if c not in following], hidden, tried)
-        if found is not None:
+        if found is not None and found.records:
             found = _or_sudden(found, now, fitted, free, hidden)
             return _or_nameless(found, now) or found
+        eased = eased or found
+    if eased is not None:
+        return eased
     worth = needed(now, tried) + PART * explained
     unnamed = _contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     best = _first(now, unnamed, None, tried)
@@ -348,16 +353,32 @@ def _recorded(
     assert winner.trial is not None
     others = [c for c in instead_of(winner, ranked, now) if net_gain(c, now) > 0]
     trials = (winner.trial, *winner.trial.along)
-    return tuple(
-        Accepted(
-            trial,
-            net_gain(winner, now) / len(trials),
-            rivals,
-            tuple(c.trial for c in others if c.trial is not None),
-            tuple(min(odds_of(c, winner), 1.0) for c in others),
+    ours = {t.candidate.id for t in trials}
+    records = []
+    for trial in trials:
+        kept: dict[str, tuple[Trial, float]] = {}
+        for other in others:
+            instead_ = _in_place_of(trial, ours, other)
+            if instead_ is not None and instead_.candidate.id not in kept:
+                kept[instead_.candidate.id] = (instead_, min(odds_of(other, winner), 1.0))
+        gain = net_gain(winner, now) / len(trials)
+        rest = tuple(kept.values())
+        records.append(
+            Accepted(trial, gain, rivals, tuple(t for t, _ in rest), tuple(o for _, o in rest))
         )
-        for trial in trials
-    )
+    return tuple(records)
+
+
+def _in_place_of(trial: Trial, ours: set[str], other: Contestant) -> Trial | None:
+    """What another model has instead of an explanation; None if it has the same.
+
+    `ours` are the ids of all that was found together.
+    """
+    assert other.trial is not None
+    theirs = (other.trial, *other.trial.along)
+    if trial.candidate.id in {t.candidate.id for t in theirs}:
+        return None
+    return next((t for t in theirs if t.candidate.id not in ours), other.trial)
 
 
 def _coming_and_going(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
