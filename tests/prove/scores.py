@@ -60,11 +60,14 @@ class Row:
         return self.high < self.goal.low or self.low > self.goal.high
 
     @property
+    def verdict(self) -> str:
+        """Met or missed."""
+        return "no case" if self.met is None else "met" if self.met else "missed"
+
+    @property
     def words(self) -> str:
-        """Met or missed, and whether that is beyond doubt."""
-        if self.met is None:
-            return "no case"
-        return ("met" if self.met else "missed") + ("" if self.sure else ", not surely")
+        """The same, and whether it is beyond doubt."""
+        return self.verdict + ("" if self.met is None or self.sure else ", not surely")
 
 
 NAN = float("nan")

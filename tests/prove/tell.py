@@ -48,13 +48,13 @@ def text(run: Run, width: int = 100) -> str:
 
 
 def _goals(rows: list[Row], plainly: list[Row]) -> Table:
-    shown = Table(box=None, pad_edge=False)
-    shown.add_column("score")
+    shown = Table(box=None, pad_edge=False, collapse_padding=True)
+    shown.add_column("score", min_width=20)
     for title in ("goal", "cases", "reached", "95 % interval"):
         shown.add_column(title, justify="right", no_wrap=True)
     shown.add_column("", no_wrap=True)
     shown.add_column("plain to see", justify="right", no_wrap=True)
     for row, one in zip(rows, plainly, strict=True):
         cells = (row.goal.text, str(row.count), value_of(row), interval_of(row))
-        shown.add_row(row.score, *cells, f"{MARK[row.met]} {row.words}", of_count(one))
+        shown.add_row(row.score, *cells, f"{MARK[row.met]} {row.verdict}", of_count(one))
     return shown
