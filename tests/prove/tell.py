@@ -49,7 +49,7 @@ def text(run: Run, width: int = 100) -> str:
 
 def _goals(rows: list[Row], plainly: list[Row]) -> Table:
     shown = Table(box=None, pad_edge=False, collapse_padding=True)
-    shown.add_column("score", min_width=20)
+    shown.add_column("score", min_width=16)
     for title in ("goal", "cases", "reached", "95 % interval"):
         shown.add_column(title, justify="right", no_wrap=True)
     shown.add_column("", no_wrap=True)
