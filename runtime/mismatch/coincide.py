@@ -45,7 +45,14 @@ def with_settings(fitted: Fitted, course: Course) -> bool:
 
 
 def _told(there: np.ndarray, features: Sequence[Array]) -> float:
-    """How well the best of all readings tells a state, by an interval: 1 without any error."""
+    """How well the best of all readings tells a state, by an interval: 1 without any error.
+
+    >>> there = np.array([0, 0, 1, 1, 0, 0, 1, 1, 0, 0], dtype=bool)
+    >>> round(_told(there, [np.array([1, 1, 3, 3, 1, 1, 3, 3, 1, 1.0])]), 3)
+    1.0
+    >>> round(_told(there, [np.arange(10.0)]), 3) < COINCIDES
+    True
+    """
     best = 0.0
     for state in (there.astype(float), 1.0 - there):
         for values in features:
@@ -74,7 +81,11 @@ def _features(fitted: Fitted) -> Iterator[Array]:
 
 
 def _way(values: Array, least: float) -> Array:
-    """1 after a reading rose, -1 after it fell, 0 before it changed, shape (n,)."""
+    """1 after a reading rose, -1 after it fell, 0 before it changed, shape (n,).
+
+    >>> _way(np.array([2.0, 2.1, 5.0, 5.1, 3.0, 2.9]), 0.5).tolist()
+    [0.0, 0.0, 1.0, 1.0, -1.0, -1.0]
+    """
     least = max(least, MOVED * float(np.nanmax(values) - np.nanmin(values)))
     way, side, low, high = np.zeros(len(values)), 0.0, values[0], values[0]
     for i, value in enumerate(values):

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from runtime.mismatch.fit import Fitted, fit, strain_of
+from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.prepare import ESTIMATION, SELECTION
 from runtime.mismatch.price import price_of_fit
 from runtime.mismatch.screen import Trial, looks_at
@@ -50,7 +50,7 @@ class Contestant:
 
     def relief_over(self, other: Contestant) -> float:
         """How much less a model strains what was known before the recording."""
-        return strain_of(other.fitted) - strain_of(self.fitted)
+        return other.fitted.strain - self.fitted.strain
 
     def certainty_over(self, other: Contestant) -> float:
         """The same in standard deviations of its own scatter over blocks.

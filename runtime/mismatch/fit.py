@@ -166,6 +166,28 @@ class Fitted:
         covariance: Array = inverse / np.outer(size, size)
         return covariance
 
+    @cached_property
+    def strain(self) -> float:
+        """How much what was known before is strained, in log likelihood.
+
+        Parameters are stated wrongly now and then: their tails are those of a Student distribution,
+        so that one far off counts no more than a few. The class of a sensor is a promise, which one
+        that is known to err has broken: how far it is off at the usual temperature, say, is open.
+        """
+        prior = self.prior
+        at = np.array([self.setting.values[name] for name in prior.names])
+        size = np.sqrt(np.maximum(np.diag(prior.precision), 0.0))
+        off = size * (at - prior.mean)
+        of_sensors = np.array([name.startswith(ERROR) for name in prior.names], dtype=bool)
+        stated = np.flatnonzero((size > 0) & ~of_sensors)
+        between = prior.precision[np.ix_(stated, stated)] / np.outer(size[stated], size[stated])
+        parts, ways = np.linalg.eigh(between)
+        far = np.sqrt(np.maximum(parts, 0.0)) * (ways.T @ off[stated])
+        tails = 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
+        broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
+        keeps = of_sensors & np.array([name not in broken for name in prior.names], dtype=bool)
+        return tails + 0.5 * float(np.sum(off[keeps] ** 2))
+
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""
         i = self.prior.names.index(name)
@@ -256,28 +278,6 @@ def _evaluated(
     return Fitted(
         placed, rows, prior, used, temper, scale, residual, predicted, likelihood, objective
     )
-
-
-def strain_of(fitted: Fitted) -> float:
-    """How much what was known before is strained, in log likelihood.
-
-    Parameters are stated wrongly now and then: their tails are those of a Student distribution, so
-    that one far off counts no more than a few. The class of a sensor is a promise, which one that
-    is known to err has broken: how far it is off at the usual temperature, say, is then open.
-    """
-    prior = fitted.prior
-    at = np.array([fitted.setting.values[name] for name in prior.names])
-    size = np.sqrt(np.maximum(np.diag(prior.precision), 0.0))
-    off = size * (at - prior.mean)
-    of_sensors = np.array([name.startswith(ERROR) for name in prior.names], dtype=bool)
-    stated = np.flatnonzero((size > 0) & ~of_sensors)
-    between = prior.precision[np.ix_(stated, stated)] / np.outer(size[stated], size[stated])
-    parts, ways = np.linalg.eigh(between)
-    far = np.sqrt(np.maximum(parts, 0.0)) * (ways.T @ off[stated])
-    tails = 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
-    broken = {f"{ERROR}{c.module}.{c.place}" for c in fitted.setting.joined if c.sort == "sensor"}
-    keeps = of_sensors & np.array([name not in broken for name in prior.names], dtype=bool)
-    return tails + 0.5 * float(np.sum(off[keeps] ** 2))
 
 
 def temper_of(fitted: Fitted) -> float:

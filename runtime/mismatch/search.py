@@ -88,7 +88,7 @@ def search(rows: Rows, progress: Progress) -> Search:
     data = rows.system.data
     progress("refitting the plain model")
     plain = contest(retempered(fit(rows, Setting(), data.open)), None)
-    named = _one_by_one(plain, (), 0, progress)
+    named = _one_by_one(plain, plain, (), 0, progress)
     # Several names may together imitate one driver that nobody recorded.
     hidden = _best([refit(plain.fitted, t) for t in hidden_trials(plain.fitted)], plain)
     if hidden is None or any(r.trial.candidate.sort == HIDDEN for r in named.accepted):
@@ -99,18 +99,17 @@ def search(rows: Rows, progress: Progress) -> Search:
         return named
     progress("a driver that nobody recorded explains more than all names")
     first = _recorded(hidden, plain, [], ())
-    return _one_by_one(plain, first, named.tried, progress, hidden)
+    return _one_by_one(plain, hidden, first, named.tried, progress)
 
 
 def _one_by_one(
     plain: Contestant,
+    now: Contestant,
     begun: tuple[Accepted, ...],
     tried: int,
     progress: Progress,
-    now: Contestant | None = None,
 ) -> Search:
-    """Add explanations to a model until none is worth it."""
-    now = plain if now is None else now
+    """Add explanations to a model, which may have some, until none is worth it."""
     accepted = list(begun)
     candidates = plain.fitted.rows.system.workshop.candidates
     while len(accepted) < MOST_TERMS and not any(

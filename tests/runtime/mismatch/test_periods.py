@@ -9,8 +9,9 @@ import pytest
 
 from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.periods import ODD, PENALTY, apart, cut, few_levels, in_periods
+from runtime.mismatch.periods import ODD, in_periods
 from runtime.mismatch.screen import Trial
+from runtime.mismatch.segments import PENALTY, apart, cut, few_levels
 from runtime.mismatch.setting import Setting
 from runtime.plan import Array
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
