@@ -91,6 +91,7 @@ from tests.prove.ending import interruptible
 try:
     with interruptible(lifeline=True):
         try:
+            print("ready", flush=True)
             time.sleep(60)
         except KeyboardInterrupt:
             print("swallowed", flush=True)
@@ -107,17 +108,17 @@ except KeyboardInterrupt:
 @pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
 def test_the_end_of_the_lifeline_is_not_lost() -> None:
     """Compiled code may swallow an interrupt: another follows, but not while things are tidied."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
+    with subprocess.Popen(
         [sys.executable, "-c", SWALLOWING],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
         text=True,
-        timeout=PATIENCE,
-        check=True,
-    )
-    assert ["swallowed", "tidied up", "interrupted"] == done.stdout.split("\n")[:-1]
+    ) as run:
+        assert run.stdout is not None
+        assert "ready\n" == run.stdout.readline()
+        said = run.communicate(timeout=PATIENCE)[0]
+    assert (0, ["swallowed", "tidied up", "interrupted"]) == (run.returncode, said.split("\n")[:-1])
 
 
 def test_a_sealing_that_was_interrupted_is_that_of_its_run(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import doctest
 import io
 import json
 from typing import Any
@@ -12,8 +11,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from runtime.mismatch import sparkline as sparklines
-from runtime.mismatch import wording
 from runtime.mismatch.machine_form import hidden_csv, mismatch_form
 from runtime.mismatch.result import Errors, Fit, Mismatch, Period, Region, Rival
 from runtime.mismatch.sparkline import sparkline
@@ -367,8 +364,3 @@ def test_open_periods_are_told() -> None:
     """A period without an end is no reason to fail."""
     finding = dataclasses.replace(FAULT.findings[0], periods=(Period(5.0, NAN, 0.1, NAN),))
     assert "5 to – s: degree 0.100 ± –" in words(dataclasses.replace(FAULT, findings=(finding,)))
-
-
-@pytest.mark.parametrize("module", [wording, sparklines])
-def test_examples_of_docstrings_hold(module: Any) -> None:
-    assert 0 == doctest.testmod(module).failed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import doctest
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.csv_table import RecordingRefused
-from runtime.report import chart, text
 from runtime.report.chart import Panel, axis
 from runtime.report.thin import COLUMNS, thin_marks, thin_series
 from runtime.report.truth import Cases, cases_of, read_truth, shares
@@ -152,10 +150,3 @@ def test_marks_stay_apart() -> None:
     time, size = np.arange(100.0), np.arange(100.0)
     assert [49, 99] == list(thin_marks(time, size, time >= 0, 2))
     assert [] == list(thin_marks(time, size, time < 0, 10))
-
-
-@pytest.mark.parametrize("module", [text, chart], ids=lambda m: m.__name__)
-def test_examples_of_docstrings_hold(module: object) -> None:
-    """What the docstrings show is what comes out."""
-    failed, attempted = doctest.testmod(module)  # type: ignore[arg-type]
-    assert (0, True) == (failed, attempted > 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import doctest
 import io
 import json
 from dataclasses import replace
@@ -116,8 +115,3 @@ def test_spans_are_in_the_machine_form() -> None:
     split = mismatch_form(found, "x")["split"]
     assert {"text", "hash", "heldout"} == set(split)
     assert "[[0.5, 2.5]]" == json.dumps(split["heldout"])
-
-
-def test_examples_in_docstrings_hold() -> None:
-    """Those of the table."""
-    assert 0 == doctest.testmod(module).failed
