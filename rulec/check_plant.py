@@ -112,7 +112,7 @@ class _PlantReader:
             if signal.reference is not None:
                 reference.setdefault(signal.name, signal.reference)
         title = part.get("title", kind.title)
-        return Module(name, title, kind, parameters, (), {}, {}, reference)
+        return Module(name, title, kind, parameters, parameters, (), {}, {}, reference)
 
     def _value(
         self,

@@ -2,7 +2,8 @@
 
 Each observer is fitted in turn for the parameters that no earlier one has. Points that do not
 belong to the law at all (a relief valve opens, a valve was shut) must not bend it: a robust fit
-finds the bulk, points far off it are set aside and counted, the rest is fitted by least squares.
+finds the bulk, points far off it are set aside and counted, the rest is fitted by least squares and
+joined with what the data sheet says of the parameters.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from rulec.data_sheet import Sheet
 from rulec.differentiate import GATHERED, TypeModel
 from rulec.graph import Graph
 from rulec.plant import Module
@@ -22,6 +24,9 @@ FAR = 5.0
 """Points further off than this many robust standard deviations are set aside."""
 
 ROUNDS = 3
+
+JOININGS = 20
+"""Steps in which recording and data sheet are joined at most."""
 
 
 class CalibrationRefused(Exception):
@@ -45,13 +50,17 @@ class Readings:
 
 @dataclass(frozen=True)
 class ObserverFit:
-    """What was found for one observer; misfit in m3/s."""
+    """What was found for one observer; misfit in m3/s.
+
+    `contradicts` tells that the recording says something else than the data sheet.
+    """
 
     observer: str
     misfit: float
     r2: float
     points: int
     set_aside: int
+    contradicts: bool
 
 
 @dataclass(frozen=True)
@@ -137,31 +146,88 @@ def _fit_observer(
 
     size = float(np.std(readings.flow[rows])) or float(np.mean(np.abs(readings.flow[rows])))
     best, kept = _robust(error, begin, rows, size)
-    off = error(best, kept)
-    spread = float(np.sqrt(np.sum(off**2) / max(len(kept) - len(free), 1)))
-    jacobian = _jacobian(lambda p: error(p, kept), best, size) if free else np.zeros((len(kept), 0))
-    inverse = _inverse(module, observer, free, jacobian)
-    sensitivity = -(inverse @ jacobian.T) * scale[:, None]
+
+    def near(at: Array) -> _Near:
+        """The fit by the recording alone, as slopes at these values say it."""
+        off = error(at, kept)
+        jacobian = (
+            _jacobian(lambda p: error(p, kept), at, size) if free else np.zeros((len(off), 0))
+        )
+        inverse = _inverse(module, observer, free, jacobian)
+        local = {**inputs, **dict(zip(free, at * scale, strict=True))}
+        slopes = _input_slopes(plan, model, observer, local)
+        return _Near(
+            off,
+            at - inverse @ jacobian.T @ off,
+            inverse,
+            -(inverse @ jacobian.T),
+            {name: slope[kept] for name, slope in slopes.items()},
+        )
+
+    alone = near(best)
+    noise = _spread(alone.off, len(free))
+    stated = _sheet(module, free, scale)
+    sheet = stated.beside(best, alone.covariance(noise, kept, readings))
+    for _ in range(JOININGS if free else 0):
+        alone = near(best)
+        weight = sheet.weight(alone.covariance(noise, kept, readings))
+        before, best = best, sheet.joined(alone.best, weight)
+        if np.allclose(before, best, rtol=1e-10, atol=1e-12):
+            break
+    joined = near(best)
+    weight = sheet.weight(joined.covariance(noise, kept, readings)) if free else np.zeros((0, 0))
+    statistical = noise**2 * weight @ joined.inverse @ weight.T + sheet.share(weight)
     total = float(np.sum((readings.flow[kept] - readings.flow[kept].mean()) ** 2))
     summary = ObserverFit(
         observer,
-        spread,
-        1.0 - float(np.sum(off**2)) / total if total else 0.0,
+        _spread(joined.off, len(free)),
+        1.0 - float(np.sum(joined.off**2)) / total if total else 0.0,
         len(kept),
         len(rows) - len(kept),
-    )
-    values = best * scale
-    slopes = _input_slopes(
-        plan, model, observer, {**inputs, **dict(zip(free, values, strict=True))}
+        sheet.is_empty and not stated.is_empty,
     )
     return _Part(
-        values,
+        best * scale,
         kept,
-        spread**2 * inverse * np.outer(scale, scale),
-        sensitivity,
-        {n: s[kept] for n, s in slopes.items()},
+        statistical * np.outer(scale, scale),
+        (weight @ joined.sensitivity) * scale[:, None],
+        joined.slopes,
         summary,
     )
+
+
+@dataclass(frozen=True)
+class _Near:
+    """Least squares near some values, scaled: where they lead, and how they came about.
+
+    `off` shape (points,); `best` shape (n,); `sensitivity` is d(best)/d(flow error), (n, points).
+    """
+
+    off: Array
+    best: Array
+    inverse: Array
+    sensitivity: Array
+    slopes: Mapping[str, Array]
+
+    def covariance(self, noise: float, rows: np.ndarray, readings: Readings) -> Array:
+        """Scatter, and what the errors of the calibrating sensors do."""
+        covariance = noise**2 * self.inverse
+        for name in [*readings.systematic, readings.flow_name]:
+            shift = _shift(self.sensitivity, self.slopes, rows, name, readings)
+            covariance = covariance + np.outer(shift, shift)
+        return covariance
+
+
+def _sheet(module: Module, free: Sequence[str], scale: Array) -> Sheet:
+    """What type and plant state of the parameters, scaled."""
+    stated = [module.stated[name] for name in free]
+    u = np.array([p.u for p in stated]) / scale
+    precision = np.where(u > 0.0, 1.0 / np.where(u > 0.0, u, 1.0) ** 2, 0.0)
+    return Sheet(np.array([p.value for p in stated]) / scale, precision)
+
+
+def _spread(off: Array, count: int) -> float:
+    return float(np.sqrt(np.sum(off**2) / max(len(off) - count, 1)))
 
 
 def _usable_rows(
@@ -276,20 +342,28 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
         covariance[place:end, place:end] = part.statistical
         place = end
     for name in [*readings.systematic, readings.flow_name]:
-        shift = np.concatenate([_shift(part, name, readings) for part in parts])
+        shift = np.concatenate(
+            [_shift(p.sensitivity, p.slopes, p.rows, name, readings) for p in parts]
+        )
         covariance += np.outer(shift, shift)
     return covariance
 
 
-def _shift(part: _Part, name: str, readings: Readings) -> Array:
+def _shift(
+    sensitivity: Array,
+    slopes: Mapping[str, Array],
+    rows: np.ndarray,
+    name: str,
+    readings: Readings,
+) -> Array:
     """Change of the parameters if one sensor is one standard deviation off all the time."""
     if name == readings.flow_name:
-        change: Array = -readings.flow_systematic[part.rows]
-    elif name in part.slopes:
-        change = part.slopes[name] * readings.systematic[name][part.rows]
+        change: Array = -readings.flow_systematic[rows]
+    elif name in slopes:
+        change = slopes[name] * readings.systematic[name][rows]
     else:
-        return np.zeros(len(part.values))
-    shift: Array = part.sensitivity @ change
+        return np.zeros(len(sensitivity))
+    shift: Array = sensitivity @ change
     return shift
 
 

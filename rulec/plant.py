@@ -21,13 +21,15 @@ class Block:
 class Module:
     """An instance of a module type with its values.
 
-    `misfit` per observer (m3/s) and `valid` per signal come from calibration; `reference` holds
-    readings at a typical operating point; all in SI.
+    `stated` are the parameters as the type and the plant state them, `parameters` those that count
+    after calibration. `misfit` per observer (m3/s) and `valid` per signal come from calibration;
+    `reference` holds readings at a typical operating point; all in SI.
     """
 
     name: str
     title: str
     type: ModuleType
+    stated: Mapping[str, Parameter]
     parameters: Mapping[str, Parameter]
     blocks: tuple[Block, ...]
     misfit: Mapping[str, float]

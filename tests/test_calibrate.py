@@ -82,6 +82,50 @@ def test_shipped_calibration_is_what_the_command_makes(tmp_path: Path) -> None:
             assert expected["value"] == pytest.approx(parameter["value"], abs=1e-3 * parameter["u"])
 
 
+def _stated(folder: Path, parameters: str) -> Path:
+    """The plant with other numbers in the data sheet of A."""
+    text = (ROOT / "plants" / "abc" / "plant.yaml").read_text(encoding="utf-8")
+    plain = "A: {type: dosing-pcp"
+    assert plain in text
+    text = text.replace(plain, f"{plain}, parameters: {parameters}", 1)
+    (folder / "plant.yaml").write_text(f"{text}kb: {ROOT / 'kb'}\n", encoding="utf-8")
+    return folder
+
+
+def test_what_was_known_before_stays_known(tmp_path: Path) -> None:
+    """No parameter is less certain than its data sheet, and most are more certain."""
+    write_csv(tmp_path / "r.csv", record(calibration_run(abc()), seed=11).readings)
+    found = _calibrate(tmp_path / "r.csv", tmp_path)["A"]["parameters"]
+    kind = yaml.safe_load((ROOT / "kb/modules/dosing-pcp.yaml").read_text(encoding="utf-8"))
+    stated = {name: kind["parameters"][name]["u"] for name in TRUTH}
+    assert all(found[name]["u"] <= 1.001 * u for name, u in stated.items())
+    assert 4 <= sum(found[name]["u"] < 0.8 * u for name, u in stated.items())
+
+
+def test_a_data_sheet_that_the_recording_contradicts_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The recording then says all, and the note names the observer."""
+    stated = "{C2: {value: 3.0, unit: l/h/bar**2, u: 0.01, source: test}}"
+    plant = _stated(tmp_path, stated)
+    write_csv(tmp_path / "r.csv", record(calibration_run(abc()), NOISE_FREE).readings, digits=12)
+    arguments = ["calibrate", str(plant), str(tmp_path / "r.csv")]
+    assert 0 == main([*arguments, "-o", str(tmp_path / "f.yaml")])
+    assert "A.pump: the recording contradicts the data sheet" in capsys.readouterr().out
+    found = yaml.safe_load((tmp_path / "f.yaml").read_text(encoding="utf-8"))["modules"]
+    for name, value in TRUTH.items():
+        assert found["A"]["parameters"][name]["value"] == pytest.approx(value, rel=1e-3)
+
+
+def test_a_data_sheet_without_uncertainty_says_nothing(tmp_path: Path) -> None:
+    """A wrong value that claims nothing does no harm."""
+    plant = _stated(tmp_path, "{C2: {value: 3.0, unit: l/h/bar**2, u: 0, source: test}}")
+    write_csv(tmp_path / "r.csv", record(calibration_run(abc()), NOISE_FREE).readings, digits=12)
+    assert 0 == main(["calibrate", str(plant), str(tmp_path / "r.csv"), "-o", f"{tmp_path}/f.yaml"])
+    found = yaml.safe_load((tmp_path / "f.yaml").read_text(encoding="utf-8"))["modules"]
+    assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-3)
+
+
 def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:
     """A tenth of the points with a wrong flow does not bend the fit."""
     readings = record(calibration_run(abc()), NOISE_FREE).readings

@@ -46,12 +46,24 @@ def run(options: argparse.Namespace) -> int:
     left = _left_out(models, fits)
     if left:
         out.print(f"no true flow in this recording, left as they were: {', '.join(left)}")
+    for fit in fits:
+        for observer in fit.observers:
+            if observer.contradicts:
+                out.print(f"note: {_contradiction(fit.module, observer.observer)}")
     if table:
         out.print(f"note: {NOTE}")
     what = "operating points" if table else "settled stretches"
     out.print(f"[green]✓[/] {options.output}: from {len(stretches)} {what}")
     write_json(options, data)
     return 0
+
+
+def _contradiction(module: str, observer: str) -> str:
+    """For a maker or operator who wonders which of the two is right."""
+    return (
+        f"{module}.{observer}: the recording contradicts the data sheet, which was left out here; "
+        "if the data sheet is right, something is missing in the model or a sensor is wrong"
+    )
 
 
 def _left_out(models: Models, fits: list[ModuleFit]) -> list[str]:

@@ -42,7 +42,7 @@ def module(name: str, kinds: Iterable[str], declared: bool, measured: bool) -> M
     provides = {"loss": "dp"} if measured else {}
     made = cast(Any, observers)
     kind = ModuleType(name, 1, name, {}, provides, {}, {}, made, tuple(pairs), (), (), "none")
-    return Module(name, name, kind, {}, (), {}, {}, {})
+    return Module(name, name, kind, {}, {}, (), {}, {}, {})
 
 
 def plant(
