@@ -72,6 +72,9 @@ are, as what is told in the end is mostly told there."""
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
 
+HOPEFUL = 0.5
+"""Share of the gain that is needed which a glance must promise: it seldom finds half of it."""
+
 POLISHES = 2
 """Fits to the end, before each of which it is looked anew what errors of sensors do."""
 
@@ -109,7 +112,7 @@ class Searcher:
 
     def plain(self) -> Fitted:
         """The model without anything joined, recalibrated from many starts."""
-        best = self.trial(None, (), 4 * SCATTERED, THOROUGH, 2 * DESCENDED)
+        best = self.polished(self.trial(None, (), 4 * SCATTERED, THOROUGH, 2 * DESCENDED))
         # Two tanks in a row look nearly alike the other way round.
         for first, second in self._alike(best):
             turned = dict(best.values)
@@ -155,7 +158,10 @@ class Searcher:
         if not near:
             return replace(self._hopeless(fitter, judged), joined=joined)
         best = min(near, key=lambda at: fitter.cost(at, judged, basis))
-        return fitter.finish(best, judged, evaluations if descended > 1 else 1, 1)
+        try:
+            return fitter.finish(best, judged, evaluations if descended > 1 else 1, 1)
+        except RanAway:  # with errors of sensors as they are seen now
+            return replace(self._hopeless(fitter, judged), joined=joined)
 
     def _begun(
         self, on: Fitted | None, joined: tuple[Candidate, ...]
@@ -179,8 +185,21 @@ class Searcher:
         least, _ = _stepped(fitter, at, judged, basis)
         return -least - price_of(replace(on, joined=joined), self.news(on))
 
+    def promise(self, on: Fitted, candidates: Sequence[Candidate]) -> bool:
+        """Does an explanation promise something, though what is left looks like noise?
+
+        What acts now and then, or moves readings by less than their noise, leaves no pattern.
+        """
+        fitter, judged, _ = self._begun(on, on.joined)
+        before = -fitter.cost(fitter.vector(on.values), judged, judged.basis())
+        before -= price_of(on, self.news(on))
+        least = before + HOPEFUL * needed(len(candidates))
+        with ThreadPoolExecutor(self._workers) as pool:
+            seen = pool.map(lambda c: self.glance(on, (*on.joined, c)), candidates)
+            return any(glance > least for glance in seen)
+
     def polished(self, fitted: Fitted) -> Fitted:
-        """The same, fitted to the end."""
+        """The same, fitted to the end, or as far as the model does not run away."""
         fitter = Fitter(self.bench, fitted.joined, self.kept(fitted))
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         for _ in range(POLISHES):
@@ -189,7 +208,10 @@ class Searcher:
                     judged.drift, self.bench, fitted.ids, fitted.values, fitted.inputs
                 )
                 judged = replace(judged, drift=drift)
-            fitted = fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 2)
+            try:
+                fitted = fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 2)
+            except RanAway:
+                return fitted
             judged = replace(judged, noise=fitted.noise, slow=fitted.slow)
         return fitted
 
@@ -303,14 +325,14 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     judged = Judged(bench.known, plain.noise, drift, np.zeros(drift.count))
     searcher = Searcher(bench, judged, workers)
     plain = searcher.polished(replace(plain, slow=judged.slow, drift=drift))
-    if _is_white(plain):
+    if _is_white(plain) and not searcher.promise(plain, candidates):
         return Found(plain, plain, judged, len(candidates), {})
     tell(f"trying {len(candidates)} explanations alone")
     singles = searcher.ranked(_tasks([plain], candidates), plain)
     better = _where_they_led(searcher, plain, singles)
     if better is not None:
         plain = better
-        if _is_white(plain):
+        if _is_white(plain) and not searcher.promise(plain, candidates):
             return Found(plain, plain, judged, len(candidates), {})
         singles = searcher.ranked(_tasks([plain], candidates), plain)
     alone = {f.ids[0]: searcher.gain(f, plain) for f in singles}
