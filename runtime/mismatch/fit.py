@@ -28,7 +28,8 @@ BATCHES = 40
 """Batches of time over which neighbours are found to be alike."""
 
 RELEASE = 30.0
-"""Factor on the stated uncertainty of the parameters of a module that is released."""
+"""Factor on the stated uncertainty of the parameters of a module that is released, and on the class
+of a sensor that drifts."""
 
 CONVERGED = 1e-4
 """Gain in log likelihood per step below which a fit has ended, as share of the points."""
@@ -79,8 +80,9 @@ def prior_of(
         )
         inverse = np.linalg.inv(correlation + 1e-9 * np.eye(k))
         precision[:k, :k] = inverse / np.outer(u[base], u[base])
-    spread = np.arange(k, k + len(errors))
-    precision[spread, spread] = 1.0
+    adrift = _adrift(setting)
+    for i, name in enumerate(errors, start=k):
+        precision[i, i] = RELEASE**-2 if name in adrift else 1.0
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     limits = setting.limits()
     for i, name in enumerate(unknowns, start=k + len(errors)):
@@ -91,6 +93,13 @@ def prior_of(
             mean[i], spread_ = anchors[name]
             precision[i, i] = spread_**-2 if spread_ > 0 else 0.0
     return Prior((*names, *errors, *unknowns), mean, precision, lowest, highest, scale)
+
+
+def _adrift(setting: Setting) -> set[str]:
+    """Errors of sensors that drift: when or at which temperature they were right is not known."""
+    return {
+        f"{ERROR}{c.module}.{c.place}" for c in setting.joined if c.sort == "sensor" and c.drivers
+    }
 
 
 @dataclass(frozen=True)

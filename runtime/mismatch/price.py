@@ -14,7 +14,7 @@ from runtime.mismatch.setting import HIDDEN, Course
 if TYPE_CHECKING:
     from runtime.mismatch.compete import Contestant
 
-NEEDED = 14.0
+NEEDED = 8.0
 """Gain in log likelihood that an explanation needs beyond the logarithm of those tried.
 
 Refits to half of the blocks are held loosely, so noise gains a little: at most 13 with 200 tried in
