@@ -102,10 +102,10 @@ class Bench:
         return Simulated(shown, slopes, course)
 
     def _within(self, name: str, shown: Array, slopes: Array) -> tuple[Array, Array]:
-        """A sensor shows no more than the end of its range."""
-        signal = self.ruleset.signal_by_id[name]
-        low = -np.inf if signal.lowest is None else signal.lowest
-        high = np.inf if signal.highest is None else signal.highest
+        """A sensor shows no more than the end of its range, unless the recording proves it does."""
+        signal, seen = self.ruleset.signal_by_id[name], self.record.measured[name]
+        low = -np.inf if signal.lowest is None else min(signal.lowest, float(np.nanmin(seen)))
+        high = np.inf if signal.highest is None else max(signal.highest, float(np.nanmax(seen)))
         inside = (shown > low) & (shown < high)
         return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
 
