@@ -198,8 +198,9 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
     moment = np.bincount(rows.point, sound * fitted.residual, minlength=n).astype(float)
     with np.errstate(invalid="ignore", divide="ignore"):
         # Whether a point speaks of the degree is no matter of how far out it lies.
-        spoken = np.bincount(rows.point, column**2, minlength=n)
-        least = FAINT * float(np.median(spoken[spoken > 0])) if np.any(spoken > 0) else 0.0
+        spoken = np.bincount(rows.point, column**2, minlength=n).astype(float)
+        # Of points that speak at all: where a module moves, only rounding is left of others.
+        least = FAINT * float(np.sum(spoken**2) / max(np.sum(spoken), 1e-300))
         degree: Array = np.where(spoken > least, -moment / weight, np.nan)
     return degree, weight
 
