@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.candidate import TIME, Candidate
 from runtime.mismatch.coincide import with_settings
 from runtime.mismatch.compete import Contestant, contest, cost_of, refit
+from runtime.mismatch.exchange import exchanged
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials, with_the_course_of
@@ -41,7 +43,8 @@ CLOSE = 0.01
 """Odds from which on another explanation is asked again after periods were cut anew."""
 
 SURPASSED = 1.35
-"""Times the gain of a name that a free curve must gain to say that the name only imitates it."""
+"""Times the gain of a name that a free curve, or a fault, must gain to say that the name only
+imitates it."""
 
 DRIVEN = 0.7
 """The same for a fault that comes and goes more than once: if a curve over one reading does nearly
@@ -57,20 +60,6 @@ PART = 0.15
 """A hidden driver is told if it gains more than this share of what was explained with a name."""
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An explanation that won its round; `others` are those that came next, best first.
-
-    `odds` are theirs against the winner.
-    """
-
-    trial: Trial
-    gain: float
-    rivals: tuple[Rival, ...]
-    others: tuple[Trial, ...]
-    odds: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -129,7 +118,8 @@ def _one_by_one(
             now, records = _asked_again(now, step.records)
             accepted += records
         now = _eased(contest(retempered(now.fitted), now.trial))
-    return Search(plain, now, tuple(accepted), tried)
+    now, found = exchanged(now, accepted)
+    return Search(plain, now, found, tried)
 
 
 def _eased(now: Contestant) -> Contestant:
@@ -278,15 +268,16 @@ def _or_sudden(
     candidates: Sequence[Candidate],
     hidden: Contestant | None,
 ) -> _Step:
-    """A fault that begins, where that says the same better than what lasts: a driver may happen to
-    turn about when the fault began."""
+    """A fault that begins, where that says the same better than what lasts, or much more: a driver
+    may happen to turn about when the fault began."""
     winner = found.winner
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
     sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
-    alike = instead_of(winner, sudden, now)
-    sudden = [c for c in alike if _changes(c) <= FEW_CHANGES]
+    sudden = [c for c in sudden if _changes(c) <= FEW_CHANGES]
+    much = [c for c in sudden if net_gain(c, now) > SURPASSED * net_gain(winner, now)]
+    sudden = much or instead_of(winner, sudden, now)
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found

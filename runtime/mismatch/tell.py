@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.compete import Contestant
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.interval import profile
 from runtime.mismatch.locate import periods_of, region_of, variables_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
-from runtime.mismatch.search import Accepted
 from runtime.mismatch.setting import HIDDEN
 from runtime.mismatch.wording import quantity
 from runtime.plan import Array

@@ -1,0 +1,95 @@
+"""Two explanations exchanged at once: of a pair in one module each was chosen beside the other.
+
+Of two laws that are left out, the one that stands for both at first need be neither of them; and
+once it is there, the second is chosen to fit it. Each alone is then better than its exchange.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from runtime.mismatch.accepted import Accepted
+from runtime.mismatch.compete import Contestant, contest
+from runtime.mismatch.fit import fit
+from runtime.mismatch.price import net_gain, odds_of
+from runtime.mismatch.screen import Trial
+from runtime.mismatch.setting import HIDDEN
+
+OTHERS = 4
+"""Other explanations of each that are tried."""
+
+
+def exchanged(
+    now: Contestant, accepted: Sequence[Accepted]
+) -> tuple[Contestant, tuple[Accepted, ...]]:
+    """The model and its explanations, pairs exchanged where others together do better."""
+    records = list(accepted)
+    for i, j in itertools.combinations(range(len(records)), 2):
+        pair = records[i], records[j]
+        if not all(_lasts(r) for r in pair) or not _near(*pair):
+            continue
+        tried = [(_with(now, pair, trials), trials) for trials in _combinations(*pair)]
+        if not tried:
+            continue
+        better, trials = max(tried, key=lambda t: net_gain(t[0], now))
+        if net_gain(better, now) > 0.0:
+            now = better
+            for k, trial, old in ((i, trials[0], pair[0]), (j, trials[1], pair[1])):
+                records[k] = _asked_again(now, old, trial)
+    return now, tuple(records)
+
+
+def _lasts(record: Accepted) -> bool:
+    """Is it there all the time, with a law or a sensor to blame?"""
+    return record.trial.course is None and record.trial.candidate.sort not in ("free", HIDDEN)
+
+
+def _near(one: Accepted, other: Accepted) -> bool:
+    """Do both concern one module?"""
+    return bool(set(one.trial.candidate.modules) & set(other.trial.candidate.modules))
+
+
+def _combinations(one: Accepted, other: Accepted) -> Iterator[tuple[Trial, Trial]]:
+    """Both exchanged at once."""
+    taken = {one.trial.candidate.id, other.trial.candidate.id}
+    first, second = (
+        [t for t in r.others if t.course is None and t.candidate.id not in taken][:OTHERS]
+        for r in (one, other)
+    )
+    for a, b in itertools.product(first, second):
+        if a.candidate.id != b.candidate.id:
+            yield a, b
+
+
+def _with(
+    now: Contestant, pair: tuple[Accepted, Accepted], trials: tuple[Trial, Trial]
+) -> Contestant:
+    """The model with other explanations in place of a pair."""
+    gone = [r.trial.candidate.id for r in pair]
+    return _model(now, gone, trials)
+
+
+def _model(now: Contestant, gone: Sequence[str], new: Sequence[Trial]) -> Contestant:
+    """The model with some explanations exchanged."""
+    fitted, setting = now.fitted, now.fitted.setting
+    for name in gone:
+        setting = setting.leaving(name)
+    for trial in new:
+        setting = setting.joining(trial.candidate, trial.values, trial.fixed)
+    return contest(fit(fitted.rows, setting, fitted.used, temper=fitted.temper), now.trial)
+
+
+def _asked_again(now: Contestant, old: Accepted, trial: Trial) -> Accepted:
+    """What took the place of an explanation, and the odds of others there in the new model."""
+    there = {c.id for c in now.fitted.setting.joined}
+    others = [old.trial, *(t for t in old.others if t.candidate.id not in there)][: OTHERS + 1]
+    found = []
+    for other in others:
+        model = _model(now, [trial.candidate.id], [other])
+        found.append((min(odds_of(model, now), 1.0), other))
+    found.sort(key=lambda pair: -pair[0])
+    return replace(
+        old, trial=trial, others=tuple(t for _, t in found), odds=tuple(o for o, _ in found)
+    )
