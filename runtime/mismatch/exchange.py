@@ -37,7 +37,8 @@ def exchanged(
         if net_gain(better, now) > 0.0:
             now = better
             for k, trial, old in ((i, trials[0], pair[0]), (j, trials[1], pair[1])):
-                records[k] = _asked_again(now, old, trial)
+                others = [old.trial, *old.others[:OTHERS]]
+                records[k] = weighed(now, replace(old, trial=trial), others)
     return now, tuple(records)
 
 
@@ -81,15 +82,14 @@ def _model(now: Contestant, gone: Sequence[str], new: Sequence[Trial]) -> Contes
     return contest(fit(fitted.rows, setting, fitted.used, temper=fitted.temper), now.trial)
 
 
-def _asked_again(now: Contestant, old: Accepted, trial: Trial) -> Accepted:
-    """What took the place of an explanation, and the odds of others there in the new model."""
+def weighed(now: Contestant, record: Accepted, others: Sequence[Trial]) -> Accepted:
+    """An explanation with the odds of others in its place, in the model as it is."""
     there = {c.id for c in now.fitted.setting.joined}
-    others = [old.trial, *(t for t in old.others if t.candidate.id not in there)][: OTHERS + 1]
-    found = []
-    for other in others:
-        model = _model(now, [trial.candidate.id], [other])
-        found.append((min(odds_of(model, now), 1.0), other))
+    models = [
+        (_model(now, [record.trial.candidate.id], [t]), t)
+        for t in others
+        if t.candidate.id not in there
+    ]
+    found = [(min(odds_of(model, now), 1.0), t) for model, t in models]
     found.sort(key=lambda pair: -pair[0])
-    return replace(
-        old, trial=trial, others=tuple(t for _, t in found), odds=tuple(o for o, _ in found)
-    )
+    return replace(record, others=tuple(t for _, t in found), odds=tuple(o for o, _ in found))

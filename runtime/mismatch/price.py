@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runtime.mismatch.candidate import Candidate
-from runtime.mismatch.fit import Fitted
+from runtime.mismatch.fit import Fitted, temper_of
 from runtime.mismatch.periods import STEPS
 from runtime.mismatch.setting import HIDDEN, Course
 
@@ -116,7 +116,8 @@ def odds_of(other: Contestant, winner: Contestant) -> float:
     The likelihood on blocks not fitted to counts as often as neighbours say something new; where
     the difference scatters over blocks so that its sign is open, the odds are nearer to one.
     """
-    temper = winner.fitted.temper
+    # Neighbours are as alike as the winner leaves them, not as they were before it.
+    temper = min(winner.fitted.temper, temper_of(winner.fitted))
     ahead = winner.seen_over(other) / temper + winner.relief_over(other)
     ahead += price_of(other) - price_of(winner)
     lead = max(winner.certainty_over(other), 0.0)

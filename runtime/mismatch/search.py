@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.candidate import TIME, Candidate
 from runtime.mismatch.coincide import with_settings
 from runtime.mismatch.compete import Contestant, contest, cost_of, refit
-from runtime.mismatch.exchange import exchanged
+from runtime.mismatch.exchange import exchanged, weighed
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials, with_the_course_of
@@ -116,10 +116,23 @@ def _one_by_one(
             now, gone = needless(recut(now), earlier)
             accepted = [r for r in accepted if r.trial.candidate.id not in gone]
             now, records = _asked_again(now, step.records)
+            paired = len(records) > 1
+            if gone or paired:  # weighed beside what is not there any more, or not at all
+                finalists = step.finalists if paired else ()
+                records = tuple(_weighed(now, r, finalists) for r in records)
             accepted += records
         now = _eased(contest(retempered(now.fitted), now.trial))
     now, found = exchanged(now, accepted)
     return Search(plain, now, found, tried)
+
+
+def _weighed(now: Contestant, record: Accepted, finalists: Sequence[Trial]) -> Accepted:
+    """The odds of others that last, in the model as it is."""
+    if record.trial.course is not None or record.trial.candidate.sort in ("free", HIDDEN):
+        return record
+    lasting = [t for t in record.others if t.course is None][:FINALISTS]
+    known = {t.candidate.id for t in lasting}
+    return weighed(now, record, [*lasting, *(t for t in finalists if t.candidate.id not in known)])
 
 
 def _eased(now: Contestant) -> Contestant:
@@ -164,12 +177,13 @@ def _asked_again(
 class _Step:
     """A round: the model that won it, if any; no records where a recalibration did.
 
-    `tried` counts all explanations tried so far.
+    `tried` counts all explanations tried so far, `finalists` are the best that were tried alone.
     """
 
     winner: Contestant | None
     records: tuple[Accepted, ...]
     tried: int
+    finalists: tuple[Trial, ...] = ()
 
 
 def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explained: float) -> _Step:
@@ -189,7 +203,12 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     # Where no single explanation beats a calibration that is let go, two at once may.
     eased: _Step | None = None
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
-        lambda: [refit(fitted, t) for t in trials[:FINALISTS] if t.gain > hopeless],
+        lambda: [
+            refit(f, t)
+            for f, ts in ((fitted, trials), *_held(fitted, free))
+            for t in ts[:FINALISTS]
+            if t.gain > hopeless
+        ],
         lambda: (pair_trials if eased is None else held_pairs)(fitted, trials),
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
     )
@@ -200,7 +219,8 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
         found = _first(now, [c for c in ranked if c not in following], hidden, tried)
         if found is not None and found.records:
             found = _or_sudden(found, now, fitted, free, hidden)
-            return _or_nameless(found, now) or found
+            found = _or_nameless(found, now) or found
+            return replace(found, finalists=tuple(trials[:FINALISTS]))
         eased = eased or found
     if eased is not None:
         return eased
@@ -210,6 +230,17 @@ def _round(now: Contestant, candidates: Sequence[Candidate], tried: int, explain
     if hidden is not None and net_gain(hidden, now) > max(worth, _gain_of(best, now)):
         return _Step(hidden, _recorded(hidden, now, [], ()), tried)
     return best or _Step(None, (), tried)
+
+
+def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, list[Trial]]]:
+    """The model with its calibrations held again, and what it then lacks.
+
+    A calibration that was let go makes room for one law, and imitates a second.
+    """
+    if fitted.setting.released:
+        setting = replace(fitted.setting, released=frozenset())
+        held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+        yield held, screen(held, free)
 
 
 def _gain_of(step: _Step | None, now: Contestant) -> float:
