@@ -9,8 +9,8 @@ import pytest
 
 from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.periods import ODD, in_periods
-from runtime.mismatch.screen import Trial
+from runtime.mismatch.periods import ODD, degree_course, in_periods
+from runtime.mismatch.screen import Trial, columns_of
 from runtime.mismatch.segments import PENALTY, apart, cut, few_levels
 from runtime.mismatch.setting import Setting
 from runtime.plan import Array
@@ -164,6 +164,21 @@ def test_small_and_large_faults_are_seen(x: float) -> None:
     (period,) = found.course.periods
     assert 100 <= period.since < 115
     assert 145 < period.until < 161
+
+
+def test_points_that_do_not_speak_of_a_fault_have_no_degree() -> None:
+    """Where a module moves, only rounding is left of its slopes: that is no degree, however many
+    such points there are."""
+    fitted = plain(*DEGREES)
+    candidate = next(c for c in opened("abc")[1].candidates if c.id == "A.leakage")
+    columns = columns_of(fitted, candidate, {"A.leakage.x": 0.0}, {})
+    assert columns is not None
+    mute = fitted.rows.point % 3 > 0
+    degree, _ = degree_course(fitted, np.where(mute, 1e-14 * columns[:, 0], columns[:, 0]))
+    known = np.flatnonzero(np.isfinite(degree))
+    assert len(known) > 50
+    assert set(known) <= set(fitted.rows.point[~mute])
+    assert np.abs(degree[known]).max() < 1.0
 
 
 def test_without_fault_there_is_no_period() -> None:

@@ -1,0 +1,53 @@
+"""Ends of what a model can say: where it runs away, and where a sensor shows more than stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.dynamic.balances import RanAway
+from runtime.mismatch.dynamic.bench import Bench
+from runtime.mismatch.dynamic.drift import no_drift
+from runtime.mismatch.dynamic.fit import Fitter, Judged
+from runtime.mismatch.dynamic.search import Searcher
+from tests.runtime.mismatch.dynamic.benches import bench, made
+
+
+def searcher() -> Searcher:
+    """For a recording in which nothing is missing."""
+    own = bench(made(200))
+    return Searcher(own, Judged(own.known, {}, no_drift(own), np.zeros(0)), 1)
+
+
+def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At its end, where errors of sensors are seen anew: it loses, and nothing fails."""
+    own = searcher()
+    plain = own.plain()
+    candidate = own.bench.candidates[0]
+
+    def away(*_: object, **__: object) -> None:
+        raise RanAway
+
+    monkeypatch.setattr(Fitter, "finish", away)
+    tried = own.trial(plain, (candidate,))
+    assert (candidate,) == tried.joined
+    assert own.standing(tried, plain) < 0.0
+    assert own.polished(plain) is plain
+
+
+def shown(own: Bench) -> np.ndarray:
+    """What the sensor would show with its zero far below."""
+    said = own.simulate((), {**own.plain_values, "lower.y0": -8.0})
+    return np.asarray(said.shown["lower.y"])
+
+
+def test_a_sensor_shows_what_the_recording_proves() -> None:
+    """A range that begins at zero ends there, unless readings below zero were recorded."""
+    recording = made(200)
+    assert float(shown(bench(recording)).min()) == 0.0
+    y = recording.values["lower.y"]
+    y = y - y.min() - 0.4
+    beyond = replace(recording, values={**recording.values, "lower.y": y})
+    assert float(shown(bench(beyond)).min()) == pytest.approx(-0.4)

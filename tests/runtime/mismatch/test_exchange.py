@@ -1,0 +1,72 @@
+"""Of two laws that are left out in one module, both names may have to change at once."""
+
+from __future__ import annotations
+
+import functools
+
+from runtime.mismatch.accepted import Accepted
+from runtime.mismatch.compete import Contestant, contest
+from runtime.mismatch.exchange import exchanged, weighed
+from runtime.mismatch.fit import fit
+from runtime.mismatch.screen import Trial, screen
+from runtime.mismatch.setting import Setting
+from tests.runtime.mismatch.made import alone, recorded, rows_at, tour
+
+BUILT = {
+    "A.speed-limit@n": {"a": 0.8, "n_c": 14.0},
+    "A.windage@P_law": {"k": 0.3, "P0": 25.0, "n0": 13.0},
+}
+WRONG = "A.filling-loss@Q_geo", "A.viscous-friction@P_law"
+
+
+@functools.cache
+def trials() -> tuple[Contestant, dict[str, Trial]]:
+    """The plain model of a recording with both laws, and all that may be missing in it."""
+    rules, workshop = alone()
+    rows = rows_at(alone(), recorded(alone(), tour(rules, 240), BUILT))
+    plain = fit(rows, Setting(), rows.system.data.open)
+    return contest(plain, None), {t.candidate.id: t for t in screen(plain, workshop.candidates)}
+
+
+def explained(*names: str) -> tuple[Contestant, tuple[Accepted, ...]]:
+    """A model with some explanations; each has the one that was built in as its other."""
+    plain, known = trials()
+    setting = plain.fitted.setting
+    for name in names:
+        trial = known[name]
+        setting = setting.joining(trial.candidate, trial.values, trial.fixed)
+    model = contest(fit(plain.fitted.rows, setting, plain.fitted.used), known[names[0]])
+    records = (
+        Accepted(known[name], 1.0, (), (known[true],), (1e-9,))
+        for name, true in zip(names, BUILT, strict=True)
+    )
+    return model, tuple(records)
+
+
+def test_two_wrong_names_are_exchanged_together() -> None:
+    """Either alone would be worse; those that had been named are the others then."""
+    now, records = explained(*WRONG)
+    better, found = exchanged(now, records)
+    assert list(BUILT) == [r.trial.candidate.id for r in found]
+    assert {c.id for c in better.fitted.setting.joined} == set(BUILT)
+    assert better.gain_over(now) > 5.0
+    for wrong, record in zip(WRONG, found, strict=True):
+        assert wrong in [t.candidate.id for t in record.others]
+        assert max(record.odds) < 1.0
+
+
+def test_two_right_names_stay() -> None:
+    """What is the best pair is not exchanged, and its others keep their odds."""
+    now, records = explained(*BUILT)
+    same, found = exchanged(now, records)
+    assert (now, records) == (same, found)
+
+
+def test_odds_are_those_in_the_model_as_it_is() -> None:
+    """What is there already is no other; the likeliest comes first."""
+    now, records = explained(*BUILT)
+    _, known = trials()
+    names = [*WRONG, *BUILT, "A.copper-loss@P_law"]
+    found = weighed(now, records[1], [known[n] for n in names])
+    assert {*WRONG, "A.copper-loss@P_law"} == {t.candidate.id for t in found.others}
+    assert sorted(found.odds, reverse=True) == list(found.odds)
