@@ -11,11 +11,13 @@ Source: JCGM 100 (GUM), 4.3, for what is known before; Birge 1932 for the factor
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
+from rulec.knowledge import Parameter
 from runtime.plan import Array
 
 CHANCE = 1e-4
@@ -28,6 +30,17 @@ class Sheet:
 
     values: Array
     precision: Array
+
+    @classmethod
+    def of(cls, stated: Sequence[Parameter]) -> Sheet:
+        """By type and plant; what has no uncertainty states nothing."""
+        u = np.array([p.u for p in stated])
+        precision = np.where(u > 0.0, 1.0 / np.where(u > 0.0, u, 1.0) ** 2, 0.0)
+        return cls(np.array([p.value for p in stated]), precision)
+
+    def scaled(self, scale: Array) -> Sheet:
+        """In units of a scale."""
+        return Sheet(self.values / scale, self.precision * scale**2)
 
     def beside(self, found: Array, covariance: Array) -> Sheet:
         """What counts of it beside the values that a recording alone gives.

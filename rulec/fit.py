@@ -166,7 +166,7 @@ def _fit_observer(
 
     alone = near(best)
     noise = _spread(alone.off, len(free))
-    stated = _sheet(module, free, scale)
+    stated = Sheet.of([module.stated[name] for name in free]).scaled(scale)
     sheet = stated.beside(best, alone.covariance(noise, kept, readings))
     for _ in range(JOININGS if free else 0):
         alone = near(best)
@@ -216,14 +216,6 @@ class _Near:
             shift = _shift(self.sensitivity, self.slopes, rows, name, readings)
             covariance = covariance + np.outer(shift, shift)
         return covariance
-
-
-def _sheet(module: Module, free: Sequence[str], scale: Array) -> Sheet:
-    """What type and plant state of the parameters, scaled."""
-    stated = [module.stated[name] for name in free]
-    u = np.array([p.u for p in stated]) / scale
-    precision = np.where(u > 0.0, 1.0 / np.where(u > 0.0, u, 1.0) ** 2, 0.0)
-    return Sheet(np.array([p.value for p in stated]) / scale, precision)
 
 
 def _spread(off: Array, count: int) -> float:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rulec.amend import Amended, amend
+from rulec.data_sheet import Sheet
 from rulec.differentiate import Models
 from rulec.equation_text import equation_of
 from rulec.free_form import free_form
@@ -21,6 +22,7 @@ from rulec.lower import Lowering, lower_module, lower_states, parameter_id
 from rulec.match_effects import Matched, Matches, match_effects
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import survey
+from rulec.plant import Module
 from rulec.read import read_plant
 from rulec.spots import shift_of, spots_of, stores_of
 from runtime.dynamic.balances import Balances
@@ -215,4 +217,19 @@ def _base_parameters(models: Models) -> BaseParameters:
         np.array([p.value for p in moved.values()]),
         covariance,
         constants,
+        {n: pair for m in plant.modules.values() for n, pair in _sheet(m).items()},
     )
+
+
+def _sheet(module: Module) -> dict[str, tuple[float, float]]:
+    """What the data sheet says of parameters that were calibrated, unless both contradict."""
+    found: dict[str, tuple[float, float]] = {}
+    for block in module.blocks:
+        stated = [module.stated[name] for name in block.parameters]
+        values = np.array([module.parameters[name].value for name in block.parameters])
+        factor = np.array(block.factor)
+        sheet = Sheet.of(stated)
+        if sheet.beside(values, factor @ factor.T).is_empty:
+            continue
+        found |= {parameter_id(module, p.name): (p.value, p.u) for p in stated if p.u > 0.0}
+    return found

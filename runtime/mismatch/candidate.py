@@ -121,7 +121,8 @@ class BaseParameters:
     """Parameters of the plain plant that recalibration may move, SI.
 
     `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
-    (parameters, parameters), is the calibration's.
+    (parameters, parameters), is the calibration's. `sheet` are value and standard uncertainty by
+    the data sheet, of parameters of modules whose calibration does not contradict it.
     """
 
     ids: tuple[str, ...]
@@ -130,6 +131,7 @@ class BaseParameters:
     values: Array
     covariance: Array
     constants: Mapping[str, float]
+    sheet: Mapping[str, tuple[float, float]]
 
 
 class Workshop(Protocol):

@@ -28,8 +28,8 @@ BATCHES = 40
 """Batches of time over which neighbours are found to be alike."""
 
 RELEASE = 30.0
-"""Factor on the stated uncertainty of the parameters of a module that is released, and on the class
-of a sensor that drifts."""
+"""Factor on the stated uncertainty of the parameters of a module that is released, where no data
+sheet says more, and on the class of a sensor that drifts."""
 
 CONVERGED = 1e-4
 """Gain in log likelihood per step below which a fit has ended, as share of the points."""
@@ -63,14 +63,20 @@ def prior_of(
     base = [i for i in np.flatnonzero(u > 0) if parameters.ids[i].partition(".")[0] in modules]
     names = [parameters.ids[i] for i in base]
     freed = [n.partition(".")[0] in setting.released for n in names]
-    u[base] = u[base] * np.where(freed, RELEASE, 1.0)
+    values = parameters.values.copy()
+    for at, name, free in zip(base, names, freed, strict=True):
+        if free and name in parameters.sheet:
+            values[at], stated_u = parameters.sheet[name]
+            u[at] = max(stated_u, u[at])
+        elif free:
+            u[at] = RELEASE * u[at]
     errors = [ERROR + name for name in system.shared]
     unknowns = setting.free_unknowns()
     size = len(names) + len(errors) + len(unknowns)
     mean, scale = np.zeros(size), np.ones(size)
     precision = np.zeros((size, size))
     k = len(names)
-    mean[:k], scale[:k] = parameters.values[base], u[base]
+    mean[:k], scale[:k] = values[base], u[base]
     if k:
         stated = parameters.covariance[np.ix_(base, base)]
         size_ = np.sqrt(np.diag(stated))
