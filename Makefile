@@ -27,7 +27,7 @@ test: $(VENV)/dev ## lint, types, all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 bench: $(VENV)/dev ## speed: compile, a million samples, start of the command
 	$(BIN)/python -m pytest tests/bench -s

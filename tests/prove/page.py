@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from runtime.report.document import document, facts, numbered, section
 from runtime.report.text import counted, number, safe
 from tests.prove import tables
+from tests.prove.attainable import at_best_words
 from tests.prove.mistakes import confusion
 from tests.prove.pictures import draw_curve, draw_ratio
 from tests.prove.results import Judged, Run
@@ -46,7 +47,7 @@ def page(run: Run) -> str:
         ("By partition", tables.groups(by(run.judged, "partition"), "partition")),
         ("How this was measured", f'<div class="facts">{_measured(run)}</div>'),
     ]
-    first = STYLE + _told(run, rows) + tables.goals(rows, table(plain(run.shown))) + _remark()
+    first = STYLE + _told(run, rows) + tables.goals(rows, table(plain(run.shown))) + _remark(run)
     sections = [first, *_pictures(judged), *(section(*part) for part in parts if part[1])]
     title = "Proof on concealed effects"
     return document(title, f"{run.partition} cases", "proof", "".join(sections))
@@ -79,10 +80,12 @@ def _told(run: Run, rows: Sequence[Row]) -> str:
     )
 
 
-def _remark() -> str:
+def _remark(run: Run) -> str:
+    best = at_best_words(run.shown)
+    first = f"{safe(best[:1].upper() + best[1:])}. " if best else ""
     return (
-        '<p class="key after">“not surely”: the 95 % interval holds values on both sides of the '
-        "goal. Intervals of shares by Wilson, of ratio and course by drawing cases anew; "
+        f'<p class="key after">{first}“not surely”: the 95 % interval holds values on both sides '
+        "of the goal. Intervals of shares by Wilson, of ratio and course by drawing cases anew; "
         "intervals of parameters of one case are counted one by one.</p>"
     )
 

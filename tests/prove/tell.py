@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from runtime.report.text import number
+from tests.prove.attainable import at_best_words
 from tests.prove.mistakes import worst
 from tests.prove.page import headline, partition_words
 from tests.prove.results import Run
@@ -24,7 +25,9 @@ def tell(out: Console, run: Run) -> None:
     out.print(f"[bold]{escape(headline(run, rows))}[/]")
     out.print(f"[dim]{escape(partition_words(run))}[/]\n")
     out.print(_goals(rows, table(plain(run.shown))))
-    out.print(f"[dim]plain to see: {PLAIN}[/]")
+    for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
+        if words:
+            out.print(f"[dim]{escape(words)}[/]")
     found = worst(run.shown)
     if not found:
         return

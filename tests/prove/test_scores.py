@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from tests.prove.attainable import CLAIMED, at_best
 from tests.prove.made import judged, planted, run
 from tests.prove.mistakes import confusion, worst
 from tests.prove.page import headline, page
@@ -55,6 +56,23 @@ def test_ambiguity_counts_by_its_size() -> None:
     assert (2, 1.5) == (row(cases, "name").count, row(cases, "name").hits)
     cases = [judged(inside=(3, 4)), judged(inside=(2, 2)), judged()]
     assert (6, 5) == (row(cases, "truth").count, row(cases, "truth").hits)
+
+
+def test_what_could_be_reached_at_best() -> None:
+    """All of what is strong and alone, half of what has a twin, nothing of what is not seen; the
+    shares are those of drawn log likelihoods."""
+    strong, twin, faint = planted("a", "x", 1e4), planted("b", "x", 1e4), planted("c", "x", 0.5)
+    strong, twin = replace(strong, margin=np.inf), replace(twin, margin=0.0)
+    assert (1.0, 1.0) == pytest.approx(at_best([strong]))
+    assert (1.0, 0.5) == pytest.approx(at_best([twin]))
+    assert (0.0, 0.0) == pytest.approx(at_best([faint]), abs=1e-12)
+    assert at_best([judged(clean_right=1.0)]) is None
+    case = replace(planted("d", "x", 12.0), margin=3.0)
+    draw = np.random.default_rng(1).standard_normal((2, 200_000))
+    gain, lead = 12.0 + np.sqrt(24.0) * draw[0], 3.0 + np.sqrt(6.0) * draw[1]
+    shares = np.mean(gain > CLAIMED), np.mean((gain > CLAIMED) & (lead > 0.0))
+    assert shares == pytest.approx(at_best([case]), abs=0.005)
+    assert "at best 86 % of places" in text(Run((case, strong))).replace("\n", " ")
 
 
 def test_intervals_may_be_too_wide_as_well() -> None:
