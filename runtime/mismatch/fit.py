@@ -29,7 +29,11 @@ BATCHES = 40
 
 RELEASE = 30.0
 """Factor on the stated uncertainty of the parameters of a module that is released, where no data
-sheet says more, and on the class of a sensor that drifts."""
+sheet says more."""
+
+DRIFTED = 3.0
+"""Factor on the class of a sensor that drifts [assumed]: it was right at another time, or at
+another temperature than the usual one."""
 
 CONVERGED = 1e-4
 """Gain in log likelihood per step below which a fit has ended, as share of the points."""
@@ -88,7 +92,7 @@ def prior_of(
         precision[:k, :k] = inverse / np.outer(u[base], u[base])
     adrift = _adrift(setting)
     for i, name in enumerate(errors, start=k):
-        precision[i, i] = RELEASE**-2 if name in adrift else 1.0
+        precision[i, i] = DRIFTED**-2 if name in adrift else 1.0
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     limits = setting.limits()
     for i, name in enumerate(unknowns, start=k + len(errors)):
