@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from rulec.differentiate import Models
 from rulec.lower import Lowering, lower_module
@@ -221,5 +222,12 @@ def test_base_parameters_carry_their_covariance(
     assert "A.V" in base.constants
     assert "A.V" not in place
     scale = base.factors[first] * base.factors[second]
-    np.testing.assert_allclose(base.covariance[first, second] / scale, -8.674052576e-15, rtol=1e-3)
+    file = ROOT / "plants" / "mixing-rig" / "calibration.yaml"
+    (block,) = yaml.safe_load(file.read_text(encoding="utf-8"))["modules"]["M1"]["covariance"]
+    expected = block["matrix"][block["of"].index("k0")][block["of"].index("k2")]
+    assert base.covariance[first, second] / scale == pytest.approx(expected, rel=1e-3)
     assert 0.0 == base.covariance[first, place["A.k2"]]
+    # What the data sheet says stands beside what was calibrated with it.
+    value, u = base.sheet["A.k2"]
+    assert (5.2e-6, 2.0e-8) == pytest.approx([v / base.factors[place["A.k2"]] for v in (value, u)])
+    assert u > np.sqrt(base.covariance[place["A.k2"], place["A.k2"]])
