@@ -168,14 +168,9 @@ def _fit_observer(
     noise = _spread(alone.off, len(free))
     stated = Sheet.of([module.stated[name] for name in free]).scaled(scale)
     sheet = stated.beside(best, alone.covariance(noise, kept, readings))
-    for _ in range(JOININGS if free else 0):
-        alone = near(best)
-        weight = sheet.weight(alone.covariance(noise, kept, readings))
-        before, best = best, sheet.joined(alone.best, weight)
-        if np.allclose(before, best, rtol=1e-10, atol=1e-12):
-            break
-    joined = near(best)
-    weight = sheet.weight(joined.covariance(noise, kept, readings)) if free else np.zeros((0, 0))
+    best, joined, weight = _joined(
+        near, best, sheet, lambda found: found.covariance(noise, kept, readings)
+    )
     statistical = noise**2 * weight @ joined.inverse @ weight.T + sheet.share(weight)
     total = float(np.sum((readings.flow[kept] - readings.flow[kept].mean()) ** 2))
     summary = ObserverFit(
@@ -216,6 +211,25 @@ class _Near:
             shift = _shift(self.sensitivity, self.slopes, rows, name, readings)
             covariance = covariance + np.outer(shift, shift)
         return covariance
+
+
+def _joined(
+    near: Callable[[Array], _Near],
+    at: Array,
+    sheet: Sheet,
+    covariance: Callable[[_Near], Array],
+) -> tuple[Array, _Near, Array]:
+    """Values by recording and data sheet, the fit near them, and the weight of the recording.
+
+    Slopes are taken anew where the two meet, as an observer may bend between them.
+    """
+    for _ in range(JOININGS if len(at) else 0):
+        alone = near(at)
+        before, at = at, sheet.joined(alone.best, sheet.weight(covariance(alone)))
+        if np.allclose(before, at, rtol=1e-10, atol=1e-12):
+            break
+    found = near(at)
+    return at, found, sheet.weight(covariance(found)) if len(at) else np.zeros((0, 0))
 
 
 def _spread(off: Array, count: int) -> float:
