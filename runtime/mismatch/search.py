@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.candidate import TIME, Candidate
@@ -240,7 +243,9 @@ def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, l
     if fitted.setting.released:
         setting = replace(fitted.setting, released=frozenset())
         held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
-        yield held, screen(held, free)
+        # Far from what was read a law may have no slope: then it lacks nothing that could be told.
+        with contextlib.suppress(np.linalg.LinAlgError):
+            yield held, screen(held, free)
 
 
 def _gain_of(step: _Step | None, now: Contestant) -> float:
