@@ -46,8 +46,7 @@ CLOSE = 0.01
 """Odds from which on another explanation is asked again after periods were cut anew."""
 
 SURPASSED = 1.35
-"""Times the gain of a name that a free curve, or a fault, must gain to say that the name only
-imitates it."""
+"""Times the gain of a name that a free curve must gain to say that the name only imitates it."""
 
 DRIVEN = 0.7
 """The same for a fault that comes and goes more than once: if a curve over one reading does nearly
@@ -304,16 +303,15 @@ def _or_sudden(
     candidates: Sequence[Candidate],
     hidden: Contestant | None,
 ) -> _Step:
-    """A fault that begins, where that says the same better than what lasts, or much more: a driver
-    may happen to turn about when the fault began."""
+    """A fault that begins, where that says the same better than what lasts: a driver may happen to
+    turn about when the fault began."""
     winner = found.winner
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
     sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
-    sudden = [c for c in sudden if _changes(c) <= FEW_CHANGES]
-    much = [c for c in sudden if net_gain(c, now) > SURPASSED * net_gain(winner, now)]
-    sudden = much or instead_of(winner, sudden, now)
+    alike = instead_of(winner, sudden, now)
+    sudden = [c for c in alike if _changes(c) <= FEW_CHANGES]
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found
