@@ -71,8 +71,11 @@ class Sheet:
 
         >>> Sheet(np.array([0.7]), np.array([1e4])).weight(np.eye(1) * 3e-4)
         array([[0.25]])
+        >>> Sheet(np.array([0.7]), np.array([1e4])).weight(np.zeros((1, 1)))
+        array([[1.]])
         """
         size = np.sqrt(np.diag(covariance))
+        size = np.where(size > 0.0, size, 1.0)  # what a recording says exactly has all the weight
         inner = covariance / np.outer(size, size) * (self.precision * size**2)
         weight = np.linalg.inv(np.eye(len(size)) + inner)
         return np.asarray(weight * np.outer(size, 1.0 / size))

@@ -102,12 +102,21 @@ class Bench:
         return Simulated(shown, slopes, course)
 
     def _within(self, name: str, shown: Array, slopes: Array) -> tuple[Array, Array]:
-        """A sensor shows no more than the end of its range, unless the recording proves it does."""
-        signal, seen = self.ruleset.signal_by_id[name], self.record.measured[name]
-        low = -np.inf if signal.lowest is None else min(signal.lowest, float(np.nanmin(seen)))
-        high = np.inf if signal.highest is None else max(signal.highest, float(np.nanmax(seen)))
+        """A sensor shows no more than the end of its range."""
+        low, high = self._ends[name]
         inside = (shown > low) & (shown < high)
         return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
+
+    @cached_property
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of what each sensor shows: its range, unless the recording proves more."""
+        found = {}
+        for name, seen in self.record.measured.items():
+            signal = self.ruleset.signal_by_id[name]
+            low = -np.inf if signal.lowest is None else min(signal.lowest, float(np.nanmin(seen)))
+            high = np.inf if signal.highest is None else max(signal.highest, float(np.nanmax(seen)))
+            found[name] = low, high
+        return found
 
     def trajectory(
         self, joined: tuple[str, ...], values: Values, name: str, inputs: Mapping[str, Array]
