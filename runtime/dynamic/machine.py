@@ -40,6 +40,16 @@ PIECES = 4
 GROWN = 256
 """Pieces at most where a state grows by itself."""
 
+ROUGH = 3e-4
+"""How far the two orders of the implicit method may be apart, as a share of each state's largest
+value so far; a step on whose way a rim begins is cut until they agree."""
+
+SMOOTH = 3.0
+"""Times the bend in the middle of a step by which the last stage may bend without a rim."""
+
+FINEST = 256
+"""Pieces of a sample's step at most, stepped implicitly."""
+
 GAMMA = 1.0 - math.sqrt(0.5)
 """Parameter of the implicit method at which it damps the fastest modes altogether."""
 
@@ -390,7 +400,7 @@ def integrate(
             mean[:] = 0.0
             mean_slopes[:] = 0.0
             step = length / pieces
-            rate, error, growing = 0.0, 0.0, False
+            rate, error, bent, growing = 0.0, 0.0, 0.0, False
             for p in range(pieces):
                 if stiff:
                     for stage in range(2):
@@ -442,6 +452,8 @@ def integrate(
                             for c in range(width):
                                 dk[stage, i, c] = right_side[i, 1 + c]
                     for i in range(count):
+                        apart = abs(0.5 * step * (k[0, i] + k[1, i]))
+                        error = max(error, apart / peak[i] if peak[i] > 0.0 else 0.0)
                         x[i] += step * (1.5 * k[0, i] + 0.5 * k[1, i])
                         for c in range(width):
                             dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
@@ -491,6 +503,11 @@ def integrate(
                     # z**5/120 of it.
                     error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
                     for i in range(count):
+                        # Where a rim begins within a step, the last stage may be the first to see
+                        # it; a smooth mode bends there as much as between the two in the middle.
+                        bend = abs(k[0, i] - k[1, i] - k[2, i] + k[3, i])
+                        bend = step / 3.0 * (bend - SMOOTH * abs(k[2, i] - k[1, i]))
+                        bent = max(bent, bend / peak[i] if peak[i] > 0.0 else 0.0)
                         for stage in range(4):
                             x[i] += step * weight[stage] * k[stage, i]
                             for c in range(width):
@@ -510,18 +527,24 @@ def integrate(
             lively = rate * step > LIVELY
             # What grows by itself must not be damped: it is followed until it runs away.
             most = GROWN if growing else PIECES
-            switch = lively and not growing and pieces >= PIECES
-            more = (lively and pieces < most) or (error > EXACT and pieces < PIECES)
-            if not stiff and (switch or more):
-                stiff = switch
-                pieces = min(PIECES if switch else 2 * pieces, most)
+            switch = (lively or bent > ROUGH) and not growing and pieces >= PIECES
+            more = (lively and pieces < most) or (
+                (error > EXACT or bent > ROUGH) and pieces < PIECES
+            )
+            finer = stiff and error > ROUGH and pieces < FINEST
+            if finer or (not stiff and (switch or more)):
+                stiff = stiff or switch
+                pieces = 2 * pieces if finer else min(PIECES if switch else 2 * pieces, most)
                 for i in range(count):
                     x[i] = old[i]
                     for c in range(width):
                         dx[i, c] = d_old[i, c]
                 continue
             if stiff:
-                stiff = rate * step > 0.5 * LIVELY
+                if error < ROUGH / 8.0 and pieces > PIECES:
+                    pieces //= 2
+                stiff = rate * length > 0.5 * LIVELY * PIECES
+                pieces = pieces if stiff else PIECES
             elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
                 pieces //= 2
             if lates:

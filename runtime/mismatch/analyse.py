@@ -23,7 +23,7 @@ from runtime.mismatch.setting import Setting
 from runtime.mismatch.settle import Repair, repair_of, with_sensors_as_they_are
 from runtime.mismatch.system import System
 from runtime.mismatch.tell import findings_of, location_of, term_of
-from runtime.mismatch.verdict import headline_of, next_step, verdict_of
+from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
@@ -153,7 +153,7 @@ def _answer(
         ruleset.title,
         "",
         verdict,
-        headline_of(verdict, findings, locations),
+        headline_of(verdict, findings, locations) + remainder_of(verdict, [p.fit for p in proofs]),
         locations,
         findings,
         proofs[0].fit if proofs else None,

@@ -14,6 +14,7 @@ from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.compete import Contestant, contest
 from runtime.mismatch.fit import fit
 from runtime.mismatch.price import net_gain, odds_of
+from runtime.mismatch.rivals import at_an_end
 from runtime.mismatch.screen import Trial
 from runtime.mismatch.setting import HIDDEN
 
@@ -31,15 +32,18 @@ def exchanged(
         if not all(_lasts(r) for r in pair) or not _near(*pair):
             continue
         tried = [(_with(now, pair, trials), trials) for trials in _combinations(*pair)]
-        if not tried:
-            continue
-        better, trials = max(tried, key=lambda t: net_gain(t[0], now))
-        if net_gain(better, now) > 0.0:
-            now = better
+        ahead = [t for t in tried if net_gain(t[0], now) > 0.0 and _within(*t)]
+        if ahead:
+            now, trials = max(ahead, key=lambda t: net_gain(t[0], now))
             for k, trial, old in ((i, trials[0], pair[0]), (j, trials[1], pair[1])):
                 others = [old.trial, *old.others[:OTHERS]]
                 records[k] = weighed(now, replace(old, trial=trial), others)
     return now, tuple(records)
+
+
+def _within(model: Contestant, trials: Sequence[Trial]) -> bool:
+    """Is no new law at an end of its range? A pump of which all returns explains anything."""
+    return not any(at_an_end(model, t.candidate) for t in trials)
 
 
 def _lasts(record: Accepted) -> bool:
@@ -90,6 +94,6 @@ def weighed(now: Contestant, record: Accepted, others: Sequence[Trial]) -> Accep
         for t in others
         if t.candidate.id not in there
     ]
-    found = [(min(odds_of(model, now), 1.0), t) for model, t in models]
+    found = [(min(odds_of(model, now), 1.0), t) for model, t in models if _within(model, [t])]
     found.sort(key=lambda pair: -pair[0])
     return replace(record, others=tuple(t for _, t in found), odds=tuple(o for o, _ in found))

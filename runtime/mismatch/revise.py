@@ -9,6 +9,7 @@ from runtime.mismatch.compete import Contestant, contest, entered
 from runtime.mismatch.fit import Fitted, fit, temper_of
 from runtime.mismatch.periods import in_periods
 from runtime.mismatch.price import NEEDED, net_gain, odds_of
+from runtime.mismatch.rivals import at_an_end
 from runtime.mismatch.screen import Trial
 from runtime.mismatch.setting import HIDDEN
 
@@ -68,6 +69,6 @@ def instead(now: Contestant, winner: str, trials: Sequence[Trial]) -> tuple[Cont
     bare = fit(now.fitted.rows, setting, now.fitted.used, 0, None, now.fitted.temper)
     for trial in trials:
         again = recut(entered(bare, trial))
-        if odds_of(again, now) > 1.0:
+        if odds_of(again, now) > 1.0 and not at_an_end(again, trial.candidate):
             now, winner = again, trial.candidate.id
     return now, winner

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.compete import (
     Contestant,
     amplifies_noise,
@@ -67,7 +68,7 @@ def defeated(
         return None
     trial = contestant.trial
     assert trial is not None
-    if _at_an_end(contestant) or amplifies_noise(now.fitted, contestant.fitted):
+    if at_an_end(contestant, trial.candidate) or amplifies_noise(now.fitted, contestant.fitted):
         return None
     own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)
@@ -94,11 +95,10 @@ def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
 
 
-def _at_an_end(contestant: Contestant) -> bool:
-    """Did a search run to the end of a range? Then the law fits for another reason."""
-    assert contestant.trial is not None
+def at_an_end(contestant: Contestant, candidate: Candidate) -> bool:
+    """Did the search for a law in a model run to the end of a range? It fits for another reason."""
     values = contestant.fitted.setting.values
-    for unknown in contestant.trial.candidate.unknowns:
+    for unknown in candidate.unknowns:
         value = values.get(unknown.id)
         if value is None or value == unknown.null:
             continue

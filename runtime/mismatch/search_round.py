@@ -19,7 +19,7 @@ from runtime.mismatch.pairs import held_pairs, pair_trials
 from runtime.mismatch.periods import in_periods
 from runtime.mismatch.price import NEEDED, needed, net_gain, odds_of
 from runtime.mismatch.result import Rival
-from runtime.mismatch.rivals import beats, defeated, instead_of, released
+from runtime.mismatch.rivals import at_an_end, beats, defeated, instead_of, released
 from runtime.mismatch.screen import Trial, screen
 from runtime.mismatch.setting import HIDDEN
 
@@ -255,7 +255,8 @@ def recorded(
 ) -> tuple[Accepted, ...]:
     """What was accepted; two records where two explanations were needed at once."""
     assert winner.trial is not None
-    others = [c for c in instead_of(winner, ranked, now) if net_gain(c, now) > 0]
+    alike = instead_of(winner, ranked, now)
+    others = [c for c in alike if net_gain(c, now) > 0 and not _runs_out(c)]
     trials = (winner.trial, *winner.trial.along)
     ours = {t.candidate.id for t in trials}
     records = []
@@ -271,6 +272,14 @@ def recorded(
             Accepted(trial, gain, rivals, tuple(t for t, _ in rest), tuple(o for _, o in rest))
         )
     return tuple(records)
+
+
+def _runs_out(contestant: Contestant) -> bool:
+    """Is a law of it at an end of its range? It lost, whatever it gains."""
+    trial = contestant.trial
+    return trial is not None and any(
+        at_an_end(contestant, t.candidate) for t in (trial, *trial.along)
+    )
 
 
 def _in_place_of(trial: Trial, ours: set[str], other: Contestant) -> Trial | None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runtime.mismatch.candidate import Missing
-from runtime.mismatch.result import Finding, HiddenDriver, Location
+from runtime.mismatch.result import Finding, Fit, HiddenDriver, Location
 
 MAJOR = 0.5
 """Share of what could be explained that names must have, beside a driver that nobody recorded."""
+
+FAR = 3.0
+"""Errors of the repaired model, in noise of the reading, from which on the headline tells them."""
 
 CERTAIN = 0.6
 """Probability below which the best name is one of several."""
@@ -69,6 +72,18 @@ LEADS = {
 
 def _joined(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
+    """How far the repaired model is still off, where that is far; empty where it is not.
+
+    A name may be right and yet not be all: who adopts the repair must know.
+    """
+    if verdict in ("none", "unnamed", "cannot judge"):
+        return ""
+    far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
+    most, signal = max(far, default=(0.0, ""))
+    return f" That is not all: {signal} is still off by {most:.0f} times its noise." * (most >= FAR)
 
 
 def next_step(

@@ -156,6 +156,7 @@ def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:
     basis = judged.basis()
     at = fitter.vector(best.values)
     i, u = best.free.index(name), best.u(name)
+    along = best.covariance[:, i] / best.covariance[i, i]
     low, high = fitter.bounds(name)
     bottom = fitter.cost(at, judged, basis)
     ends = []
@@ -165,7 +166,7 @@ def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:
         for _ in range(REFINED):
             if step <= 0.0:
                 break
-            fall = fitter.fall(at, i, at[i] + side * step, judged, basis) - bottom
+            fall = fitter.fall(at, i, side * step, along, judged, basis) - bottom
             if fall < DROP:
                 good = step
                 if step >= reach:

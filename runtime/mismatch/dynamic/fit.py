@@ -41,6 +41,9 @@ GENTLE = 0.05
 EDGE = 0.02
 """Share of the recording before which, and this much before whose end, nothing begins."""
 
+QUICK = 8
+"""Evaluations of a fit that starts near its end."""
+
 RUNAWAY = 1e6
 """Error, in standard deviations, of a model whose states grow beyond all bounds."""
 
@@ -164,16 +167,19 @@ class Fitter:
         return float(self._low[i]), float(self._high[i])
 
     def fall(
-        self, at: Array, i: int, value: float, judged: Judged, basis: Array, evaluations: int = 8
+        self, at: Array, i: int, step: float, along: Array, judged: Judged, basis: Array
     ) -> float:
-        """The least cost with one parameter held at a value."""
-        low, high = self._low[i], self._high[i]
+        """The least cost with one parameter held a step off; `along` is how others go with it.
+
+        Values that only the priors tell apart form a ridge, which no descent from beside it climbs.
+        """
+        low, high, value = self._low[i], self._high[i], at[i] + step
         margin = 1e-7 * self._scale[i]
         self._low[i], self._high[i] = value - margin, value + margin
         try:
-            there = at.copy()
-            there[i] = value
-            return self.cost(self.descend(there, judged, basis, evaluations), judged, basis)
+            starts = [np.clip(at + step * a, self._low, self._high) for a in (0.0, along)]
+            near = [self.descend(start, judged, basis, QUICK) for start in starts]
+            return min(self.cost(point, judged, basis) for point in near)
         finally:
             self._low[i], self._high[i] = low, high
 

@@ -360,7 +360,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         if depth > 2 and _stands_still(searcher, levels, plain):
             break
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
-    best = max((level[0] for level in levels), key=lambda f: searcher.gain(f, plain))
+    best = max(itertools.chain(*levels), key=lambda f: searcher.gain(f, plain))
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import functools
 
+import pytest
+
+from runtime.mismatch import exchange
 from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.compete import Contestant, contest
 from runtime.mismatch.exchange import exchanged, weighed
@@ -60,6 +63,17 @@ def test_two_right_names_stay() -> None:
     now, records = explained(*BUILT)
     same, found = exchanged(now, records)
     assert (now, records) == (same, found)
+
+
+def test_a_law_at_the_end_of_its_range_takes_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a real pump "all of the flow returns" had displaced two laws of friction."""
+    true = next(iter(BUILT))
+    monkeypatch.setattr(exchange, "at_an_end", lambda model, candidate: candidate.id == true)
+    now, records = explained(*WRONG)
+    assert (now, records) == exchanged(now, records)
+    _, known = trials()
+    found = weighed(now, records[0], [known[n] for n in BUILT])
+    assert [t for t in BUILT if t != true] == [t.candidate.id for t in found.others]
 
 
 def test_odds_are_those_in_the_model_as_it_is() -> None:

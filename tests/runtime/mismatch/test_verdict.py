@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from runtime.mismatch.candidate import Missing
-from runtime.mismatch.result import Alternative, Estimate, Finding
-from runtime.mismatch.verdict import headline_of, next_step, verdict_of
+from runtime.mismatch.result import Alternative, Errors, Estimate, Finding, Fit
+from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.mismatch.wording import quantity
 from tests.runtime.mismatches import UNNAMED, WARM
 
@@ -57,6 +57,22 @@ def test_verdict_and_headline(
     """Physics decides before faults and sensors; a free form is no name."""
     assert verdict == verdict_of(findings, left)
     assert headline_of(verdict, findings, ()).startswith(headline)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "noise", "expected"),
+    [
+        ("named", 0.1, " That is not all: A.Q is still off by 4 times its noise."),
+        ("named", 0.2, ""),
+        ("named", 0.0, ""),
+        ("unnamed", 0.1, ""),  # says already that something is missing
+    ],
+)
+def test_a_name_that_is_not_all_says_so(verdict: str, noise: float, expected: str) -> None:
+    """Where the repaired model is far beyond noise on readings that it was not fitted to."""
+    errors = Errors(2.0, 1.0, 0.4, noise, 10)
+    fits = [Fit("A.Q", "l/min", errors, errors, (0.0, 0.0), 1.0)]
+    assert expected == remainder_of(verdict, fits)
 
 
 def test_a_fault_beside_physics_is_no_omission_of_the_model() -> None:

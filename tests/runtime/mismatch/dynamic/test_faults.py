@@ -9,8 +9,9 @@ import pytest
 
 from runtime.mismatch.dynamic.analyse import fitted_to_all
 from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Judged
+from runtime.mismatch.dynamic.fit import Fitter, Judged
 from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import period_of
 from runtime.mismatch.result import Estimate
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
@@ -56,6 +57,30 @@ def test_onset_and_degree_are_found(fault: str) -> None:
     assert not found.pressed
     assert found.values[f"{fault}.since"] == pytest.approx(SINCE, abs=20.0)
     assert found.values[f"{fault}.x"] == pytest.approx(DEGREE, abs=0.03)
+
+
+def test_a_strong_fault_is_as_sudden_as_it_was() -> None:
+    """The rise that a search needs would shift its degree by many uncertainties."""
+    fault, degree = "upper.blockage", 0.8
+    sudden = {f"{fault}.x": degree, f"{fault}.since": SINCE + 1.0, f"{fault}.t_half": 20.0}
+    place = bench(made(n=2048, seed=4, joined=(fault,), more=sudden))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = searcher.plain()
+    smooth = searcher.polished(searcher.trial(plain, (place.candidate(fault),)))
+    found = sharpened(searcher, smooth, plain)
+    assert found.values[f"{fault}.since"] == pytest.approx(SINCE + 1.0, abs=0.5)
+    fitter = Fitter(place, found.joined, searcher.kept(found))
+    u = fitter.with_covariance(found, searcher.judged).u(f"{fault}.x")
+    assert abs(found.values[f"{fault}.x"] - degree) < 3.0 * u
+    assert abs(smooth.values[f"{fault}.x"] - degree) > 10.0 * u
+    assert searcher.standing(found, plain) > searcher.standing(smooth, plain)
+
+
+def test_what_begins_nowhere_stays_as_it_is() -> None:
+    place = bench(made())
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = searcher.plain()
+    assert sharpened(searcher, plain, plain) is plain
 
 
 def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:

@@ -1,0 +1,56 @@
+"""A rim that liquid runs over: steep laws that begin at a level which no sample shows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.dynamic.doubt import profile
+from runtime.mismatch.dynamic.drift import no_drift
+from runtime.mismatch.dynamic.fit import Fitter, Judged
+from runtime.mismatch.dynamic.search import Searcher
+from runtime.plan import Array
+from tests.runtime.mismatch.dynamic.benches import (
+    OVERFLOW,
+    RIM,
+    STEP,
+    TRUE,
+    bench,
+    made,
+    tanks,
+    voltage,
+)
+
+
+def shown(sharpness: float, parts: int) -> Array:
+    """Reading of the lower tank, with samples cut in parts; V."""
+    workshop = tanks()[1]
+    balances = workshop.balances((OVERFLOW,))
+    u = np.repeat(voltage(512, 3), parts)
+    values = dict(zip(workshop.parameters.ids, workshop.parameters.values, strict=True))
+    values |= {**workshop.parameters.constants, **TRUE, **RIM, f"{OVERFLOW}.k": sharpness}
+    course = balances.run(STEP / parts * np.arange(len(u)), u[:, None], np.array([True]), values)
+    return np.asarray(course.shown[::parts, balances.outputs.index("shown:lower.y")])
+
+
+@pytest.mark.parametrize("sharpness", [60.0, 300.0, 1000.0])
+def test_a_rim_is_seen_within_a_sample(sharpness: float) -> None:
+    """A level that shoots over its rim within one step would come down as a flood."""
+    error = shown(sharpness, 1) - shown(sharpness, 16)
+    assert float(np.sqrt(np.mean(error**2))) < 0.002
+    assert float(np.abs(error).max()) < 0.02
+
+
+def test_what_only_a_prior_tells_is_as_uncertain_as_the_prior() -> None:
+    """All levels of an unmeasured tank could be larger: flows, outlets and gain go with them."""
+    place = bench(made(n=512, seed=6, joined=(OVERFLOW,), more=RIM))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    found = searcher.polished(searcher.trial(searcher.plain(), (place.candidate(OVERFLOW),)))
+    fitter = Fitter(place, found.joined, searcher.kept(found))
+    found = fitter.with_covariance(found, searcher.judged)
+    low, high = profile(searcher, found, f"{OVERFLOW}.l_o")
+    assert low < RIM[f"{OVERFLOW}.l_o"] < high
+    assert high - low > 0.3 * RIM[f"{OVERFLOW}.l_o"]
+    low, high = profile(searcher, found, f"{OVERFLOW}.f")
+    assert low < RIM[f"{OVERFLOW}.f"] < high
+    assert high - low < 0.1
