@@ -7,7 +7,8 @@ along exactly (forward mode).
 Source: Runge and Kutta's method of fourth order with a fixed step per sample, cut in a few pieces
 where the fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2); where
 that would not do, as at a rim that liquid runs over, the linearly implicit method of second order
-with one Jacobian a step, ROS2 (Verwer, Spee, Blom, Hundsdorfer 1999), which is stable for any step.
+with one Jacobian a step, ROS2 (Verwer, Spee, Blom, Hundsdorfer 1999), which is stable for any step;
+its steps are cut until the method of first order within it agrees.
 """
 
 from __future__ import annotations
