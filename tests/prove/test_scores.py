@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from tests.prove.attainable import CLAIMED, at_best
+from tests.prove.attainable import CLAIMED, LOOKED_AT, at_best
 from tests.prove.made import judged, planted, run
 from tests.prove.mistakes import confusion, worst
 from tests.prove.page import headline, page
@@ -67,7 +67,7 @@ def test_what_could_be_reached_at_best() -> None:
     assert (1.0, 0.5) == pytest.approx(at_best([twin]))
     assert (0.0, 0.0) == pytest.approx(at_best([faint]), abs=1e-12)
     assert at_best([judged(clean_right=1.0)]) is None
-    case = replace(planted("d", "x", 12.0), margin=3.0)
+    case = replace(planted("d", "x", 12.0 / LOOKED_AT), margin=3.0 / LOOKED_AT)
     draw = np.random.default_rng(1).standard_normal((2, 200_000))
     gain, lead = 12.0 + np.sqrt(24.0) * draw[0], 3.0 + np.sqrt(6.0) * draw[1]
     shares = np.mean(gain > CLAIMED), np.mean((gain > CLAIMED) & (lead > 0.0))
