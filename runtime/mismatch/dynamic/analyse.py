@@ -25,7 +25,7 @@ from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
 from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
 from runtime.mismatch.settle import REPAIRING
-from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
+from runtime.mismatch.verdict import FAR, headline_of, next_step, remainder_of, verdict_of
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 
@@ -115,12 +115,16 @@ def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
 
 def _sharp(bench: Bench, fitted: Fitted) -> Fitted:
     """A model whose errors count as far as they exceed noise: that is what a place may explain."""
+    return replace(fitted, noise={n: Noise(floor, 1.0) for n, floor in _floors(bench).items()})
+
+
+def _floors(bench: Bench) -> dict[str, float]:
+    """Standard deviation of the noise of each measured signal, SI."""
     record = bench.record
-    noise = {
-        n: Noise(max(noise_floor(v[np.isfinite(v)]), record.resolution[n]), 1.0)
+    return {
+        n: max(noise_floor(v[np.isfinite(v)]), record.resolution[n])
         for n, v in record.measured.items()
     }
-    return replace(fitted, noise=noise)
 
 
 def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
@@ -220,7 +224,12 @@ def _worse(proof: Proof) -> float:
 def _nameless(bench: Bench, best: Fitted, left: list[Suspect], tried: int) -> tuple[Location, ...]:
     """The place where the final model is still wrong, if it is so beyond doubt, the likeliest
     first, and all that are not told from it."""
-    if not left or left[0].gain < needed(tried) or left[0].share < LEFT:
+    if not left or left[0].gain < needed(tried):
+        return ()
+    floors = _floors(bench)
+    far = any(noise.spread > FAR * floors[n] for n, noise in best.noise.items())
+    # A model that is far off has no straight way back: then the likeliest place must do.
+    if left[0].share < LEFT and not far:
         return ()
     steps = bench.record.resolution
     if all(noise.spread < BEYOND * steps[n] for n, noise in best.noise.items()):

@@ -1,0 +1,34 @@
+"""Something is wrong somewhere, whatever explains it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.mismatch.dynamic.analyse import _nameless
+from runtime.mismatch.dynamic.drift import no_drift
+from runtime.mismatch.dynamic.fit import Judged
+from runtime.mismatch.dynamic.locate import Suspect
+from runtime.mismatch.dynamic.noise import Noise
+from runtime.mismatch.dynamic.search import Searcher
+from tests.runtime.mismatch.dynamic.benches import NOISE, bench, made
+
+
+@pytest.mark.parametrize(
+    ("share", "times", "places"),
+    [
+        (0.6, 1.5, ["upper.h"]),
+        (0.1, 1.5, []),  # no place explains it, and it may be noise of another kind
+        (0.1, 20.0, ["upper.h"]),  # no straight way back leads from so far
+    ],
+)
+def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places: list[str]) -> None:
+    place = bench(made())
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = replace(searcher.plain(), noise={"lower.y": Noise(times * NOISE, 5.0)})
+    spot = next(s for s in place.workshop.spots if s.id == "balance:upper.h")
+    left = [Suspect(spot, np.ones(len(place.time)), 100.0, share)]
+    found = _nameless(place, plain, left, len(place.candidates))
+    assert places == [f"{p.module}.{p.place}" for p in found]
