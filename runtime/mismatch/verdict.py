@@ -83,7 +83,9 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
         return ""
     far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
     most, signal = max(far, default=(0.0, ""))
-    return f" That is not all: {signal} is still off by {most:.0f} times its noise." * (most >= FAR)
+    if most < FAR:
+        return ""
+    return f" That is not all: {signal} is still off by {most:.0f} times its noise."
 
 
 def next_step(

@@ -12,16 +12,16 @@ from runtime.dynamic.balances import TIME
 from runtime.mismatch.dynamic.fit import Fitted
 from runtime.mismatch.dynamic.search import Searcher
 
-RISES = 250.0
-"""Rises that fill a recording of as many samples: one that is as long as the step between two
-samples in entries of the catalogue, where it is a thousandth of the recording, takes a quarter."""
+SUDDEN = 250.0
+"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
+quarter of a sample."""
 
 
 def sharpened(searcher: Searcher, best: Fitted, plain: Fitted) -> Fitted:
     """The model with onsets that take less than a sample, where that fits as well."""
     # The fixed time of an entry with an onset is what its rise is a share of.
     lengths = {
-        u.id: best.values[u.id] * min(RISES / len(searcher.bench.time), 1.0)
+        u.id: best.values[u.id] * min(SUDDEN / len(searcher.bench.time), 1.0)
         for c in best.joined
         if c.onset is not None
         for u in c.unknowns
