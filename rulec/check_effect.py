@@ -6,7 +6,7 @@ import keyword
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.check_join import TIME, JoinReader, needed_by
@@ -15,7 +15,7 @@ from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
 from rulec.language.part_readers import origin_of, read_expression, read_unit, within
 from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
-from rulec.try_effect import fails_at_null
+from rulec.try_effect import fails_at_null, is_neutral
 
 SLOTS = ("module", "place")
 """Slots of a text that every effect has."""
@@ -68,7 +68,11 @@ class _EffectReader:
             self._check_used(effect, joins)
             self._check_text(effect)
             self._check_null(effect, joins)
-        return effect
+        if len(self.found) > before:
+            return effect
+        neutral = {n: is_neutral(effect, n) for n, p in parameters.items() if p.fixed}
+        told = {n: replace(p, neutral=neutral.get(n, False)) for n, p in parameters.items()}
+        return replace(effect, parameters=told)
 
     def _report(self, place: Place, code: str, message: str, hint: str = "") -> None:
         self.found.append(Diagnostic(place, code, message, hint))
@@ -206,7 +210,10 @@ class _EffectReader:
         drivers: Mapping[str, Driver],
         unit: Unit,
     ) -> str | None:
-        """The driver whose quantiles are tried, which must be of the parameter's kind."""
+        """The driver whose quantiles are tried, which must be of the parameter's kind.
+
+        Where the effect joins sensors it may be ``law``, which is what such a sensor shows.
+        """
         tried = "quantiles" in part
         if tried != ("driver" in part) or (tried and "starts" in part):
             message = f"'{path[-1]}' needs 'starts', or else 'quantiles' and their 'driver'"
@@ -214,6 +221,8 @@ class _EffectReader:
             return None
         if "driver" not in part:
             return None
+        if part["driver"] == PLAIN and all("shows" in join for join in self.document.data["joins"]):
+            return PLAIN
         driver = self._asked((*path, "driver"), part["driver"], drivers)
         if driver and not self.known[driver].fits(unit.dimension):
             message = f"'{unit.text}' is not a unit of {drivers[driver].quantity}"

@@ -33,8 +33,8 @@ def needed_by(
     names = {name for law in join.laws for name in law.names()}
     names |= {name for state in states.values() for name in state.names()}
     names |= {name for name in (join.falls_with, join.rises_with) if name}
-    names -= {PLAIN, *states}
-    return names | {p.driver for n, p in parameters.items() if n in names and p.driver}
+    names |= {p.driver for n, p in parameters.items() if n in names and p.driver}
+    return names - {PLAIN, *states}
 
 
 @dataclass

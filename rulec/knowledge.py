@@ -323,7 +323,8 @@ class EffectParameter:
 
     At `null` the plain relation comes back; None where the parameter only shapes the term.
     `starts` are values to try, `quantiles` quantiles of the readings of `driver` to try. `fixed`:
-    no unknown, but the median reading of `driver`.
+    no unknown, but the median reading of `driver`; where `neutral`, the plain law holds at that
+    reading, whatever the other parameters are.
     """
 
     name: str
@@ -336,6 +337,7 @@ class EffectParameter:
     quantiles: tuple[float, ...]
     driver: str | None
     fixed: bool
+    neutral: bool = False
 
 
 @dataclass(frozen=True)

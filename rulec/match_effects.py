@@ -20,6 +20,7 @@ from rulec.knowledge import (
     ENDS,
     INFLOW,
     OUTFLOW,
+    PLAIN,
     Effect,
     EffectParameter,
     EffectState,
@@ -197,7 +198,8 @@ class _Matcher:
             {n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()},
         )
         drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
-        unknowns = tuple(_unknown(f"{id_}.{n}", p, drivers) for n, p in parameters.items())
+        read = {**drivers, PLAIN: self._id(site.name)}
+        unknowns = tuple(_unknown(f"{id_}.{n}", p, read) for n, p in parameters.items())
         equation = self._equation(change, site.key)
         if equation is None:
             return []
@@ -385,4 +387,5 @@ def _unknown(id_: str, parameter: EffectParameter, drivers: Mapping[str, str]) -
         parameter.quantiles,
         driver,
         parameter.fixed,
+        parameter.neutral,
     )

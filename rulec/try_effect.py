@@ -38,6 +38,33 @@ def fails_at_null(effect: Effect, join: Join) -> str:
     return ""
 
 
+def is_neutral(effect: Effect, name: str) -> bool:
+    """Does every join give the plain law back where a driver, or that law, is a fixed parameter?"""
+    driver = effect.parameters[name].driver or ""
+    used = [join for join in effect.joins if name in effect.used_by(join)]
+    return bool(used) and all(
+        _holds(effect, join, name, driver) or _holds(effect, join, name, PLAIN) for join in used
+    )
+
+
+def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
+    draw = random.Random(0)
+    judged = 0
+    for _ in range(TRIES):
+        known = readings(effect, draw)
+        known |= parameters(effect, known, draw)
+        plain = plain_laws(join, known, draw)
+        known[name] = {**known, **plain}[at]
+        try:
+            value = constant(join.law.expression, {**known, **plain})
+        except Rejected:
+            continue
+        if value is None or abs(value - plain[PLAIN]) > TOLERANCE * max(map(abs, plain.values())):
+            return False
+        judged += 1
+    return judged > TRIES // 2
+
+
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
     """A reading of each driver, positive and of any size."""
     return {name: math.exp(draw.uniform(-7.0, 12.0)) for name in effect.drivers}

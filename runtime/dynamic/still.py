@@ -13,9 +13,9 @@ RESTLESS = 0.7
 """Scatter of third differences, in least steps, from which on a reading has noise of its own; a
 smooth course that is rounded has a third."""
 
-FEWEST, BEYOND, UNEVEN = 4, 5.0, 0.1
-"""Levels of a coarse display at least; its step at least, in standard uncertainties of its class;
-and how far a level may be off the others' raster, in steps."""
+FEWEST, SHOWN, BEYOND, UNEVEN = 4, 8, 5.0, 0.1
+"""Levels of a coarse display at least, and readings of each, on average; its step at least, in
+standard uncertainties of its class; and how far a level may be off the others' raster, in steps."""
 
 
 def standing_still(values: Array) -> list[tuple[int, int]]:
@@ -55,7 +55,7 @@ def coarse_step(values: Array, u: float) -> float:
     """The step in which a reading moves, where that is far beyond its uncertainty `u`; else 0."""
     known = values[np.isfinite(values)]
     levels = np.unique(known)
-    if not FEWEST <= len(levels) <= len(known) / LONGEST:
+    if not FEWEST <= len(levels) <= len(known) / SHOWN:
         return 0.0
     step = float(np.min(np.diff(levels)))
     even = np.abs(np.diff(levels) / step - np.round(np.diff(levels) / step)) < UNEVEN

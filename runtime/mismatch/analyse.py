@@ -185,8 +185,10 @@ def _driver(system: System, hidden: Reconstruction) -> HiddenDriver:
         m for m in system.workshop.missing if (m.module, m.place) == (spot.module, spot.place)
     ]
     lacking = lacking or [m for m in system.workshop.missing if m.module == spot.module]
+    # A parameter is a place by its id, `parameter:A.C2`.
+    what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
     text = (
-        f"what drives the error of {spot.module}.{spot.place} is not recorded; "
+        f"what drives {what} {spot.module}.{spot.place} is not recorded; "
         f"its course: {described(hidden.time, hidden.course)}"
     )
     return HiddenDriver(

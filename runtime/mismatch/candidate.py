@@ -26,7 +26,8 @@ class Unknown:
     parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
     tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
     with `fixed` is no unknown at all: it stays at the median reading of `driver`, or where it has
-    two `quantiles`, at half the distance between the readings there (their spread).
+    two `quantiles`, at half the distance between the readings there (their spread). Where it is
+    `neutral`, the plain law holds at that reading, whatever the other parameters are.
     SI = shown * factor + offset.
     """
 
@@ -43,6 +44,7 @@ class Unknown:
     quantiles: tuple[float, ...]
     driver: str | None
     fixed: bool
+    neutral: bool = False
 
 
 @dataclass(frozen=True)

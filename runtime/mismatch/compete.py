@@ -15,7 +15,7 @@ import numpy as np
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.prepare import ESTIMATION, SELECTION
 from runtime.mismatch.price import price_of_fit
-from runtime.mismatch.screen import Trial, looks_at
+from runtime.mismatch.screen import Trial, looks_at, with_open_references
 from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
@@ -108,17 +108,26 @@ def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
     """Refit everything with a trial in it.
 
     A calibration under a law that left something out says little of the repaired one, so it is let
-    go; unless the values that it states do as well, which is the simpler explanation.
+    go; unless the values that it states do as well, which is the simpler explanation, or do for
+    other conditions than the usual ones of this recording.
     """
     candidate = trial.candidate
-    setting = fitted.setting.joining(candidate, trial.values, trial.fixed, trial.course)
-    held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
-    modules = setting.released.union(candidate.modules)
-    if candidate.sort not in ("physics", "ageing", HIDDEN) or modules == setting.released:
-        return held, trial
-    eased = replace(setting, released=modules)
-    freed = fit(fitted.rows, eased, fitted.used, temper=fitted.temper)
-    return min(held, freed, key=cost_of), trial
+    held = _joined(fitted, trial), trial
+    modules = fitted.setting.released.union(candidate.modules)
+    if candidate.sort not in ("physics", "ageing", HIDDEN) or modules == fitted.setting.released:
+        return held
+    ways = [held, (_joined(fitted, trial, modules), trial)]
+    elsewhere = with_open_references(fitted.rows.system, trial)
+    if elsewhere is not None:
+        ways.append((_joined(fitted, elsewhere), elsewhere))
+    return min(ways, key=lambda way: cost_of(way[0]))
+
+
+def _joined(fitted: Fitted, trial: Trial, released: frozenset[str] | None = None) -> Fitted:
+    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
+    if released is not None:
+        setting = replace(setting, released=released)
+    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
 
 
 def cost_of(fitted: Fitted) -> float:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.mismatch.candidate import Candidate, Spot, Unknown
-from runtime.mismatch.fit import Fitted
+from runtime.mismatch.fit import Fitted, student_weights
 from runtime.mismatch.locate import Suspect, spot_column, suspects
 from runtime.mismatch.periods import degree_course
 from runtime.mismatch.screen import Trial
-from runtime.mismatch.setting import HIDDEN, Course, Span
+from runtime.mismatch.setting import CHANGE, HIDDEN, Course, Span
+from runtime.mismatch.system import System
 from runtime.plan import Array
 
 KNOTS = (2, 4, 7, 12, 20, 40)
@@ -19,6 +21,9 @@ KNOTS = (2, 4, 7, 12, 20, 40)
 
 FEWEST = 4
 """Points per knot at least."""
+
+WANDERS = 2.0
+"""What a parameter must explain more than an error that adds to the law, in log likelihood."""
 
 LOOKED_AT = 2
 """Most suspect places at which such a course is tried."""
@@ -29,8 +34,68 @@ def hidden_trials(fitted: Fitted) -> list[Trial]:
     data = fitted.rows.system.data
     if data.of_rows:
         return []
-    places = [s for s in suspects(fitted) if s.spot.id not in fitted.setting.spots]
-    return [_trial(fitted, s) for s in places[:LOOKED_AT]]
+    taken = fitted.setting.spots
+    places = [s for s in suspects(fitted) if s.spot.id not in taken]
+    found = []
+    for place in places[:LOOKED_AT]:
+        ways = [place, *(w for w in wandering(fitted, place.spot) if w.spot.id not in taken)]
+        told = [_told(fitted, way) for way in ways]
+        best = max(range(len(ways)), key=lambda i: told[i] - (WANDERS if i else 0.0))
+        found.append(_trial(fitted, ways[best]))
+    return found
+
+
+def wandering(fitted: Fitted, spot: Spot) -> list[Suspect]:
+    """Parameters of the law at a place, each with a course of its own.
+
+    What drives a law seldom adds to it: it changes what stands in it, and shows where that counts.
+    """
+    rows, system = fitted.rows, fitted.rows.system
+    parameters = system.workshop.parameters
+    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
+    names = [parameters.ids[i] for i in own]
+    modules = system.reached(spot.observers)
+    slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
+    reached = {system.number[o] for o in spot.observers if o in system.number}
+    found = []
+    for i, name in zip(own, names, strict=True):
+        changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
+        if set(changed) != reached or spot.kind != "definition":
+            continue
+        column = rows.column(fitted.maps, changed)
+        weight = np.bincount(rows.point, column**2, minlength=len(system.data)).astype(float)
+        moment = np.bincount(rows.point, column * fitted.residual, minlength=len(system.data))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            course = np.where(weight > 0, -moment / weight, np.nan)
+        changing = replace(
+            spot,
+            id=f"parameter:{name}",
+            kind="parameter",
+            unit=parameters.units[i],
+            factor=float(parameters.factors[i]),
+            unknown=name + CHANGE,
+        )
+        found.append(Suspect(changing, column, course, weight, 0.0))
+    return found
+
+
+def _told(fitted: Fitted, suspect: Suspect) -> float:
+    """What a course there explains of all residuals, in log likelihood, its values paid for."""
+    rows = fitted.rows
+    course, weight = degree_course(fitted, suspect.column)
+    known = np.flatnonzero(np.isfinite(course) & fitted.used)
+    if len(known) < FEWEST * KNOTS[0]:
+        return -np.inf
+    sound = student_weights(rows, fitted.residual, fitted.scale) * fitted.used[rows.point]
+    total = float(np.sum(sound * fitted.residual**2))
+    best = -np.inf
+    for count, levels, table in _knotted(course[known], weight[known]):
+        off = course[known] - table @ levels
+        explained = float(np.sum(weight[known] * (course[known] ** 2 - off**2)))
+        n = int(np.sum(sound > 0))
+        left = max(total - explained, 1e-12 * total)
+        best = max(best, 0.5 * (n * np.log(total / left) - count * np.log(n)))
+    return float(best)
 
 
 def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
@@ -69,23 +134,28 @@ def _levels(course: Array, weight: Array) -> Array:
 
     Source: Schwarz 1978, with free scale.
     """
-    n = len(course)
-    root = np.sqrt(weight)
-    # One point far off must not draw the course to it.
-    near = _clipped(course)
+    n, near = len(course), _clipped(course)
     best: tuple[float, Array] | None = None
-    for count in KNOTS:
-        if count > max(n // FEWEST, 2):
-            break
-        at = np.linspace(0.0, count - 1.0, n)
-        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
-        levels = np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0]
+    for count, levels, table in _knotted(course, weight):
         left = float(np.sum(weight * (near - table @ levels) ** 2))
         cost = 0.5 * (n * float(np.log(left + 1e-300)) + count * float(np.log(n)))
         if best is None or cost < best[0]:
             best = (cost, levels)
     assert best is not None
     return best[1]
+
+
+def _knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
+    """Numbers of knots, their values, and how much of each there is at every point."""
+    n, root = len(course), np.sqrt(weight)
+    # One point far off must not draw the course to it.
+    near = _clipped(course)
+    for count in KNOTS:
+        if count > max(n // FEWEST, 2):
+            break
+        at = np.linspace(0.0, count - 1.0, n)
+        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
+        yield count, np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0], table
 
 
 def _candidate(spot: Spot) -> Candidate:
@@ -110,6 +180,24 @@ def _candidate(spot: Spot) -> Candidate:
     )
 
 
+def spot_of(system: System, candidate: Candidate) -> Spot:
+    """The place of what stands for a driver that is not recorded."""
+    spots = system.workshop.spots
+    known = next((s for s in spots if s.id == candidate.id), None)
+    if known is not None:
+        return known
+    here = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
+    (unknown,) = candidate.unknowns
+    return replace(
+        here,
+        id=candidate.id,
+        kind="parameter",
+        unit=unknown.unit,
+        factor=unknown.factor,
+        unknown=unknown.id,
+    )
+
+
 @dataclass(frozen=True)
 class Reconstruction:
     """A course at a place, shape (points,), SI, and the times of it."""
@@ -125,8 +213,8 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     What is left of each point is added to the value of its window, and smoothed.
     """
     system = fitted.rows.system
-    spot = next(s for s in system.workshop.spots if s.id == name)
-    course = next(c for c in fitted.setting.courses if c.unknown == spot.unknown)
+    course = next(c for c in fitted.setting.courses if fitted.setting.candidate_of(c).id == name)
+    spot = spot_of(system, fitted.setting.candidate_of(course))
     column = spot_column(fitted, spot)
     level = course.degrees(fitted.setting.values)
     if column is None:

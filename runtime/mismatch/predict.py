@@ -67,7 +67,7 @@ class Predictor:
         value, slope = np.zeros(len(at)), np.zeros(len(at))
         for term in self.residual.terms:
             spec = system.ruleset.observer_by_id[term.observer]
-            plan = system.workshop.plan(spec.module, setting.ids, setting.spots)
+            plan = system.workshop.plan(spec.module, setting.ids, system.built_in(setting))
             key = f"q:{term.observer}"
             out, slopes = run_with_slopes(plan.select([key]), inputs, (self.signal.id,))
             value = value + term.sign * out[key]

@@ -25,6 +25,9 @@ from runtime.plan import Array
 SURE = 3.0
 """Standard deviations, robust over blocks, by which a gain differs from none."""
 
+SOMETHING = 1.5
+"""Standard uncertainties by which a strength differs from its null at least."""
+
 ALIKE = 0.5
 """Cosine of the changes that two explanations make, from which on they explain the same."""
 
@@ -70,6 +73,8 @@ def defeated(
     assert trial is not None
     if at_an_end(contestant, trial.candidate) or amplifies_noise(now.fitted, contestant.fitted):
         return None
+    if not _is_there(contestant.fitted, trial):
+        return None
     own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)
     # A term without a driver of its own has no course that could be shuffled.
@@ -81,6 +86,20 @@ def defeated(
         Rival("as many parameters without physics", placebo),
         Rival("its own course, shuffled by blocks", float(shuffled.max())),
     )
+
+
+def _is_there(fitted: Fitted, trial: Trial) -> bool:
+    """Does a strength of it differ from its null? Else it gains by what the model without it lost.
+
+    What comes and goes is not asked: it is a step in what is left, which was seen.
+    """
+    strengths = [u for u in trial.candidate.unknowns if u.null is not None and not u.fixed]
+    off = [
+        abs(fitted.setting.values[u.id] - (u.null or 0.0)) / max(fitted.u(u.id), 1e-300)
+        for u in strengths
+        if u.id in fitted.setting.values
+    ]
+    return not off or max(off) > SOMETHING
 
 
 def _let_go(now: Contestant, contestant: Contestant) -> Fitted:

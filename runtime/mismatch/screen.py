@@ -30,6 +30,9 @@ BENT = 5.0
 VARYING = 3.0
 """A driver varies by this many times the noise of its settled readings."""
 
+NEAR_ZERO = 0.05
+"""Share of its median reading below which no reference lies whose readings are positive."""
+
 FAR = 2.5
 """Residuals beyond this many scales count less, in the second of two looks."""
 
@@ -235,6 +238,34 @@ def references(system: System, candidate: Candidate) -> dict[str, float]:
         elif unknown.fixed:
             found[unknown.id] = _readings(system, unknown)[0]
     return found
+
+
+def with_open_references(system: System, trial: Trial) -> Trial | None:
+    """The trial with the conditions at which the plain law holds searched for; None without such.
+
+    Those of a calibration on an earlier run were others than the usual ones of this recording.
+    """
+    candidate = trial.candidate
+    opened = {u.id: _opened(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
+    if not opened:
+        return None
+    return replace(
+        trial,
+        candidate=replace(
+            candidate, unknowns=tuple(opened.get(u.id, u) for u in candidate.unknowns)
+        ),
+        values={**trial.values, **{n: v for n, v in trial.fixed.items() if n in opened}},
+        fixed={n: v for n, v in trial.fixed.items() if n not in opened},
+    )
+
+
+def _opened(system: System, unknown: Unknown) -> Unknown:
+    """A reference as an unknown: the readings of its driver, and half their span beyond."""
+    low, middle, high = _readings(system, unknown, (0.0, 0.5, 1.0))
+    beyond = 0.5 * (high - low)
+    # What is positive by its nature stays so.
+    lowest = max(low - beyond, NEAR_ZERO * middle) if low > 0.0 else low - beyond
+    return replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
 
 
 def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:

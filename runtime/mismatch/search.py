@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.mismatch.accepted import Accepted
+from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.exchange import exchanged, weighed
 from runtime.mismatch.fit import fit
@@ -13,7 +14,7 @@ from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.price import NEEDED, net_gain, odds_of
 from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rows import Rows
-from runtime.mismatch.screen import Trial
+from runtime.mismatch.screen import Trial, with_open_references
 from runtime.mismatch.search_round import FINALISTS, best_of, best_step, recorded
 from runtime.mismatch.setting import HIDDEN, Setting
 
@@ -102,15 +103,35 @@ def _weighed(now: Contestant, record: Accepted, finalists: Sequence[Trial]) -> A
 def _eased(now: Contestant) -> Contestant:
     """The calibration under laws that left something out let go, if that is worth it by now.
 
-    With less left unexplained, a strain on stated values shows that was small before.
+    With less left unexplained, a strain on stated values shows that was small before. They may
+    hold for other conditions than the usual ones of this recording, or not hold at all.
     """
-    fitted = now.fitted
-    physics = [c for c in fitted.setting.joined if c.sort in ("physics", "ageing")]
-    modules = fitted.setting.released.union(*(c.modules for c in physics))
-    if modules == fitted.setting.released:
+    for candidate in now.fitted.setting.joined:
+        setting, system = now.fitted.setting, now.fitted.rows.system
+        if candidate.sort not in ("physics", "ageing") or setting.released & {*candidate.modules}:
+            continue
+        there = with_open_references(
+            system, Trial(candidate, _own(setting.values, candidate), setting.fixed, 0.0)
+        )
+        if there is not None:
+            bare = setting.leaving(candidate.id)
+            now = _widened(now, bare.joining(there.candidate, there.values, there.fixed))
+    setting = now.fitted.setting
+    physics = [c for c in setting.joined if c.sort in ("physics", "ageing")]
+    modules = setting.released.union(*(c.modules for c in physics))
+    if modules == setting.released:
         return now
-    eased = replace(fitted.setting, released=modules)
-    freed = retempered(fit(fitted.rows, eased, fitted.used, temper=fitted.temper))
+    return _widened(now, replace(setting, released=modules))
+
+
+def _own(values: Mapping[str, float], candidate: Candidate) -> dict[str, float]:
+    return {u.id: values[u.id] for u in candidate.unknowns if u.id in values}
+
+
+def _widened(now: Contestant, wider: Setting) -> Contestant:
+    """The model with more values free, if it is simpler so, neighbours counted alike in both."""
+    fitted = now.fitted
+    freed = retempered(fit(fitted.rows, wider, fitted.used, temper=fitted.temper))
     held = fit(fitted.rows, fitted.setting, fitted.used, temper=freed.temper)
     return contest(freed, now.trial) if cost_of(freed) < cost_of(held) else now
 

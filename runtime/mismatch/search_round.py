@@ -17,7 +17,7 @@ from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials, with_the_course_of
 from runtime.mismatch.pairs import held_pairs, pair_trials
 from runtime.mismatch.periods import in_periods
-from runtime.mismatch.price import NEEDED, needed, net_gain, odds_of
+from runtime.mismatch.price import NEEDED, gain_in_sample, needed, net_gain, odds_of
 from runtime.mismatch.result import Rival
 from runtime.mismatch.rivals import at_an_end, beats, defeated, instead_of, released
 from runtime.mismatch.screen import Trial, screen
@@ -43,6 +43,10 @@ DRIVEN = 0.7
 """The same for a fault that comes and goes more than once: if a curve over one reading does nearly
 as well, it comes and goes with that reading, and is no fault of its own."""
 
+OFTEN = 1.25
+"""Times the gain of a course that is free in time that a fault must gain which comes and goes more
+often than that [assumed]."""
+
 FEW_CHANGES = 2
 """Periods of a fault that begins, at most."""
 
@@ -50,7 +54,7 @@ COARSE = 0.5
 """Part of that which such a curve must gain on blocks that it was not fitted to."""
 
 PART = 0.15
-"""A hidden driver is told if it gains more than this share of what was explained with a name."""
+"""What has no name is told if it gains more than this share of what was explained with a name."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,9 @@ def best_step(
     worth = needed(now, tried) + PART * explained
     unnamed = _contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     best = _first(now, unnamed, None, tried)
+    # What names left over by a small part may be the shape of one of them.
+    if best is not None and _gain_of(best, now) < PART * explained:
+        best = None
     if hidden is not None and net_gain(hidden, now) > max(worth, _gain_of(best, now)):
         return Step(hidden, recorded(hidden, now, [], ()), tried)
     return best or Step(None, (), tried)
@@ -183,15 +190,14 @@ def _or_sudden(
     candidates: Sequence[Candidate],
     hidden: Contestant | None,
 ) -> Step:
-    """A fault that begins, where that says the same better than what lasts: a driver may happen to
-    turn about when the fault began."""
+    """A fault that begins, where that says more than what lasts: a driver may happen to turn about
+    when the fault began, and what is left of a fault can look like a law."""
     winner = found.winner
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
     sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
-    alike = instead_of(winner, sudden, now)
-    sudden = [c for c in alike if _changes(c) <= FEW_CHANGES]
+    sudden = [c for c in sudden if _changes(c) <= FEW_CHANGES]
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found
@@ -246,8 +252,11 @@ def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> boo
     """
     trial = contestant.trial
     assert trial is not None
-    mere_course = trial.course is not None or set(trial.candidate.drivers.values()) == {TIME}
-    return not mere_course or net_gain(contestant, now) > net_gain(hidden, now)
+    if trial.course is None and TIME not in trial.candidate.drivers.values():
+        return True
+    # What comes and goes often has as many values as a course that is free in time.
+    ahead = OFTEN if _changes(contestant) > FEW_CHANGES else 1.0
+    return gain_in_sample(contestant, now) > ahead * gain_in_sample(hidden, now)
 
 
 def recorded(

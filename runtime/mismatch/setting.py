@@ -17,6 +17,10 @@ ERROR = "error:"
 HIDDEN = "hidden"
 """Sort of what stands for a driver that is not recorded: an error at a place, free in time."""
 
+CHANGE = "~"
+"""Mark behind the id of a parameter: by how much it differs from its value, where that is free in
+time."""
+
 
 @dataclass(frozen=True)
 class Span:
@@ -85,7 +89,7 @@ class Setting:
 
     @property
     def spots(self) -> tuple[str, ...]:
-        """Ids of places with an error whose course is free in time."""
+        """Ids of places, and of parameters, with an error whose course is free in time."""
         return tuple(c.id for c in self.joined if c.sort == HIDDEN)
 
     def candidate_of(self, course: Course) -> Candidate:

@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.mismatch.candidate import TIME, Workshop
 from runtime.mismatch.prepare import Data
-from runtime.mismatch.setting import ERROR, Setting
+from runtime.mismatch.setting import CHANGE, ERROR, Setting
 from runtime.observe import observe
 from runtime.plan import Array
 from runtime.ruleset import ObserverSpec, Ruleset
@@ -88,7 +88,8 @@ class System:
         for name, value in zip(parameters.ids, parameters.values, strict=True):
             inputs.setdefault(name, float(value))
         for course in setting.courses:
-            inputs[course.unknown] = course.degrees(setting.values)
+            degrees, name = course.degrees(setting.values), course.unknown.removesuffix(CHANGE)
+            inputs[name] = degrees if name == course.unknown else inputs[name] + degrees
         for name, u in self.shared.items():
             error = setting.values.get(ERROR + name, 0.0)
             if error:
@@ -117,14 +118,16 @@ class System:
         by_reading: Slopes = {}
         raw: Slopes = {}
         own_spots = {s.id: s for s in self.workshop.spots}
-        spots = (*spots, *(s for s in setting.spots if s not in spots))
+        built = self.built_in(setting)
+        spots = (*(s for s in spots if s in own_spots and s not in built), *built)
+        by_plan = list(dict.fromkeys(name.removesuffix(CHANGE) for name in by))
         for module in self.modules if modules is None else modules:
-            plan = self.workshop.plan(module, setting.ids, tuple(spots))
-            zero = {own_spots[s].unknown: 0.0 for s in spots if s not in setting.spots}
+            plan = self.workshop.plan(module, setting.ids, spots)
+            zero = {own_spots[s].unknown: 0.0 for s in spots if s not in built}
             signals = [name for name in plan.inputs if name in self.shared]
             names = [o for o in self.observers if o.module == module]
             wanted = plan.select([f"q:{o.id}" for o in names])
-            out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*by, *signals])
+            out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*by_plan, *signals])
             for observer in names:
                 i, key = self.number[observer.id], f"q:{observer.id}"
                 values[i] = out[key]
@@ -132,6 +135,11 @@ class System:
                     table = by_reading if name in self.shared else raw
                     table.setdefault(name, {})[i] = slope
         return Flows(values, by_reading, self._of_values(by, raw, by_reading))
+
+    def built_in(self, setting: Setting) -> tuple[str, ...]:
+        """Places with an error that plans must have an input for; a parameter is one anyway."""
+        places = {s.id for s in self.workshop.spots}
+        return tuple(s for s in setting.spots if s in places)
 
     def reached(self, observers: Sequence[str]) -> tuple[str, ...]:
         """Modules of some observers, in order."""
@@ -144,7 +152,7 @@ class System:
         for name in by:
             signal = name.removeprefix(ERROR)
             if signal == name:
-                result[name] = raw.get(name, {})
+                result[name] = raw.get(name.removesuffix(CHANGE), {})
             else:
                 u = self.shared[signal]
                 result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}

@@ -31,7 +31,9 @@ def findings_of(best: Contestant, accepted: tuple[Accepted, ...]) -> tuple[Findi
 
 
 def _finding(best: Contestant, record: Accepted, share: float) -> Finding:
-    fitted, candidate = best.fitted, record.trial.candidate
+    fitted = best.fitted
+    # As it is by now: more of it may be searched for than at first.
+    candidate = next(c for c in fitted.setting.joined if c.id == record.trial.candidate.id)
     parameters = {
         u.name: _estimate(fitted, u)
         for u in candidate.unknowns

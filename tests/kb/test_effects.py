@@ -137,7 +137,10 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
     effect, draw = EFFECTS[name], np.random.default_rng(i)
     join, readings = effect.joins[i], drawn(effect, draw)
     free = {n: p for n, p in effect.parameters.items() if not p.fixed}
-    starts = {n: at_start(p, readings) for n, p in free.items()}
+    starts = {n: at_start(p, readings) for n, p in free.items() if p.driver != "law"}
+    shown = plain_laws(join, {**readings, **starts}, np.random.default_rng(i))["law"]
+    varying = {"law": shown * np.linspace(0.5, 1.0, POINTS)}
+    starts |= {n: at_start(p, varying) for n, p in free.items() if p.driver == "law"}
 
     def value(changed: Mapping[str, float]) -> Array:
         known = {**readings, **starts, **changed}

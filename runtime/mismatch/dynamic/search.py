@@ -115,15 +115,36 @@ class Searcher:
         best = self.polished(self.trial(None, (), 4 * SCATTERED, THOROUGH, 2 * DESCENDED))
         # Two tanks in a row look nearly alike the other way round.
         for first, second in self._alike(best):
-            turned = dict(best.values)
-            for name in best.values:
-                module, _, local = name.partition(".")
-                other = {first: second, second: first}.get(module)
-                if other and f"{other}.{local}" in best.values:
-                    turned[f"{other}.{local}"] = best.values[name]
-            found = self.polished(replace(best, values=turned))
+            found = self.polished(self._turned(best, {first: second, second: first}))
             best = min(best, found, key=lambda f: -self.standing(f, best))
         return best
+
+    def turned(self, fitted: Fitted) -> list[Fitted]:
+        """A model with what it says of two modules said of each other, for all that look alike."""
+        found = []
+        for first, second in self._alike(fitted):
+            turned = self._turned(fitted, {first: second, second: first})
+            if set(turned.ids) != set(fitted.ids):
+                found.append(self.polished(turned))
+        return [f for f in found if not f.pressed]
+
+    def _turned(self, fitted: Fitted, other: Mapping[str, str]) -> Fitted:
+        """Each value given to its namesake in the other module, explanations with them."""
+        joined = tuple(self._namesake(c, other) for c in fitted.joined)
+        known = {*fitted.values, *(u.id for c in joined for u in c.unknowns)}
+        left = {u.id for c in fitted.joined if c not in joined for u in c.unknowns}
+        values = {n: v for n, v in fitted.values.items() if n not in left}
+        for name, value in fitted.values.items():
+            module, _, local = name.partition(".")
+            if (there := f"{other.get(module)}.{local}") in known:
+                values[there] = value
+        return replace(fitted, joined=joined, values=values)
+
+    def _namesake(self, candidate: Candidate, other: Mapping[str, str]) -> Candidate:
+        """The same explanation in the other module, where that can have it."""
+        module, _, local = candidate.id.partition(".")
+        there = f"{other.get(module)}.{local}"
+        return next((c for c in self.bench.candidates if c.id == there), candidate)
 
     def _alike(self, fitted: Fitted) -> list[tuple[str, str]]:
         """Pairs of modules with the same parameters."""
@@ -232,9 +253,14 @@ class Searcher:
             return list(pool.map(lambda t: self.trial(*t), promising))
 
     def ranked(self, tasks: Sequence[Task], plain: Fitted) -> list[Fitted]:
-        """Trials, best first; what is pressed to an end of its range stands for something else."""
-        tried = [f for f in self.trials(tasks, plain) if not f.pressed]
-        return sorted(tried, key=lambda f: -self.standing(f, plain))
+        """Trials, best first; what is pressed to an end of its range stands for something else.
+
+        Unless for want of steps: the best of those are fitted to the end before they are dropped.
+        """
+        tried = sorted(self.trials(tasks, plain), key=lambda f: -self.standing(f, plain))
+        ended = [self.polished(f) if f.pressed else f for f in tried[:BEAM]]
+        free = [f for f in (*ended, *tried[BEAM:]) if not f.pressed]
+        return sorted(free, key=lambda f: -self.standing(f, plain))
 
     def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
         """Models fitted to the end, best first."""
@@ -361,6 +387,9 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
             break
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = max(itertools.chain(*levels), key=lambda f: searcher.gain(f, plain))
+    turned = searcher.turned(best)
+    singles = [f for f in turned if len(f.joined) == 1] + singles
+    best = max((best, *turned), key=lambda f: searcher.gain(f, plain))
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best

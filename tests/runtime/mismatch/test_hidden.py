@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from runtime.mismatch.hidden import described
+from runtime.mismatch.compete import refit
+from runtime.mismatch.fit import fit
+from runtime.mismatch.hidden import described, hidden_trials, reconstruct
+from runtime.mismatch.setting import Setting
 from runtime.plan import Array
+from tests.runtime.mismatch.made import alone, rows_at
+from tests.runtime.mismatch.warm import run
 
 TIME = np.arange(0.0, 3600.0, 10.0)
 PHASE = TIME / TIME[-1]
@@ -66,3 +73,17 @@ def test_spans_are_told_in_fitting_units(seconds: float, expected: str) -> None:
     """Seconds, minutes, hours."""
     time = np.linspace(0.0, seconds, 200)
     assert f"over {expected}" in described(time, np.sin(4 * np.pi * time / seconds))
+
+
+def test_what_drives_a_slip_shows_in_its_parameter() -> None:
+    """The pressure moves; an error that adds to the flow would have to move with it."""
+    unrecorded = replace(run(), values={n: v for n, v in run().values.items() if n != "A.T"})
+    rows = rows_at(alone(), unrecorded)
+    plain = fit(rows, Setting(), rows.system.data.open)
+    first = hidden_trials(plain)[0]
+    assert first.candidate.id.startswith("parameter:A.C")
+    assert first.candidate.place == "Q_geo"
+    fitted, _ = refit(plain, first)
+    found = reconstruct(fitted, first.candidate.id)
+    warm = np.interp(found.time, run().time, run().values["A.T"])
+    assert abs(np.corrcoef(found.course, warm)[0, 1]) > 0.9

@@ -3,21 +3,38 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from rulec.workshop import PlantWorkshop
+from runtime.mismatch.candidate import BaseParameters
+from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.screen import Trial, screen
+from runtime.mismatch.screen import Trial, screen, with_open_references
 from runtime.mismatch.setting import Setting
 from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
+SLIP = "A.slip-temperature@Q_geo"
 PLANTED: dict[str, Built] = {
     "A.slip-temperature@Q_geo": {"A.slip-temperature@Q_geo": {"b": 0.03, "T0": USUAL}},
     "A.relief-valve@Q_geo": {"A.relief-valve@Q_geo": {"K": 150e-3 / 3600 / 1e5, "p_open": 1.9e5}},
     "A.zero-drift-temperature@dp": {"A.zero-drift-temperature@dp": {"z": 400.0, "T0": USUAL}},
 }
+
+
+@dataclass(frozen=True)
+class Sure:
+    """A workshop whose parameters are known as a calibration knows them."""
+
+    workshop: PlantWorkshop
+    parameters: BaseParameters
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.workshop, name)
 
 
 @functools.cache
@@ -78,3 +95,35 @@ def test_a_driver_that_is_not_recorded_makes_no_trial() -> None:
     tried = {d for t in trials("healthy") for d in t.candidate.drivers.values()}
     assert "A.l" not in tried
     assert any("A.l" in c.drivers.values() for c in alone()[1].candidates)
+
+
+def test_where_the_plain_law_holds_may_be_searched_for() -> None:
+    """The temperature at which the slip is the plain one is open; a median load is only a unit."""
+    system = plain("healthy").rows.system
+    by_id = {t.candidate.id: t for t in trials("A.slip-temperature@Q_geo")}
+    opened_ = with_open_references(system, by_id["A.slip-temperature@Q_geo"])
+    assert opened_ is not None
+    (free,) = (u for u in opened_.candidate.unknowns if u.name == "T0")
+    values = system.data.values["A.T"]
+    assert not free.fixed
+    assert free.lowest < values.min() < opened_.values[free.id] < values.max() < free.highest
+    assert not opened_.fixed
+    (unit,) = (t for n, t in by_id.items() if n == "A.bypass-flow@Q_geo")
+    assert with_open_references(system, unit) is None
+
+
+def test_a_calibration_at_another_temperature_bends_no_law() -> None:
+    """The plain law holds at 20 degC, and is known well; the recording is warmer by far."""
+    rules, workshop = alone()
+    known = workshop.parameters
+    sure = replace(known, covariance=known.covariance * 1e-4)
+    there = rules, Sure(workshop, sure)
+    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
+    rows = rows_at(there, recorded(alone(), given, PLANTED[SLIP]))
+    begun = fit(rows, Setting(), rows.system.data.open)
+    (trial,) = (t for t in screen(begun, workshop.candidates) if t.candidate.id == SLIP)
+    fitted, chosen = refit(begun, trial)
+    b, usual = f"{SLIP}.b", f"{SLIP}.T0"
+    assert usual in chosen.values
+    assert abs(fitted.setting.values[b] - 0.03) < 3.0 * fitted.u(b)
+    assert abs(fitted.setting.values[usual] - USUAL) < 3.0 * fitted.u(usual)

@@ -28,5 +28,8 @@ def test_a_plant_at_rest_without_noise_is_not_stuck() -> None:
 def test_a_coarse_display_is_told_by_its_step() -> None:
     coarse = np.round(NOISY / 0.4) * 0.4
     assert coarse_step(coarse, 0.025) == pytest.approx(0.4)
+    many = np.round(3.0 * NOISY / 0.1) * 0.1
+    assert len(np.unique(many)) > 40
+    assert coarse_step(many, 0.01) == pytest.approx(0.1)
     assert coarse_step(NOISY, 0.025) == 0.0
     assert coarse_step(np.where(COURSE > 3.0, 1.0, 0.0), 0.025) == 0.0
