@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.mismatch.candidate import Candidate, Spot, Unknown
 from runtime.mismatch.fit import Fitted, student_weights
+from runtime.mismatch.knots import FEWEST, KNOTS, clipped, knotted, levels_of
 from runtime.mismatch.locate import Suspect, spot_column, suspects
 from runtime.mismatch.periods import degree_course
 from runtime.mismatch.screen import Trial
-from runtime.mismatch.setting import CHANGE, HIDDEN, Course, Span
-from runtime.mismatch.system import System
+from runtime.mismatch.setting import HIDDEN, Course, Span
+from runtime.mismatch.wander import spot_of, wandering
 from runtime.plan import Array
-
-KNOTS = (2, 4, 7, 12, 20, 40)
-"""Values of a course that is free in time: as few as tell it."""
-
-FEWEST = 4
-"""Points per knot at least."""
 
 WANDERS = 2.0
 """What a parameter must explain more than an error that adds to the law, in log likelihood."""
@@ -45,40 +39,6 @@ def hidden_trials(fitted: Fitted) -> list[Trial]:
     return found
 
 
-def wandering(fitted: Fitted, spot: Spot) -> list[Suspect]:
-    """Parameters of the law at a place, each with a course of its own.
-
-    What drives a law seldom adds to it: it changes what stands in it, and shows where that counts.
-    """
-    rows, system = fitted.rows, fitted.rows.system
-    parameters = system.workshop.parameters
-    own = [i for i, n in enumerate(parameters.ids) if n.partition(".")[0] == spot.module]
-    names = [parameters.ids[i] for i in own]
-    modules = system.reached(spot.observers)
-    slopes = system.flows(fitted.setting, names, modules=modules, at=fitted.predicted).by_value
-    reached = {system.number[o] for o in spot.observers if o in system.number}
-    found = []
-    for i, name in zip(own, names, strict=True):
-        changed = {k: v for k, v in slopes[name].items() if np.any(np.nan_to_num(v))}
-        if set(changed) != reached or spot.kind != "definition":
-            continue
-        column = rows.column(fitted.maps, changed)
-        weight = np.bincount(rows.point, column**2, minlength=len(system.data)).astype(float)
-        moment = np.bincount(rows.point, column * fitted.residual, minlength=len(system.data))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            course = np.where(weight > 0, -moment / weight, np.nan)
-        changing = replace(
-            spot,
-            id=f"parameter:{name}",
-            kind="parameter",
-            unit=parameters.units[i],
-            factor=float(parameters.factors[i]),
-            unknown=name + CHANGE,
-        )
-        found.append(Suspect(changing, column, course, weight, 0.0))
-    return found
-
-
 def _told(fitted: Fitted, suspect: Suspect) -> float:
     """What a course there explains of all residuals, in log likelihood, its values paid for."""
     rows = fitted.rows
@@ -89,7 +49,7 @@ def _told(fitted: Fitted, suspect: Suspect) -> float:
     sound = student_weights(rows, fitted.residual, fitted.scale) * fitted.used[rows.point]
     total = float(np.sum(sound * fitted.residual**2))
     best = -np.inf
-    for count, levels, table in _knotted(course[known], weight[known]):
+    for count, levels, table in knotted(course[known], weight[known]):
         off = course[known] - table @ levels
         explained = float(np.sum(weight[known] * (course[known] ** 2 - off**2)))
         n = int(np.sum(sound > 0))
@@ -102,7 +62,7 @@ def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
     data = fitted.rows.system.data
     spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
-    levels = _levels(suspect.course[known], suspect.weight[known])
+    levels = levels_of(suspect.course[known], suspect.weight[known])
     # Held-out points lie between those that are known; outside of all the course stays.
     at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
     segment = np.minimum(at.astype(int), len(levels) - 1)
@@ -129,35 +89,6 @@ def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
     return Trial(_candidate(here[0]), dict.fromkeys(same.names(), 0.0), {}, trial.gain, same)
 
 
-def _levels(course: Array, weight: Array) -> Array:
-    """Knots of a course that passes from one to the next: as many as pay for themselves.
-
-    Source: Schwarz 1978, with free scale.
-    """
-    n, near = len(course), _clipped(course)
-    best: tuple[float, Array] | None = None
-    for count, levels, table in _knotted(course, weight):
-        left = float(np.sum(weight * (near - table @ levels) ** 2))
-        cost = 0.5 * (n * float(np.log(left + 1e-300)) + count * float(np.log(n)))
-        if best is None or cost < best[0]:
-            best = (cost, levels)
-    assert best is not None
-    return best[1]
-
-
-def _knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
-    """Numbers of knots, their values, and how much of each there is at every point."""
-    n, root = len(course), np.sqrt(weight)
-    # One point far off must not draw the course to it.
-    near = _clipped(course)
-    for count in KNOTS:
-        if count > max(n // FEWEST, 2):
-            break
-        at = np.linspace(0.0, count - 1.0, n)
-        table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
-        yield count, np.linalg.lstsq(table * root[:, None], near * root, rcond=None)[0], table
-
-
 def _candidate(spot: Spot) -> Candidate:
     unknown = Unknown(
         spot.unknown, "e", "error", spot.unit, spot.factor, 0.0, 0.0, -np.inf, np.inf,
@@ -177,24 +108,6 @@ def _candidate(spot: Spot) -> Candidate:
         f"{spot.module}.{spot.place} follows something that is not recorded",
         "",
         "",
-    )
-
-
-def spot_of(system: System, candidate: Candidate) -> Spot:
-    """The place of what stands for a driver that is not recorded."""
-    spots = system.workshop.spots
-    known = next((s for s in spots if s.id == candidate.id), None)
-    if known is not None:
-        return known
-    here = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
-    (unknown,) = candidate.unknowns
-    return replace(
-        here,
-        id=candidate.id,
-        kind="parameter",
-        unit=unknown.unit,
-        factor=unknown.factor,
-        unknown=unknown.id,
     )
 
 
@@ -221,17 +134,9 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
         return Reconstruction(spot, system.data.time, level)
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
-    values = level[known] + _clipped(rest[known])
+    values = level[known] + clipped(rest[known])
     smooth = _smoothed(values, weight[known], len(known) // (6 * KNOTS[-1]))
     return Reconstruction(spot, system.data.time[known], smooth)
-
-
-def _clipped(values: Array) -> Array:
-    """One odd point is no course."""
-    middle = float(np.median(values))
-    spread = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values))
-    clipped: Array = np.clip(values, middle - 3.0 * spread, middle + 3.0 * spread)
-    return clipped
 
 
 def _smoothed(values: Array, weight: Array, width: int) -> Array:

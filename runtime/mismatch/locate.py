@@ -81,18 +81,29 @@ def suspects(fitted: Fitted) -> list[Suspect]:
         column = spot_column(fitted, spot)
         if column is None:
             continue
-        n = len(system.data)
-        weight = np.bincount(rows.point, column**2, minlength=n).astype(float)
-        moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            course = np.where(weight > 0, -moment / weight, np.nan)
-        known = np.flatnonzero((weight > 0) & fitted.used)
-        gain = max(_explained(moment[known], weight[known], noise, k) for k in (len(known), SLOW))
-        found.append((Suspect(spot, column, course, weight, 0.0), gain))
+        suspect = suspect_at(fitted, spot, column)
+        known = np.flatnonzero((suspect.weight > 0) & fitted.used)
+        course, weight = suspect.course[known], suspect.weight[known]
+        gain = max(_explained(-course * weight, weight, noise, k) for k in (len(known), SLOW))
+        found.append((suspect, gain))
     most = max((gain for _, gain in found), default=0.0)
     whole = max(total, most, 1e-300)
     shared = [replace(s, share=float(np.clip(g / whole, 0.0, 1.0))) for s, g in found]
     return sorted(shared, key=lambda s: (-round(s.share, 3), s.spot.id))
+
+
+def suspect_at(fitted: Fitted, spot: Spot, column: Array) -> Suspect:
+    """A place with the error that explains each point best; `column` are slopes of the residuals.
+
+    Its share is not known yet.
+    """
+    rows = fitted.rows
+    n = len(rows.system.data)
+    weight = np.bincount(rows.point, column**2, minlength=n).astype(float)
+    moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        course = np.where(weight > 0, -moment / weight, np.nan)
+    return Suspect(spot, column, course, weight, 0.0)
 
 
 def _explained(moment: Array, weight: Array, noise: float, values: int) -> float:
