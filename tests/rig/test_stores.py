@@ -17,7 +17,7 @@ from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
 from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import record_of
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.recording import read_recording
 from tests.conftest import ROOT, recordings_folder
 

@@ -19,7 +19,8 @@ from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove, series_of
 from runtime.mismatch.dynamic.quality import failing, failing_at
 from runtime.mismatch.dynamic.record import Record, record_of
-from runtime.mismatch.dynamic.search import Found, Progress, Searcher, search
+from runtime.mismatch.dynamic.search import Found, Progress, search
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.dynamic.beam import are_twins, in_place_of
 from runtime.mismatch.dynamic.fit import Fitted, Fitter
 from runtime.mismatch.dynamic.locate import STORED, smooth_gain
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.search import Found, Searcher, are_twins, in_place_of
+from runtime.mismatch.dynamic.search import Found
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.result import Confounded, Rival
 
 CONFOUNDED = 0.9

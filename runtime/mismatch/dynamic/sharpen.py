@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from runtime.dynamic.balances import TIME
 from runtime.mismatch.dynamic.fit import Fitted
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 
 SUDDEN = 250.0
 """Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a

@@ -11,7 +11,7 @@ from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.doubt import Accepted, profile
 from runtime.mismatch.dynamic.fit import Fitted
 from runtime.mismatch.dynamic.locate import Suspect, region_in
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.terms import driving, term_of, variables_of
 from runtime.mismatch.locate import periods_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period

@@ -14,7 +14,7 @@ from runtime.mismatch import series as module
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Judged
 from runtime.mismatch.dynamic.prove import prove, series_of
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.machine_form import mismatch_form
 from runtime.mismatch.result import Course, Mismatch, Series
 from runtime.mismatch.series import heldout_spans, series_csv

@@ -6,7 +6,8 @@ import numpy as np
 
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
-from runtime.mismatch.dynamic.search import Searcher, search
+from runtime.mismatch.dynamic.search import search
+from runtime.mismatch.dynamic.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
 LAG = "pump.lag-flow@pump"

@@ -11,7 +11,7 @@ from runtime.dynamic.balances import RanAway
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
 

@@ -10,7 +10,7 @@ import pytest
 from runtime.mismatch.dynamic.analyse import fitted_to_all
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import period_of
 from runtime.mismatch.result import Estimate

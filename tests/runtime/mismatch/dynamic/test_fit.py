@@ -11,7 +11,8 @@ from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
 from runtime.mismatch.dynamic.locate import suspects
 from runtime.mismatch.dynamic.noise import Noise
-from runtime.mismatch.dynamic.search import Searcher, search
+from runtime.mismatch.dynamic.search import search
+from runtime.mismatch.dynamic.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     OVERFLOW,

@@ -12,7 +12,7 @@ from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Judged
 from runtime.mismatch.dynamic.locate import Suspect
 from runtime.mismatch.dynamic.noise import Noise
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import NOISE, bench, made
 
 

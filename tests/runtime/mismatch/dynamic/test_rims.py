@@ -8,7 +8,7 @@ import pytest
 from runtime.mismatch.dynamic.doubt import profile
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.search import Searcher
+from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.plan import Array
 from tests.runtime.mismatch.dynamic.benches import (
     OVERFLOW,
