@@ -265,7 +265,11 @@ def _opened(system: System, unknown: Unknown) -> Unknown:
     beyond = 0.5 * (high - low)
     # What is positive by its nature stays so.
     lowest = max(low - beyond, NEAR_ZERO * middle) if low > 0.0 else low - beyond
-    return replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
+    opened = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
+    signal = system.ruleset.signal_by_id.get(unknown.driver or "")
+    if signal is None:
+        return opened
+    return replace(opened, unit=signal.unit, factor=signal.factor, offset=signal.offset)
 
 
 def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:

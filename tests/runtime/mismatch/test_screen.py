@@ -106,6 +106,7 @@ def test_where_the_plain_law_holds_may_be_searched_for() -> None:
     (free,) = (u for u in opened_.candidate.unknowns if u.name == "T0")
     values = system.data.values["A.T"]
     assert not free.fixed
+    assert (free.unit, free.offset) == ("degC", 273.15)
     assert free.lowest < values.min() < opened_.values[free.id] < values.max() < free.highest
     assert not opened_.fixed
     (unit,) = (t for n, t in by_id.items() if n == "A.bypass-flow@Q_geo")
