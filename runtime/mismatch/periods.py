@@ -31,8 +31,8 @@ from runtime.plan import Array
 LONGEST_COURSE = 1500
 """Means that a course is reduced to before it is cut."""
 
-CHANGED = 2.0
-"""Price of a change of degree in half log(points): when it comes is one among all points."""
+STEPS = 3.0
+"""Price of a period in half log(points): its ends, and that it is there at all."""
 
 ODD = (0.0, 0.02, 0.05, 0.1)
 """Shares of the time that extreme levels on either side may take without being a state, tried in
@@ -78,7 +78,7 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None]
-    return max(found, key=lambda t: _likely(t, each, fitted.used), default=None)
+    return max(found, key=lambda t: _likely(t, each), default=None)
 
 
 def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
@@ -109,12 +109,7 @@ def _begun(segments: Segments, means: _Means) -> np.ndarray:
     return on
 
 
-def changes_of(course: Course, used: np.ndarray) -> int:
-    """How often the degree changes, at points that are looked at."""
-    return int(np.count_nonzero(np.diff(course.segment[used])))
-
-
-def _likely(trial: Trial, each: float, used: np.ndarray) -> float:
+def _likely(trial: Trial, each: float) -> float:
     """Gain of a trial less the price of its periods and degrees.
 
     Of two that say the same, a fault that begins is likelier than one that was there and went.
@@ -123,7 +118,7 @@ def _likely(trial: Trial, each: float, used: np.ndarray) -> float:
     assert course is not None
     first = int(np.flatnonzero(course.segment >= 0)[0])
     begins = first > 0 and course.periods[0].since > 0.0
-    price = each * (CHANGED * changes_of(course, used) + course.levels)
+    price = each * (STEPS * len(course.periods) + course.levels)
     return trial.gain * (1.0 if begins else PASSING) - price
 
 

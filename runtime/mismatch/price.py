@@ -8,7 +8,7 @@ import numpy as np
 
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.fit import Fitted, temper_of
-from runtime.mismatch.periods import CHANGED, changes_of
+from runtime.mismatch.periods import STEPS
 from runtime.mismatch.setting import HIDDEN, Course
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ sensors leave their class. A free form is chosen among thousands, and pays for t
 COMMON = 6.0
 """What a claim about several modules must gain more than one about a single module."""
 
-HEALED = 1.0
+HEALED = 3.0
 """How much less expected a fault is with each time that it ends by itself, in log odds
 [assumed]."""
 
@@ -51,8 +51,7 @@ def price_of_fit(fitted: Fitted) -> float:
     setting = fitted.setting
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
-    faults = [c for c in setting.courses if c.unknown not in hidden]
-    steps = sum(CHANGED * changes_of(c, fitted.used) for c in faults)
+    steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
     levels = sum(c.levels for c in setting.courses)
     signals = fitted.rows.system.ruleset.signal_by_id
     rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in setting.joined)
@@ -63,7 +62,7 @@ def price_of_fit(fitted: Fitted) -> float:
             # What follows a driver that nobody recorded is a law sooner than a reading.
             sort = RARITY["sensor"] if candidate.sort == HIDDEN else 0.0
             rare += (FLICKERING + sort) * of_sensor
-    rare += HEALED * sum(_ends(c, fitted) for c in faults)
+    rare += HEALED * sum(_ends(c, fitted) for c in setting.courses if c.unknown not in hidden)
     shapes = sum(_shapes(c) for c in setting.joined)
     return each * (steps + levels + shapes) + rare + _freed(fitted, each)
 

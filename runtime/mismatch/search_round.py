@@ -43,10 +43,6 @@ DRIVEN = 0.7
 """The same for a fault that comes and goes more than once: if a curve over one reading does nearly
 as well, it comes and goes with that reading, and is no fault of its own."""
 
-OFTEN = 1.25
-"""Times the gain of a course that is free in time that a fault must gain which comes and goes more
-often than that [assumed]."""
-
 FEW_CHANGES = 2
 """Periods of a fault that begins, at most."""
 
@@ -254,9 +250,7 @@ def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> boo
     assert trial is not None
     if trial.course is None and TIME not in trial.candidate.drivers.values():
         return True
-    # What comes and goes often has as many values as a course that is free in time.
-    ahead = OFTEN if _changes(contestant) > FEW_CHANGES else 1.0
-    return gain_in_sample(contestant, now) > ahead * gain_in_sample(hidden, now)
+    return gain_in_sample(contestant, now) > gain_in_sample(hidden, now)
 
 
 def recorded(

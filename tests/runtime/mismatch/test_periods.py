@@ -9,10 +9,10 @@ import pytest
 
 from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.periods import ODD, changes_of, degree_course, in_periods
+from runtime.mismatch.periods import ODD, degree_course, in_periods
 from runtime.mismatch.screen import Trial, columns_of
 from runtime.mismatch.segments import PENALTY, apart, cut, few_levels
-from runtime.mismatch.setting import Course, Setting
+from runtime.mismatch.setting import Setting
 from runtime.plan import Array
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
@@ -184,19 +184,3 @@ def test_points_that_do_not_speak_of_a_fault_have_no_degree() -> None:
 def test_without_fault_there_is_no_period() -> None:
     """The degree of a healthy plant is one level."""
     assert trial("A.leakage") is None
-
-
-@pytest.mark.parametrize(
-    ("segment", "expected"),
-    [
-        ([-1, -1, 0, 0, 0, 0], 1),
-        ([0, 0, 0, -1, -1, -1], 1),
-        ([-1, 0, 0, -1, -1, -1], 2),
-        ([-1, 0, 0, 1, 1, -1], 3),
-        ([0, 0, 0, 0, 0, 0], 0),
-    ],
-)
-def test_a_fault_that_stays_changes_once(segment: list[int], expected: int) -> None:
-    """It pays for one time among all points; one that ends pays for two."""
-    fault = Course("x", np.array(segment), ())
-    assert expected == changes_of(fault, np.ones(len(segment), dtype=bool))
