@@ -91,15 +91,16 @@ def defeated(
 def _is_there(fitted: Fitted, trial: Trial) -> bool:
     """Does a strength of it differ from its null? Else it gains by what the model without it lost.
 
-    What comes and goes is not asked: it is a step in what is left, which was seen.
+    What comes and goes is not asked: it is a step in what is left, which was seen. Nor is what has
+    a shape as well: a strength may be open because the shape is.
     """
-    strengths = [u for u in trial.candidate.unknowns if u.null is not None and not u.fixed]
-    off = [
-        abs(fitted.setting.values[u.id] - (u.null or 0.0)) / max(fitted.u(u.id), 1e-300)
-        for u in strengths
-        if u.id in fitted.setting.values
-    ]
-    return not off or max(off) > SOMETHING
+    free = [u for u in trial.candidate.unknowns if not u.fixed]
+    if len(free) > 1 or any(u.null is None or u.id not in fitted.setting.values for u in free):
+        return True
+    return all(
+        abs(fitted.setting.values[u.id] - (u.null or 0.0)) > SOMETHING * fitted.u(u.id)
+        for u in free
+    )
 
 
 def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
