@@ -48,5 +48,5 @@ def clipped(values: Array) -> Array:
     """One odd point is no course."""
     middle = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values))
-    clipped: Array = np.clip(values, middle - 3.0 * spread, middle + 3.0 * spread)
-    return clipped
+    near: Array = np.clip(values, middle - 3.0 * spread, middle + 3.0 * spread)
+    return near
