@@ -186,8 +186,9 @@ def _or_sudden(
     candidates: Sequence[Candidate],
     hidden: Contestant | None,
 ) -> Step:
-    """A fault that begins, where that says more than what lasts: a driver may happen to turn about
-    when the fault began, and what is left of a fault can look like a law."""
+    """A fault that begins, where that says more than what lasts, and leaves nothing of it: a driver
+    may happen to turn about when the fault began, and what is left of a fault can look like a law.
+    """
     winner = found.winner
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
@@ -197,7 +198,11 @@ def _or_sudden(
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found
-    return better if net_gain(better.winner, now) > net_gain(winner, now) else found
+    if net_gain(better.winner, now) <= net_gain(winner, now):
+        return found
+    beside = contest(*refit(better.winner.fitted, trial))
+    left = gain_in_sample(beside, better.winner)
+    return found if left > needed(better.winner, better.tried) else better
 
 
 def _covered(candidate: Candidate, now: Contestant) -> bool:

@@ -1,155 +1,26 @@
-"""Prove the mismatch analysis on concealed effects: `rulec prove`."""
+"""`python -m tests.prove`: the command, or what it lacks where only the product is installed."""
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import json
-import os
-import tempfile
-import time
-from collections.abc import Iterator
-from concurrent.futures.process import BrokenProcessPool
-from importlib.metadata import version
-from pathlib import Path
+import sys
+from importlib.util import find_spec
 
-from rich.console import Console
-from rich.progress import Progress
-
-from rulec.cli import prove_options
-from rulec.commands.output import without_folder
-from tests.conftest import recordings_folder
-from tests.prove.campaign import Changed, Told, analysed, digest_of, judged, sealed
-from tests.prove.ending import interruptible
-from tests.prove.kept import unusable
-from tests.prove.page import page
-from tests.prove.partition import Partition, register
-from tests.prove.real import answers
-from tests.prove.results import Run
-from tests.prove.tell import tell
-from tests.prove.tell_real import tell_real
+NEEDS = ("pytest", "sklearn", "pysindy")
+"""What the suite imports, some of it only at its end, beside what the product needs."""
 
 
-def main(words: list[str] | None = None) -> int:
-    """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
-    options = parser().parse_args(words)
-    out, aside = Console(highlight=False), Console(stderr=True, highlight=False)
-    try:
-        with interruptible(options.lifeline):
-            return _asked(options, out, aside)
-    except Changed as refused:
-        return _ended(aside, 1, str(refused))
-    except OSError as error:
-        return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
-    except (KeyboardInterrupt, BrokenProcessPool):
-        hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
-        return _ended(aside, 130, f"interrupted; {hint}")
+def main() -> int:
+    """Run the command; 1 where packages of the suite are absent."""
+    absent = [name for name in NEEDS if find_spec(name) is None]
+    if absent:
+        sys.stderr.write(
+            f"rulec prove: {', '.join(absent)} not installed here; `make test` installs all that "
+            "the suite needs, as does: pip install -e '.[dev]'\n"
+        )
+        return 1
+    from tests.prove import command
 
-
-def _ended(aside: Console, code: int, why: str) -> int:
-    aside.print(f"rulec prove: {why}", markup=False, soft_wrap=True)
-    return code
-
-
-def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
-    """What the options ask for."""
-    mistake = _mistake(options)
-    if mistake is not None:
-        return _ended(aside, 2, mistake)
-    options.jobs = options.jobs or os.cpu_count() or 1
-    with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
-        work = Path(options.keep or temporary)
-        if options.real:
-            return _real(options, work, out, aside)
-        run = _run(options, work, aside)
-    tell(out, run)
-    if options.json:
-        Path(options.json).write_text(run.to_json(), encoding="utf-8")
-    if options.report:
-        Path(options.report).write_text(page(run), encoding="utf-8")
-        out.print(f"[dim]report: {options.report}[/]")
-    return 0
-
-
-def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
-    with _progress(aside) as told:
-        found = answers(recordings_folder(), work, options.only, options.jobs, told)
-    tell_real(out, *found)
-    if options.json:
-        forms = {answer.case: answer.form for answer in found[0]}
-        Path(options.json).write_text(json.dumps(forms, indent=1), encoding="utf-8")
-    return 0
-
-
-def _mistake(options: argparse.Namespace) -> str | None:
-    """What is wrong with the options, before long work is done for them."""
-    if options.final and register()["final"]["seed"] is None:
-        return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
-    if options.jobs is not None and options.jobs < 1:
-        return f"--jobs {options.jobs}: at least one process is needed"
-    if options.real and options.report:
-        return "--report: there is no page of real recordings, a table and --json only"
-    if not options.real and not partition_of(options)[0].cases():
-        return f"--only {options.only}: no case has this in its name"
-    unwritable = without_folder(options, "json", "report")
-    return unwritable or (unusable(Path(options.keep)) if options.keep else None)
-
-
-def parser() -> argparse.ArgumentParser:
-    """Options of the command."""
-    made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
-    prove_options(made)
-    # Given by `rulec prove`, which holds the other side of standard input.
-    made.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
-    return made
-
-
-def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
-    """Which cases, and how often they were opened."""
-    known = register()
-    if options.final:
-        final = known["final"]
-        return Partition("final", final["seed"], only=options.only), final["opened"]
-    seed = known["development"]["seed"] if options.seed is None else options.seed
-    return Partition("development", seed, options.quick, options.only), 0
-
-
-def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
-    begin = time.perf_counter()
-    partition, openings = partition_of(options)
-    with _progress(aside) as told:
-        seals = sealed(partition, work, options.jobs, told)
-        digest = digest_of(seals)
-        made = sum(bool(s) for s in seals)
-        aside.print(f"{made} answers sealed, hash {digest[:16]}")
-        analysed(work, seals, options.jobs, told)
-        found, away = judged(partition, work, seals, options.jobs, told)
-    lost = len(seals) - made
-    notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
-    return Run(
-        tuple(found),
-        {partition.name: str(partition.seed)},
-        openings,
-        digest,
-        version("rulec"),
-        time.perf_counter() - begin,
-        away,
-        notes,
-    )
-
-
-@contextlib.contextmanager
-def _progress(aside: Console) -> Iterator[Told]:
-    """Shows what is being done, a bar for each kind of work."""
-    with Progress(console=aside, transient=True) as progress:
-        tasks = {}
-
-        def told(what: str, done: int, all_: int) -> None:
-            if what not in tasks:
-                tasks[what] = progress.add_task(what, total=all_)
-            progress.update(tasks[what], completed=done)
-
-        yield told
+    return command.main()
 
 
 if __name__ == "__main__":

@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.prove.__main__ import main
+from tests.prove import __main__ as prove
 from tests.prove.campaign import Changed, owned
+from tests.prove.command import main
 from tests.prove.kept import CASES, SEALS, unusable
 
 FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")
@@ -192,3 +193,14 @@ def test_a_folder_that_cannot_be_written_to(closed: Path) -> None:
         assert (
             said == f"--keep: {work}: cannot write there (Permission denied); name another folder"
         )
+
+
+def test_without_the_packages_of_the_suite(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """After `make demo` alone: a sentence with the remedy, before any work."""
+    monkeypatch.setattr(prove, "NEEDS", ("pytest", "absent_package"))
+    assert 1 == prove.main()
+    said = capsys.readouterr().err
+    assert said.startswith("rulec prove: absent_package not installed here; `make test` installs")
+    assert 1 == said.count("\n")

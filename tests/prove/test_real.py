@@ -11,8 +11,8 @@ from rich.console import Console
 
 from runtime.mismatch.machine_form import mismatch_form
 from tests.conftest import recordings_folder
-from tests.prove.__main__ import main
 from tests.prove.campaign import Changed
+from tests.prove.command import main
 from tests.prove.real import SOURCES, Answer, answers
 from tests.prove.tell_real import tell_real
 from tests.rig.esp import FOLDER
