@@ -6,7 +6,7 @@ import numpy as np
 
 from runtime.plan import Array
 
-LONGEST, TIMES = 20, 5.0
+LONGEST, TIMES = 10, 5.0
 """Readings that are all the same: so many at least, and so many times the longest chance run."""
 
 RESTLESS = 0.7
@@ -33,7 +33,7 @@ def standing_still(values: Array) -> list[tuple[int, int]]:
         still[first:behind] = True
     rest = values[~still]
     rest = rest[np.isfinite(rest)]
-    if len(rest) < LONGEST or _noise(rest) < RESTLESS * _least_step(rest):
+    if len(rest) < 2 * LONGEST or _noise(rest) < RESTLESS * _least_step(rest):
         return []
     chance = max((b - a for a, b in runs if b - a < LONGEST), default=1)
     ends = (np.nanmin(values), np.nanmax(values))
