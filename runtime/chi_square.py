@@ -92,16 +92,31 @@ def inverse_of(covariance: Array) -> Array:
 
 
 def solved(matrix: Array, right: Array) -> Array:
-    """Solutions of small systems, shape of `right` (rows, columns, n); NaN where there is none."""
+    """Solutions of small systems, shape of `right` (rows, columns, n); NaN where there is none.
+
+    >>> tables = np.stack([np.ones((2, 2)), 2.0 * np.eye(2)], axis=2)
+    >>> solved(tables, np.ones((2, 1, 2)))[:, 0].tolist()
+    [[nan, 0.5], [nan, 0.5]]
+    """
     if len(matrix) == 1:
         with np.errstate(all="ignore"):
             return right / matrix
     sound = np.isfinite(matrix).all(axis=(0, 1))
-    regular = np.where(sound, matrix, np.eye(len(matrix))[:, :, None])
-    solution = np.linalg.solve(regular.transpose(2, 0, 1), right.transpose(2, 0, 1))
+    regular = _regular(matrix.transpose(2, 0, 1), sound)
+    try:
+        solution = np.linalg.solve(regular, right.transpose(2, 0, 1))
+    except np.linalg.LinAlgError:  # one of them, by the same elimination as here
+        sound = sound & (np.linalg.slogdet(regular)[0] != 0.0)
+        solution = np.linalg.solve(_regular(regular, sound), right.transpose(2, 0, 1))
     result = np.ascontiguousarray(solution.transpose(1, 2, 0))
     result[:, :, ~sound] = np.nan
     return result
+
+
+def _regular(matrices: Array, sound: np.ndarray) -> Array:
+    """Matrices, shape (n, rank, rank), with the identity for those that are not sound."""
+    regular: Array = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+    return regular
 
 
 def inverse_information(information: Array) -> Array:
@@ -117,8 +132,9 @@ def _inverse(matrices: Array, ridge: float) -> Array:
     rank = matrices.shape[1]
     size = np.einsum("nrr->n", matrices)
     sound = np.isfinite(matrices).all(axis=(1, 2)) & (size > 0)
-    regular = np.where(sound[:, None, None], matrices, np.eye(rank))
-    regular = regular + (ridge * np.where(sound, size, 1.0))[:, None, None] * np.eye(rank)
+    regular = _regular(matrices, sound) + (ridge * np.where(sound, size, 1.0))[
+        :, None, None
+    ] * np.eye(rank)
     inverse: Array = np.asarray(np.linalg.inv(regular), dtype=float)
     inverse[~sound] = np.nan
     return inverse

@@ -265,6 +265,8 @@ def test_interrupt_ends_cleanly() -> None:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # Interrupts are heard, also where these tests hear none.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         assert process.stderr is not None
         announced = process.stderr.readline()
