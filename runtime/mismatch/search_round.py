@@ -144,7 +144,7 @@ def _or_nameless(found: Step, now: Contestant) -> Step | None:
     if found.winner is None or not found.records:
         return None
     curve, named = best_curve(now.fitted), net_gain(found.winner, now)
-    driven = _changes(found.winner) > 1
+    driven = found.winner.trial is not None and _periods(found.winner.trial) > 1
     share = DRIVEN if driven else SURPASSED
     if curve is None or curve.gain < share * named + NEEDED:
         return None
@@ -173,10 +173,9 @@ def _better(
     return max(known, key=lambda c: net_gain(c, now), default=None)
 
 
-def _changes(contestant: Contestant) -> int:
-    """Periods of what was added, if it comes and goes."""
-    trial = contestant.trial
-    return 0 if trial is None or trial.course is None else len(trial.course.periods)
+def _periods(trial: Trial) -> int:
+    """Periods of what comes and goes; 0 of what lasts."""
+    return 0 if trial.course is None else len(trial.course.periods)
 
 
 def _or_sudden(
@@ -193,8 +192,10 @@ def _or_sudden(
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
-    sudden = _contested([refit(fitted, t) for t in _coming_and_going(fitted, candidates)], now)
-    sudden = [c for c in sudden if _changes(c) <= FEW_CHANGES]
+    hopeless = HOPELESS * net_gain(winner, now)
+    coming = _coming_and_going(fitted, candidates)
+    begun = [t for t in coming if _periods(t) <= FEW_CHANGES and t.gain > hopeless]
+    sudden = _contested([refit(fitted, t) for t in begun], now)
     better = _first(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
         return found
