@@ -101,7 +101,7 @@ def solved(matrix: Array, right: Array) -> Array:
     if len(matrix) == 1:
         with np.errstate(all="ignore"):
             return right / matrix
-    sound = np.isfinite(matrix).all(axis=(0, 1))
+    sound = np.asarray(np.isfinite(matrix).all(axis=(0, 1)))
     regular = _regular(matrix.transpose(2, 0, 1), sound)
     try:
         solution = np.linalg.solve(regular, right.transpose(2, 0, 1))
