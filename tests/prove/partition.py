@@ -1,4 +1,4 @@
-"""Which cases a run is made of. A case is cheap until it is made; the same seed, the same bytes."""
+"""Which cases a run is made of. A case is cheap until made; one seed, one machine: the same bytes."""
 
 from __future__ import annotations
 
