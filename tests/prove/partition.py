@@ -1,4 +1,4 @@
-"""Which cases a run is made of. A case is cheap until made; one seed, one machine: the same bytes."""
+"""Which cases a run is made of; cheap until made. One seed on one machine gives the same bytes."""
 
 from __future__ import annotations
 
