@@ -132,9 +132,8 @@ def _inverse(matrices: Array, ridge: float) -> Array:
     rank = matrices.shape[1]
     size = np.einsum("nrr->n", matrices)
     sound = np.isfinite(matrices).all(axis=(1, 2)) & (size > 0)
-    regular = _regular(matrices, sound) + (ridge * np.where(sound, size, 1.0))[
-        :, None, None
-    ] * np.eye(rank)
+    least = ridge * np.where(sound, size, 1.0)
+    regular = _regular(matrices, sound) + least[:, None, None] * np.eye(rank)
     inverse: Array = np.asarray(np.linalg.inv(regular), dtype=float)
     inverse[~sound] = np.nan
     return inverse

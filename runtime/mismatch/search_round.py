@@ -27,8 +27,8 @@ FINALISTS = 8
 """Trials of each round that are refitted in full."""
 
 HOPELESS = 0.5
-"""Share of the gain that is needed below which a trial is not refitted: its gain is estimated to
-first order, and seldom doubles."""
+"""Share of the gain that is needed, or to be beaten, below which a trial is not refitted: its gain
+is estimated to first order, and seldom doubles."""
 
 COMING = 4
 """Faults that come and go among them."""
