@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from tests.prove.analyst import FORM, analyse
 from tests.prove.ending import end_with_parent, end_workers
 from tests.prove.judge import judge
-from tests.prove.kept import CASES, SEALS
+from tests.prove.kept import CASES, SEALS, tool_digest
 from tests.prove.partition import Partition, Planned
 from tests.prove.results import Judged
 
@@ -31,7 +31,7 @@ B = TypeVar("B")
 
 
 class Changed(Exception):
-    """The folder belongs to another run, or answers are not what was sealed."""
+    """The folder belongs to another run or tool, or answers are not what was sealed."""
 
 
 def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]:
@@ -45,22 +45,30 @@ def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]
     cases = partition.cases()
     todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
     made = list(_spread(_seal, todo, jobs, lambda n: told("sealing", n, len(todo))))
-    _write_seals(work, [partition.digest, *made])
+    _write_seals(work, [*_head(partition.digest), *made])
     return made
 
 
-def owned(work: Path, digest: str) -> list[str]:
+def owned(work: Path, whose: str) -> list[str]:
     """Make a folder that of a run, if it is none yet; what was sealed in it, none at first.
 
-    Raises Changed where it is that of another run.
+    Raises Changed where it is that of another run, or of the same one with another tool.
     """
+    head = _head(whose)
     file = work / SEALS
     kept = file.read_text("utf-8", "replace").splitlines() if file.exists() else []
     if not kept:
-        _write_seals(work, [digest])
-    elif kept[0] != digest:
+        _write_seals(work, head)
+    elif kept[0] != whose:
         raise Changed(f"--keep: {work} holds another run; name another folder")
-    return kept[1:]
+    elif kept[: len(head)] != head:
+        why = "the tool or its knowledge base has changed since"
+        raise Changed(f"--keep: {work}: {why}, and answers of two are no run; name another folder")
+    return kept[len(head) :]
+
+
+def _head(whose: str) -> list[str]:
+    return [whose, f"tool {tool_digest()}"]
 
 
 def _write_seals(work: Path, lines: Sequence[str]) -> None:

@@ -40,6 +40,16 @@ def test_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
         sealed(Partition("development", 2, quick=True, only=FEW.only), tmp_path, 1, quiet)
 
 
+def test_a_run_does_not_go_on_with_another_tool(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What two tools answered is no run of either."""
+    assert [] == campaign.owned(tmp_path, "a run") == campaign.owned(tmp_path, "a run")
+    monkeypatch.setattr(campaign, "tool_digest", lambda: "another")
+    with pytest.raises(Changed, match="changed since"):
+        campaign.owned(tmp_path, "a run")
+
+
 def test_an_answer_that_was_changed_is_found(tmp_path: Path) -> None:
     """Its hash is not the one that was told beforehand."""
     seals = sealed(FEW, tmp_path, 1, quiet)
