@@ -212,7 +212,7 @@ class _EffectReader:
     ) -> str | None:
         """The driver whose quantiles are tried, which must be of the parameter's kind.
 
-        Where the effect joins sensors it may be ``law``, which is what such a sensor shows.
+        Where the effect joins signals it may be ``law``, which is what such a signal reads.
         """
         tried = "quantiles" in part
         if tried != ("driver" in part) or (tried and "starts" in part):
@@ -221,7 +221,8 @@ class _EffectReader:
             return None
         if "driver" not in part:
             return None
-        if part["driver"] == PLAIN and all("shows" in join for join in self.document.data["joins"]):
+        signals = all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
+        if part["driver"] == PLAIN and signals:
             return PLAIN
         driver = self._asked((*path, "driver"), part["driver"], drivers)
         if driver and not self.known[driver].fits(unit.dimension):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +68,21 @@ def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, Tr
     return list(found.values())
 
 
+def torn_pairs(
+    fitted: Fitted,
+    torn: Sequence[tuple[Fitted, Trial]],
+    seconds: Callable[[Fitted], Sequence[Trial]],
+) -> list[tuple[Fitted, Trial]]:
+    """Refits with a second explanation beside those that gain in some blocks and lose in others."""
+    found: dict[frozenset[str], tuple[Fitted, Trial]] = {}
+    for begun, first in torn[:BEGUN]:
+        for second in seconds(begun):
+            pair = frozenset((first.candidate.id, second.candidate.id))
+            if len(pair) > 1 and pair not in found:
+                found[pair] = _refitted(fitted, first, second)
+    return list(found.values())
+
+
 def _twins(first: Array, second: Array) -> bool:
     """Do two terms look alike? Their difference would explain anything small."""
     size = np.linalg.norm(first, axis=0)[:, None] * np.linalg.norm(second, axis=0)
@@ -82,5 +97,5 @@ def _at_null(trial: Trial) -> dict[str, float]:
 
 def _refitted(fitted: Fitted, first: Trial, second: Trial) -> tuple[Fitted, Trial]:
     """Both joined; the second stands along with the first."""
-    setting = fitted.setting.joining(second.candidate, second.values, second.fixed)
+    setting = fitted.setting.joining(second.candidate, second.values, second.fixed, second.course)
     return refit(replace(fitted, setting=setting), replace(first, along=(second,)))

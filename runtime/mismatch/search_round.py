@@ -15,7 +15,7 @@ from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials, with_the_course_of
-from runtime.mismatch.pairs import held_pairs, pair_trials
+from runtime.mismatch.pairs import TRIED, held_pairs, pair_trials, torn_pairs
 from runtime.mismatch.periods import in_periods
 from runtime.mismatch.price import NEEDED, gain_in_sample, needed, net_gain, odds_of
 from runtime.mismatch.result import Rival
@@ -84,6 +84,8 @@ def best_step(
     hidden = best_of([refit(fitted, t) for t in hidden_trials(fitted)], now)
     # Where no single explanation beats a calibration that is let go, two at once may.
     eased: Step | None = None
+    # And where each makes up for a part of two, better here and worse there.
+    torn: list[Contestant] = []
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
         lambda: [
             refit(f, t)
@@ -93,6 +95,7 @@ def best_step(
         ],
         lambda: (pair_trials if eased is None else held_pairs)(fitted, trials),
         lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
+        lambda: torn_pairs(fitted, _alone(torn), lambda begun: _seconds(begun, free)),
     )
     for stage in stages:
         ranked = _contested(stage(), now)
@@ -104,6 +107,7 @@ def best_step(
             found = _or_nameless(found, now) or found
             return replace(found, finalists=tuple(trials[:FINALISTS]))
         eased = eased or found
+        torn += [c for c in ranked if net_gain(c, now) > needed(now, tried)]
     if eased is not None:
         return eased
     worth = needed(now, tried) + PART * explained
@@ -115,6 +119,19 @@ def best_step(
     if hidden is not None and net_gain(hidden, now) > max(worth, _gain_of(best, now)):
         return Step(hidden, recorded(hidden, now, [], ()), tried)
     return best or Step(None, (), tried)
+
+
+def _alone(torn: Sequence[Contestant]) -> list[tuple[Fitted, Trial]]:
+    """Single explanations, as they were refitted, the best in the sample first."""
+    single = [(c.fitted, c.trial) for c in torn if c.trial is not None and not c.trial.along]
+    return sorted(single, key=lambda s: cost_of(s[0]))
+
+
+def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
+    """What may stand beside an explanation that is there already: what lasts, and what begins."""
+    joined = {c.id for c in begun.setting.joined}
+    rest = [c for c in free if c.id not in joined]
+    return [*screen(begun, rest)[:TRIED], *_coming_and_going(begun, rest)[:TRIED]]
 
 
 def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, list[Trial]]]:

@@ -66,24 +66,19 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
     return judged, bool(baselines and baselines.ran_away)
 
 
-def _set_of(effect: Form) -> list[str]:
-    """Names that a finding leaves open, its own first."""
-    names = [str(effect["effect"])]
+def _set_of(effect: Form) -> list[tuple[str, str]]:
+    """Names that a finding leaves open, each with its id, its own first."""
+    names = [(str(effect["effect"]), str(effect["id"]))]
     if (effect["probability"] or 0.0) < CERTAIN:
         near = AS_LIKELY * (effect["probability"] or 0.0)
-        names += [str(a["effect"]) for a in effect["alternatives"] if a["probability"] >= near]
+        others = (a for a in effect["alternatives"] if a["probability"] >= near)
+        names += [(str(a["effect"]), str(a["id"])) for a in others]
     return names
-
-
-def _ids_of(effect: Form) -> list[str]:
-    """Ids that a finding leaves open, its own first."""
-    near = {str(a["effect"]): str(a["id"]) for a in effect["alternatives"]}
-    return [str(effect["id"]), *(near[name] for name in _set_of(effect)[1:])]
 
 
 def _is(planted: Planted, effect: Form) -> bool:
     """Is one of its names right, in the right module or at a place that means the same?"""
-    for name, id_ in zip(_set_of(effect), _ids_of(effect), strict=True):
+    for name, id_ in _set_of(effect):
         modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
         at = {f"{m}.{effect['place']}" for m in modules}
         here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))

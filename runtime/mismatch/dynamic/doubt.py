@@ -22,8 +22,9 @@ CONFOUNDED = 0.9
 DROP = 1.92
 """Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
 
-WEIGHED, DISTANT = 4, 8.0
-"""Other explanations that are fitted to the end, and how far behind they may be, log likelihood."""
+WEIGHED, DISTANT = 6, 8.0
+"""Other explanations that are fitted to the end, and how far behind they may be, log likelihood;
+unless they would be told by themselves: a trial of what begins finds a part of its gain at most."""
 
 EXCHANGES, WORTH = 2, 0.5
 """Exchanges at most, and the gain that one must bring."""
@@ -70,7 +71,9 @@ def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, .
             # A course without physics does as well: the rest is weighed without it.
             return doubted(searcher, replace(found, best=bare))
         accepted.append(
-            Accepted(candidate, own, _odds(searcher, best, others[candidate.id]), rivals)
+            Accepted(
+                candidate, own, _odds(searcher, best, others[candidate.id], bare, found), rivals
+            )
         )
     return best, tuple(accepted)
 
@@ -126,26 +129,35 @@ def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | 
     return polished if searcher.gain(polished, best) > WORTH and not polished.pressed else None
 
 
-def _odds(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Odds:
+def _odds(
+    searcher: Searcher, best: Fitted, others: list[Fitted], bare: Fitted, found: Found
+) -> Odds:
     """Odds of other explanations in the place of one, the likeliest first.
 
     Those that come near are fitted to the end first: a trial does not know yet what errors of
     sensors do in its model. The same effect that does the very same elsewhere, as what delays the
-    way from one module to the next, is no other.
+    way from one module to the next, is no other; a fault elsewhere is, as it is mended there.
     """
     near = sorted(others, key=lambda f: -searcher.gain(f, best))[:WEIGHED]
-    exact = [searcher.polished(f) for f in near if searcher.gain(f, best) > -DISTANT]
+    least = needed(found.tried)
+    hopeful = [
+        f for f in near if searcher.gain(f, best) > -DISTANT or searcher.gain(f, bare) > least
+    ]
+    exact = [searcher.polished(f) for f in hopeful]
     ahead = [
         (f.joined[-1], searcher.gain(f, best))
         for f in exact
-        if not f.pressed and not (_same_names(f, best) and are_twins(f, best))
+        if not f.pressed and not _the_same(f, best)
     ]
     odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
     return tuple(sorted(odds, key=lambda o: -o[1]))
 
 
-def _same_names(one: Fitted, other: Fitted) -> bool:
-    return sorted(c.name for c in one.joined) == sorted(c.name for c in other.joined)
+def _the_same(one: Fitted, other: Fitted) -> bool:
+    """Do two models say the same of two places that readings cannot tell apart?"""
+    names = [sorted(c.name for c in f.joined) for f in (one, other)]
+    fault = one.joined[-1].sort == "fault"
+    return names[0] == names[1] and not fault and are_twins(one, other)
 
 
 def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:

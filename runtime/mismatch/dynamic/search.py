@@ -87,7 +87,11 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         if depth > 1:
             tell(f"trying {len(single)} explanations on {len(levels[-1])} models, depth {depth}")
             ranked = searcher.ranked(tasks_of(levels[-1], single), plain)
-        beam = distinct(searcher.refined(distinct(ranked), plain))
+        refined = searcher.refined(distinct(ranked), plain)
+        if depth == 1:
+            refined = searcher.begun_alike(refined, singles, plain)
+            singles = _instead(singles, refined)
+        beam = distinct(refined)
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
             swapped = [t for model in beam[:SWAPPED] for t in swaps_of(model, single)]
@@ -106,12 +110,18 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = max(itertools.chain(*levels), key=lambda f: searcher.gain(f, plain))
     turned = searcher.turned(best)
-    singles = [f for f in turned if len(f.joined) == 1] + singles
+    singles = _instead(singles, [f for f in turned if len(f.joined) == 1])
     best = max((best, *turned), key=lambda f: searcher.gain(f, plain))
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
         best = _free_form(searcher, plain) or best
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
+
+
+def _instead(trials: Sequence[Fitted], fitted: Sequence[Fitted]) -> list[Fitted]:
+    """Trials, those that were fitted to the end in place of what they were."""
+    ends = {f.ids: f for f in fitted}
+    return [ends.get(trial.ids, trial) for trial in trials]
 
 
 def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]) -> Fitted | None:

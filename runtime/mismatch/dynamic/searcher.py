@@ -35,6 +35,9 @@ PROMISING = 10
 """Trials on each model with explanations that are fitted further than that; on the plain one all
 are, as what is told in the end is mostly told there."""
 
+ALIGNED = 12
+"""Faults that begin of which the best tells the others when."""
+
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
 
@@ -207,6 +210,32 @@ class Searcher:
         free = [f for f in (*ended, *tried[BEAM:]) if not f.pressed]
         return sorted(free, key=lambda f: -self.standing(f, plain))
 
+    def begun_alike(
+        self, refined: Sequence[Fitted], singles: Sequence[Fitted], plain: Fitted
+    ) -> list[Fitted]:
+        """Refined models, and faults with the onset of the best of them where that is better.
+
+        What begins begins once, and a fit that starts elsewhere may not find the way there.
+        """
+        begun = [f for f in refined if f.joined[0].onset is not None]
+        if not begun:
+            return list(refined)
+        known = {f.ids: f for f in refined}
+        best = max(begun, key=lambda f: self.gain(f, plain))
+        since = best.values[_onset(best)]
+        faults = [f for f in singles if f.joined[0].onset is not None and f.ids != best.ids]
+
+        def moved(fault: Fitted) -> Fitted:
+            fault = known.get(fault.ids, fault)
+            return self.polished(replace(fault, values={**fault.values, _onset(fault): since}))
+
+        with ThreadPoolExecutor(self._workers) as pool:
+            for found in pool.map(moved, faults[:ALIGNED]):
+                before = known.get(found.ids, plain)
+                if not found.pressed and self.gain(found, plain) > self.gain(before, plain):
+                    known[found.ids] = found
+        return sorted(known.values(), key=lambda f: -self.standing(f, plain))
+
     def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
         """Models fitted to the end, best first."""
         with ThreadPoolExecutor(self._workers) as pool:
@@ -284,6 +313,13 @@ class Searcher:
         return Fitted(
             (), values, fitter.free, noise, errors, 0.0, empty, judged.slow, inputs, drift
         )
+
+
+def _onset(fault: Fitted) -> str:
+    """Name of the time at which it begins."""
+    onset = fault.joined[0].onset
+    assert onset is not None
+    return onset.id
 
 
 def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> list[Array]:

@@ -8,8 +8,15 @@ import pytest
 
 from rulec.workshop import open_workshop
 from runtime.mismatch.analyse import analyse
+from runtime.mismatch.compete import contest
+from runtime.mismatch.fit import fit
 from runtime.mismatch.result import Mismatch
+from runtime.mismatch.revise import retempered
+from runtime.mismatch.rivals import SURE
+from runtime.mismatch.search_round import best_step
+from runtime.mismatch.setting import Setting
 from runtime.recording import read_recording
+from tests.runtime.mismatch.made import rows_at
 from tests.truth.settled.plan import Planned, SettledCase
 
 
@@ -42,6 +49,21 @@ def test_what_was_planted_is_named(effect: str, verdict: str, name: str, tmp_pat
     module = made.answer.effects[0].module
     assert verdict == found.verdict
     assert [(name, module)] == [(f.name, f.module) for f in found.findings]
+
+
+def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> None:
+    """Each alone gains in some blocks and does harm in others; both at once win the first round."""
+    name, effects = "stationary-718873036-pair-fouling+leak-0", ("fouling", "leak")
+    made = Planned(name, "pair", "dosing", "ramps", effects, 4241.729764785293).make()
+    made.write(tmp_path)
+    ruleset, workshop = open_workshop(tmp_path / "plant")
+    rows = rows_at((ruleset, workshop), read_recording(tmp_path / "recording.csv", ruleset))
+    plain = contest(retempered(fit(rows, Setting(), rows.system.data.open)), None)
+    step = best_step(plain, workshop.candidates, 0, 0.0)
+    found = {r.trial.candidate.name: r.trial.candidate.module for r in step.records}
+    assert {"leakage": "B", "clogging": "B"} == found  # what fouls is told from it later
+    assert step.winner is not None
+    assert step.winner.sureness_over(plain) > SURE
 
 
 def test_what_no_entry_names_is_not_named(tmp_path: Path) -> None:

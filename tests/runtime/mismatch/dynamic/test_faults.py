@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from runtime.mismatch.dynamic.analyse import fitted_to_all
+from runtime.mismatch.dynamic.doubt import doubted
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
+from runtime.mismatch.dynamic.search import search
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import period_of
@@ -107,3 +109,29 @@ def test_a_period_is_told_in_the_time_of_the_recording() -> None:
     (period,) = period_of(place, candidate, found)
     assert (5000.0 + SINCE, 5000.0 + 4.0 * 511) == (period.since, period.until)
     assert (0.15, 0.01) == (pytest.approx(period.degree), pytest.approx(period.u))
+
+
+def test_faults_begin_when_the_best_of_them_does() -> None:
+    """A fit that starts elsewhere may not find the way there."""
+    first, second = "upper.lost-inflow", "upper.tank-leak@inflow"
+    place = bench(made(n=512, seed=4, joined=(first,), more=planted(first)))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = searcher.plain()
+    best, lost = (searcher.trial(plain, (place.candidate(f),)) for f in (first, second))
+    lost = replace(lost, values={**lost.values, f"{second}.since": 1600.0, f"{second}.x": 0.01})
+    found = {f.ids: f for f in searcher.begun_alike([best], [best, lost], plain)}
+    assert found[second,].values[f"{second}.since"] == pytest.approx(SINCE, abs=20.0)
+    assert found[first,] is best
+
+
+def test_a_fault_that_does_the_same_is_told_beside() -> None:
+    """Whether a pump delivers less or a line loses it, a level further down says nothing of it."""
+    fault = "upper.lost-inflow"
+    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    found = search(place, lambda text: None)
+    searcher = Searcher(place, found.judged, 2)
+    (accepted,) = doubted(searcher, found)[1]
+    told = {accepted.candidate.id, *(c.id for c, odds in accepted.others if odds > 0.1)}
+    assert {fault, "pump.leakage", "pump.u.high"} == told
+    ids = [c.id for c, _ in accepted.others]
+    assert len(ids) == len(set(ids))
