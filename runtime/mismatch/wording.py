@@ -23,7 +23,7 @@ from runtime.wording import STATUS
 VERDICTS = {
     "none": ("ok", "no mismatch"),
     "named": ("M", "physics left out of the model"),
-    "ambiguous": ("S", "physics left out of the model; several explanations fit"),
+    "ambiguous": ("S", "a mismatch; several explanations fit about as well"),
     "unnamed": ("S", "a mismatch that nothing known explains"),
     "fault": ("F", "a fault of the plant, not of the model"),
     "sensor": ("F", "an error of a sensor, not of the model"),

@@ -55,7 +55,7 @@ def test_story_fits_a_screen(case: str) -> None:
     ("case", "symbol", "meaning"),
     [
         ("named", "◆", "Physics left out of the model"),
-        ("ambiguous", "▲", "Physics left out of the model; several explanations fit"),
+        ("ambiguous", "▲", "A mismatch; several explanations fit about as well"),
         ("fault", "✖", "A fault of the plant, not of the model"),
         ("sensor", "✖", "An error of a sensor, not of the model"),
         ("unnamed", "▲", "A mismatch that nothing known explains"),

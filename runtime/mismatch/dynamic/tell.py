@@ -16,6 +16,7 @@ from runtime.mismatch.dynamic.terms import driving, term_of, variables_of
 from runtime.mismatch.locate import periods_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from runtime.mismatch.tell import TOLD, sentence, titled
+from runtime.mismatch.verdict import CERTAIN
 
 
 def findings_of(
@@ -82,7 +83,7 @@ def _estimate(searcher: Searcher, best: Fitted, unknown: Unknown) -> Estimate:
 
 
 def location_of(bench: Bench, best: Fitted, finding: Finding) -> Location:
-    """Where and when a finding shows."""
+    """Where and when a finding shows; where it is open, also the places of what may be instead."""
     candidate = next(c for c in best.joined if c.id == finding.id)
     term = term_of(bench, best, candidate)
     variables = variables_of(bench, best, finding.module)
@@ -95,7 +96,15 @@ def location_of(bench: Bench, best: Fitted, finding: Finding) -> Location:
         () if finding.periods else region,
         tuple((p.since, p.until) for p in finding.periods)
         or periods_of(bench.time + bench.record.time[0], term),
+        _elsewhere(bench, finding) if finding.probability < CERTAIN else (),
     )
+
+
+def _elsewhere(bench: Bench, finding: Finding) -> tuple[str, ...]:
+    """Places of alternatives, each once, the likeliest first."""
+    others = (bench.candidate(a.id) for a in finding.alternatives)
+    places = dict.fromkeys(f"{c.module}.{c.place}" for c in others)
+    return tuple(p for p in places if p != f"{finding.module}.{finding.place}")
 
 
 def place_of(bench: Bench, fitted: Fitted, suspect: Suspect, also: tuple[Suspect, ...]) -> Location:

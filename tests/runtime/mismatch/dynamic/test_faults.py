@@ -14,7 +14,7 @@ from runtime.mismatch.dynamic.fit import Fitter, Judged
 from runtime.mismatch.dynamic.search import search
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
-from runtime.mismatch.dynamic.tell import period_of
+from runtime.mismatch.dynamic.tell import findings_of, location_of, period_of
 from runtime.mismatch.result import Estimate
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
 
@@ -130,8 +130,12 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
     found = search(place, lambda text: None)
     searcher = Searcher(place, found.judged, 2)
-    (accepted,) = doubted(searcher, found)[1]
-    told = {accepted.candidate.id, *(c.id for c, odds in accepted.others if odds > 0.1)}
-    assert {fault, "pump.leakage", "pump.u.high"} == told
-    ids = [c.id for c, _ in accepted.others]
-    assert len(ids) == len(set(ids))
+    best, accepted = doubted(searcher, found)
+    told = {c.id for own in accepted for c in (own.candidate, *(c for c, _ in own.others))}
+    assert {fault, "pump.leakage", "pump.u.high"} <= told
+    best = Fitter(place, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
+    (finding,) = findings_of(searcher, best, accepted)
+    spots = {"upper.inflow", "pump.pump", "pump.u"}
+    assert spots - {f"{finding.module}.{finding.place}"} == {
+        *location_of(place, best, finding).also
+    }
