@@ -90,7 +90,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         refined = searcher.refined(distinct(ranked), plain)
         if depth == 1:
             refined = searcher.begun_alike(refined, singles, plain)
-            singles = _instead(singles, refined)
+            singles = _each_once(searcher, [*refined, *singles], plain)
         beam = distinct(refined)
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
@@ -110,7 +110,8 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = max(itertools.chain(*levels), key=lambda f: searcher.gain(f, plain))
     turned = searcher.turned(best)
-    singles = _instead(singles, [f for f in turned if len(f.joined) == 1])
+    alike = [f for f in turned if len(f.joined) == 1]
+    singles = _each_once(searcher, [*alike, *singles], plain)
     best = max((best, *turned), key=lambda f: searcher.gain(f, plain))
     if searcher.gain(best, plain) < needed(len(candidates)):
         tell("trying terms without physics")
@@ -118,10 +119,14 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
 
 
-def _instead(trials: Sequence[Fitted], fitted: Sequence[Fitted]) -> list[Fitted]:
-    """Trials, those that were fitted to the end in place of what they were."""
-    ends = {f.ids: f for f in fitted}
-    return [ends.get(trial.ids, trial) for trial in trials]
+def _each_once(searcher: Searcher, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
+    """Of models with the same explanations the best: one may have been fitted further."""
+    best: dict[tuple[str, ...], Fitted] = {}
+    for model in models:
+        known = best.get(model.ids)
+        if known is None or searcher.gain(model, plain) > searcher.gain(known, plain):
+            best[model.ids] = model
+    return list(best.values())
 
 
 def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]) -> Fitted | None:
