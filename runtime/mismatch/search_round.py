@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -106,7 +107,8 @@ def best_step(
             found = _or_sudden(found, now, fitted, free, hidden)
             found = _or_nameless(found, now) or found
             return replace(found, finalists=tuple(trials[:FINALISTS]))
-        eased = eased or found
+        # A pair that loses against a calibration that is let go says nothing of a single one.
+        eased = eased or (found if stage is not stages[-1] else None)
         torn += [c for c in ranked if net_gain(c, now) > needed(now, tried)]
     if eased is not None:
         return eased
@@ -122,8 +124,12 @@ def best_step(
 
 
 def _alone(torn: Sequence[Contestant]) -> list[tuple[Fitted, Trial]]:
-    """Single explanations, as they were refitted, the best in the sample first."""
-    single = [(c.fitted, c.trial) for c in torn if c.trial is not None and not c.trial.along]
+    """Single explanations, as they were refitted, the best in the sample first.
+
+    What comes and goes more often imitates anything, and all the more beside another.
+    """
+    each = [(c.fitted, c.trial) for c in torn if c.trial is not None and not c.trial.along]
+    single = [(fitted, trial) for fitted, trial in each if _periods(trial) <= FEW_CHANGES]
     return sorted(single, key=lambda s: cost_of(s[0]))
 
 
@@ -131,7 +137,8 @@ def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
     """What may stand beside an explanation that is there already: what lasts, and what begins."""
     joined = {c.id for c in begun.setting.joined}
     rest = [c for c in free if c.id not in joined]
-    return [*screen(begun, rest)[:TRIED], *_coming_and_going(begun, rest)[:TRIED]]
+    coming = (t for t in _coming_and_going(begun, rest) if _periods(t) <= FEW_CHANGES)
+    return [*screen(begun, rest)[:TRIED], *islice(coming, TRIED)]
 
 
 def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, list[Trial]]]:

@@ -61,7 +61,7 @@ def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> Non
     plain = contest(retempered(fit(rows, Setting(), rows.system.data.open)), None)
     step = best_step(plain, workshop.candidates, 0, 0.0)
     found = {r.trial.candidate.name: r.trial.candidate.module for r in step.records}
-    assert {"leakage": "B", "clogging": "B"} == found  # what fouls is told from it later
+    assert {"leakage": "B", "fouling": "B"} == found
     assert step.winner is not None
     assert step.winner.sureness_over(plain) > SURE
 
