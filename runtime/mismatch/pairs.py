@@ -73,7 +73,10 @@ def torn_pairs(
     torn: Sequence[tuple[Fitted, Trial]],
     seconds: Callable[[Fitted], Sequence[Trial]],
 ) -> list[tuple[Fitted, Trial]]:
-    """Refits with a second explanation beside those that gain in some blocks and lose in others."""
+    """Refits with a second explanation beside single ones that gain enough and yet do not win.
+
+    `torn` are these as refitted; `seconds` tells what may stand beside one that is there already.
+    """
     found: dict[frozenset[str], tuple[Fitted, Trial]] = {}
     for begun, first in torn[:BEGUN]:
         for second in seconds(begun):

@@ -85,7 +85,7 @@ def best_step(
     hidden = best_of([refit(fitted, t) for t in hidden_trials(fitted)], now)
     # Where no single explanation beats a calibration that is let go, two at once may.
     eased: Step | None = None
-    # And where each makes up for a part of two, better here and worse there.
+    # And where one is worth enough and yet loses: it may make up for two, not well everywhere.
     torn: list[Contestant] = []
     stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
         lambda: [

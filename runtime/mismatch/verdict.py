@@ -36,9 +36,7 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
 def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
     """The finding in one sentence."""
     told = [f for f in findings if f.sort != "free"]
-    names = [
-        f"{f.title[0].lower()}{f.title[1:]} in {', '.join(f.members) or f.module}" for f in told
-    ]
+    names = [f"{_inside(f.title)} in {', '.join(f.members) or f.module}" for f in told]
     if verdict == "none":
         return "Nothing is missing: what recalibration leaves is noise."
     if verdict == "unnamed":
@@ -68,6 +66,15 @@ LEADS = {
     ("sensor",): "A sensor is wrong:",
 }
 """How explanations of each sort are told."""
+
+
+def _inside(title: str) -> str:
+    """A title as it stands within a sentence; one that begins with a reading, such as B.Q, stays.
+
+    >>> _inside("Lost inflow"), _inside("B.Q reads low")
+    ('lost inflow', 'B.Q reads low')
+    """
+    return title if "." in title.split()[0] else f"{title[0].lower()}{title[1:]}"
 
 
 def _joined(names: Sequence[str]) -> str:

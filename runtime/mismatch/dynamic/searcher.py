@@ -36,7 +36,7 @@ PROMISING = 10
 are, as what is told in the end is mostly told there."""
 
 ALIGNED = 12
-"""Faults that begin of which the best tells the others when."""
+"""Faults that are tried from the onset of the best of them."""
 
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
