@@ -15,7 +15,7 @@ from rulec.cli import main as rulec
 from rulec.workshop import open_workshop
 from tests.conftest import ROOT
 from tests.truth import sealed
-from tests.truth.limit import expected_gain, margin
+from tests.truth.limit import Rival, expected_gain, margin
 from tests.truth.tanks import CASCADED, ROW, case, possible_effects
 from tests.truth.tanks.effects import EFFECTS
 from tests.truth.tanks.folder import write_plant
@@ -66,10 +66,23 @@ def test_margin_is_what_the_best_rival_leaves() -> None:
     """And it is infinite without rivals."""
     d, slopes, flat = (RANDOM.normal(size=s) for s in (30, (30, 3), (30, 0)))
     near, far = d + 0.1 * RANDOM.normal(size=30), RANDOM.normal(size=30)
-    assert margin(d, slopes, flat, {}) == (np.inf, "")
-    left, name = margin(d, slopes, flat, {"far": far, "near": near})
+    assert margin(d, slopes, flat, []) == (np.inf, "")
+    rivals = [Rival("far", 0.1, 10.0, far.__mul__), Rival("near", 0.1, 10.0, near.__mul__)]
+    left, name = margin(d, slopes, flat, rivals)
     assert name == "near"
     assert left == pytest.approx(expected_gain(d, slopes, near[:, None]))
+
+
+def test_a_rival_is_as_large_as_it_explains_most() -> None:
+    """One that bends looks like another only at its own size; one that cannot be is left out."""
+    d, slopes, flat = (RANDOM.normal(size=s) for s in (30, (30, 3), (30, 0)))
+    bent = RANDOM.normal(size=30)
+
+    def change(size: float) -> np.ndarray:
+        return size * d + 0.1 * size * (size - 1.0) * bent
+
+    assert margin(d, slopes, flat, [Rival("bends", 0.1, 1e3, change)])[0] < 1e-3 * (d @ d)
+    assert margin(d, slopes, flat, [Rival("none", 0.1, 1e3, lambda size: None)])[0] == np.inf
 
 
 def test_answer_is_sealed() -> None:

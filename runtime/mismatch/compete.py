@@ -25,7 +25,7 @@ LOUD = 3.0
 LOOSE = 2.0
 """Standard uncertainties by which a value may move in a refit to half of the blocks."""
 
-ROUGH = 10
+ROUGH = 50
 """Steps of a refit that starts near its end."""
 
 

@@ -3,7 +3,8 @@
 Residuals follow a Student distribution with a common scale: points that the model cannot explain
 yet must not bend it, and the scale is that of what is left, not that of the noise alone.
 
-Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Gauss-Newton with damping.
+Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Madsen, Nielsen, Tingleff
+2004 (Gauss-Newton steps with damping by how well the last was foreseen).
 """
 
 from __future__ import annotations
@@ -22,7 +23,15 @@ from runtime.plan import Array
 FREEDOM = 4.0
 """Degrees of freedom of the Student distribution [usual choice]."""
 
-STEPS = 20
+STEPS = 100
+"""Steps after which a fit ends anyway. Of refits with a law in them a quarter is not at its end
+after 20: what a law shares with the values of its module bends the valley that it lies in."""
+
+SOFTEST, HARDEST = 1e-9, 1e9
+"""Between these the damping stays; where it would be harder, there is no step down."""
+
+EASIER = 9.0
+"""By how much damping falls at most after a step that was foreseen."""
 
 BATCHES = 40
 """Batches of time over which neighbours are found to be alike."""
@@ -241,25 +250,40 @@ def fit(
         at[i] = held.get(name, at[i])
     use = used[rows.point]
     current = _evaluated(rows, setting, prior, at, used, temper, None)
-    damping = 1e-3
+    damping, harder = 1e-3, 2.0
     for _ in range(steps):
         step = _step(current, prior, at, free, damping)
         trial_at = np.clip(at + step, prior.lowest, prior.highest)
         trial = _evaluated(rows, setting, prior, trial_at, used, temper, current.scale)
         gain = current.objective - trial.objective
         if not np.isfinite(trial.objective) or gain < 0:
-            damping *= 8.0
-            if damping > 1e6:
+            damping, harder = damping * harder, 2.0 * harder
+            if damping > HARDEST:
                 break
             continue
-        at, current, damping = trial_at, trial, max(damping / 6.0, 1e-9)
+        # A valley that bends wants short steps: damping falls only as far as the last was foreseen.
+        foreseen = gain / max(_promised(current, prior, at, trial_at - at), 1e-300)
+        ease = max(1.0 / EASIER, 1.0 - (2.0 * foreseen - 1.0) ** 3) if foreseen < 1.0 else 0.0
+        damping, harder = max(damping * max(ease, 1.0 / EASIER), SOFTEST), 2.0
+        at, current = trial_at, trial
         if gain < CONVERGED * max(int(use.sum()), 1) * 0.01:
             break
     return current
 
 
+def _promised(now: Fitted, prior: Prior, at: Array, step: Array) -> float:
+    """By how much the objective would fall if slopes stayed as they are."""
+    slope = _gradient(now, prior, at)
+    return -float(slope @ step + 0.5 * step @ now.normal @ step)
+
+
+def _gradient(now: Fitted, prior: Prior, at: Array) -> Array:
+    slope: Array = now.jacobian.T @ (now.weights * now.residual)
+    return slope + prior.precision @ (at - prior.mean)
+
+
 def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float) -> Array:
-    gradient = now.jacobian.T @ (now.weights * now.residual) + prior.precision @ (at - prior.mean)
+    gradient = _gradient(now, prior, at)
     # A value at its bound does not move further out.
     stopped = ((at <= prior.lowest) & (gradient > 0)) | ((at >= prior.highest) & (gradient < 0))
     moving = np.flatnonzero(free & ~stopped)

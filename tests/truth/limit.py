@@ -5,12 +5,16 @@ change freely hides a part of it: parameters and sensors' errors at the price of
 other unknown effects at none. The rest is what any analysis has to go by. This is the ideal limit:
 it takes the noise of all samples as independent and known, and everything as linear at the truth.
 
+A rival may have any size, and what it changes need not grow in proportion: so it is made as large
+as it explains most, in turns.
+
 Source: own derivation from Gaussian conditioning; d^T (I + G G^T)^-1 d by the Woodbury identity.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,39 +23,115 @@ from .units import Array
 NEGLIGIBLE = 1e-9
 """Share of the largest singular value below which a direction is none."""
 
+TURNS = 4
+"""Sizes of a rival that are tried, each by what the last one explained."""
+
+NEAR = 1.05
+"""Factor to the size that explains most which is near enough."""
+
+REFINED = 6
+"""Rivals whose size is sought: those that come nearest at a moderate one."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect: `change` gives what it changes at a size from `low` to `high`, over noise,
+    shape (n,), or None where it cannot be."""
+
+    name: str
+    low: float
+    high: float
+    change: Callable[[float], Array | None]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Products of changes, less what may hide them: a^T (I + G G^T + infinity F F^T)^-1 b.
+
+    Attributes
+    ----------
+    basis : orthonormal span of F, shape (n, rank)
+    free : G beside it, shape (n, k)
+    inner : I + G^T G of these, shape (k, k)
+    """
+
+    basis: Array
+    free: Array
+    inner: Array
+
+    @classmethod
+    def beside(cls, sensitivities: Array, flat: Array) -> Measure:
+        """
+        Parameters
+        ----------
+        sensitivities : G, change over noise per prior standard deviation, shape (n, k), 1
+        flat : F, directions that may have any size, shape (n, m), 1; m may be 0
+        """
+        basis = _span(flat)
+        free = sensitivities - basis @ (basis.T @ sensitivities)
+        return cls(basis, free, np.eye(free.shape[1]) + free.T @ free)
+
+    def product(self, one: Array, other: Array) -> float:
+        """Of two changes, each shape (n,)."""
+        left, right = (d - self.basis @ (self.basis.T @ d) for d in (one, other))
+        hidden = (self.free.T @ left) @ np.linalg.solve(self.inner, self.free.T @ right)
+        return float(left @ right - hidden)
+
+    def gain(self, d: Array) -> float:
+        """Expected gain of a model that has a change, shape (n,)."""
+        return max(0.5 * self.product(d, d), 0.0)
+
 
 def expected_gain(d: Array, sensitivities: Array, flat: Array) -> float:
-    """Half of d^T (I + G G^T + infinity F F^T)^-1 d.
-
-    Parameters
-    ----------
-    d : noise-free change of all readings by the effect, over their noise, shape (n,), 1
-    sensitivities : G, change over noise per prior standard deviation, shape (n, k), 1
-    flat : F, directions that may have any size, shape (n, m), 1; m may be 0
-    """
-    basis = _span(flat)
-    left = d - basis @ (basis.T @ d)
-    free = sensitivities - basis @ (basis.T @ sensitivities)
-    inner = np.eye(free.shape[1]) + free.T @ free
-    along = free.T @ left
-    return max(0.5 * float(left @ left - along @ np.linalg.solve(inner, along)), 0.0)
+    """Half of d^T (I + G G^T + infinity F F^T)^-1 d; see `Measure`."""
+    return Measure.beside(sensitivities, flat).gain(d)
 
 
 def margin(
-    d: Array, sensitivities: Array, flat: Array, rivals: Mapping[str, Array]
+    d: Array, sensitivities: Array, flat: Array, rivals: Sequence[Rival]
 ) -> tuple[float, str]:
     """What is left of the gain beside the best rival, and which rival that is.
 
-    Each rival is the direction, shape (n,), or the directions, shape (n, m), that it may take with
-    any size and sign; without rivals the margin is infinite. A rival whose shape may change
+    A rival may take any sign; without rivals the margin is infinite. One whose shape may change
     further can come closer than this says.
     """
-    best, name = np.inf, ""
-    for rival, directions in rivals.items():
-        both = np.column_stack([flat, directions])
-        if (left := expected_gain(d, sensitivities, both)) < best:
-            best, name = left, rival
-    return best, name
+    measure = Measure.beside(sensitivities, flat)
+    moderate = [(*_left(measure, d, r, (r.low * r.high) ** 0.5), r) for r in rivals]
+    nearest: dict[str, tuple[float, float, Rival]] = {}
+    for found in sorted(moderate, key=lambda m: m[0]):
+        nearest.setdefault(found[2].name, found)
+    ranked = list(nearest.values())
+    sought = [_sought(measure, d, *found) for found in ranked[:REFINED]]
+    rest = [(left, rival.name) for left, _, rival in ranked[REFINED:]]
+    return min([*sought, *rest], default=(np.inf, ""))
+
+
+def _sought(
+    measure: Measure, d: Array, left: float, wanted: float, rival: Rival
+) -> tuple[float, str]:
+    """What is left beside a rival that is as large as it explains most."""
+    size = (rival.low * rival.high) ** 0.5
+    for _ in range(TURNS - 1):
+        wanted = min(max(wanted, rival.low), rival.high)
+        if size / NEAR < wanted < size * NEAR:
+            break
+        size = wanted
+        tried, wanted = _left(measure, d, rival, size)
+        if not np.isfinite(tried):
+            break
+        left = tried
+    return left, rival.name
+
+
+def _left(measure: Measure, d: Array, rival: Rival, size: float) -> tuple[float, float]:
+    """What is left beside a rival in proportion to one of a size, and the size that it asks for."""
+    change = rival.change(size)
+    if change is None:
+        return np.inf, size
+    own, common = measure.product(change, change), measure.product(change, d)
+    if own <= NEGLIGIBLE * float(change @ change):
+        return measure.gain(d), size
+    return max(measure.gain(d) - 0.5 * common**2 / own, 0.0), size * abs(common) / own
 
 
 def _span(directions: Array) -> Array:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rulec.workshop import open_workshop
 from runtime.mismatch.fit import RELEASE, Fitted, fit, prior_of
 from runtime.mismatch.interval import profile
 from runtime.mismatch.setting import ERROR, Setting
@@ -24,6 +26,7 @@ from tests.runtime.mismatch.made import (
 )
 
 SAMPLES = 240
+BAR = 1e5
 SLIP = "A.slip-temperature@Q_geo"
 TRUE: Built = {SLIP: {"b": 0.03, "T0": USUAL}}
 
@@ -149,3 +152,19 @@ def test_the_profile_is_about_two_standard_uncertainties_wide() -> None:
     low, high = profile(found, name)
     assert low < found.setting.values[name] < high
     assert 3.92 * found.u(name) == pytest.approx(high - low, rel=0.25)
+
+
+def test_a_bent_valley_is_followed_to_its_end() -> None:
+    """Gaps that widen: from the plain model to the true one, slip and its rise go along a curve.
+
+    With damping by fixed factors a fit ended after 20 steps at a seventh of the true value.
+    """
+    plant = open_workshop(Path(__file__).parent / "oil.yaml")
+    name, true = "main.slip-clearance@Q_law", 2e-3 / BAR
+    given = {"main.dp": BAR * (124.0 + 43.0 * np.mod(np.arange(600) // 12 * 0.618, 1.0))}
+    rows = rows_at(plant, recorded(plant, given, {name: {"c": true}}, moved=False))
+    candidate = next(c for c in plant[1].candidates if c.id == name)
+    plain = fit(rows, Setting(), rows.system.data.open)
+    begun = plain.setting.joining(candidate, {f"{name}.c": 0.01 * true}, {})
+    found = fit(rows, begun, rows.system.data.open)
+    assert found.setting.values[f"{name}.c"] == pytest.approx(true, rel=0.05)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 
-import numpy as np
-
+from ..limit import Rival, margin
 from ..units import Array
 from .effect import Made
 from .effects import EFFECTS, Placed, key, places_of
@@ -13,27 +12,45 @@ from .scene import Stalled
 from .sized import made_of
 from .visible import Sight
 
+SHAPES = 5
+"""Shapes of a rival that are tried, such as where a valve opens."""
 
-def margin_of(
-    seen: Sight, placed: Placed, made: Made, flat: Array | None, seed: int
-) -> tuple[float, str]:
+
+def margin_of(seen: Sight, placed: Placed, made: Made, flat: Array, seed: int) -> tuple[float, str]:
     """Expected gain over the best other effect in the same module or what it feeds."""
+    return margin(
+        seen.change(made.changes), seen.sensitivities, flat, list(_rivals(seen, placed, seed))
+    )
+
+
+def _rivals(seen: Sight, placed: Placed, seed: int) -> Iterator[Rival]:
+    """Other effects that are near, each in some shapes."""
     rig = seen.scene.rig
     near = {placed.module, *rig.path(placed.module)}
     near |= {m for m in rig.pumps if placed.module in rig.path(m)}
-    least, rival = math.inf, ""
     for effect in EFFECTS.values():
         for other in places_of(rig, effect):
             if other.module not in near or other == placed or _mirrored(placed, other):
                 continue
-            tried = _rough(seen, other, seed)
-            if tried is None:
-                continue
-            columns = tried[:, None] if flat is None else np.column_stack([flat, tried])
-            gain = seen.gain(made.changes, columns)
-            if gain < least:
-                least, rival = gain, f"{other.module}.{effect.name}"
-    return least, rival
+            shapes = set()
+            # All faults begin at the same time: what else could have begun then is the rival.
+            for drawn in range(seed, seed + (1 if effect.sort == "fault" else SHAPES)):
+                size = (effect.low * effect.high) ** 0.5
+                shape = tuple(made_of(seen.scene, other, size, drawn).parameters.items())
+                if shape not in shapes:
+                    shapes.add(shape)
+                    yield _rival(seen, other, drawn)
+
+
+def _rival(seen: Sight, placed: Placed, seed: int) -> Rival:
+    def change(size: float) -> Array | None:
+        try:
+            return seen.change(made_of(seen.scene, placed, size, seed).changes)
+        except Stalled:
+            return None
+
+    effect = placed.effect
+    return Rival(f"{placed.module}.{effect.name}", effect.low, effect.high, change)
 
 
 def _mirrored(one: Placed, other: Placed) -> bool:
@@ -41,12 +58,3 @@ def _mirrored(one: Placed, other: Placed) -> bool:
     faults = one.effect.sort == other.effect.sort == "fault"
     places = [key()[placed.effect.name]["places"] for placed in (one, other)]
     return faults and one.module == other.module and places[0] == places[1]
-
-
-def _rough(seen: Sight, placed: Placed, seed: int) -> Array | None:
-    """What another effect would change, of moderate size; None where it cannot be."""
-    size = math.sqrt(placed.effect.low * placed.effect.high)
-    try:
-        return seen.change(made_of(seen.scene, placed, size, seed).changes)
-    except Stalled:
-        return None

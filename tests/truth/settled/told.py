@@ -26,7 +26,7 @@ def answer_of(
     planted = []
     for placed, made in found:
         others = [seen.change(m.changes) for p, m in found if p is not placed]
-        flat = np.stack(others, 1) if others else None
+        flat = np.stack(others, 1) if others else np.zeros((len(seen.sensitivities), 0))
         gain = seen.gain(made.changes, flat)
         margin, rival = margin_of(seen, placed, made, flat, seed)
         planted.append(_planted(seen.scene.rig, placed, made, gain, margin, rival))

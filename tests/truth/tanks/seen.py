@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..limit import expected_gain, margin
+from ..limit import Rival, expected_gain, margin
 from ..units import Array
 from .case import Case
+from .effect import Built
 from .effects import SENSOR, Placed, possible_effects
 from .key import right
 from .knobs import base_knobs
@@ -56,14 +57,14 @@ def seen(case: Case) -> tuple[Seen, ...]:
     for i, one in enumerate(case.planted):
         others = [a for j, a in enumerate(alone) if j != i]
         flat = np.array(others).reshape(-1, start.size).T
-        rivals = {name: change(plant) for name, plant in _rivals(case, one)}
+        rivals = list(_rivals(case, one, change))
         gain = expected_gain(alone[i], slopes, flat)
         found.append(Seen(gain, *margin(alone[i], slopes, flat, rivals)))
     return tuple(found)
 
 
-def _rivals(case: Case, one: Planted) -> Iterator[tuple[str, Plant]]:
-    """Plants with another effect in the place or beside it, each at a moderate size.
+def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Iterator[Rival]:
+    """Other effects in the place or beside it.
 
     An effect that would rightly get the same name, or is planted too, is no rival; of two that
     differ in sign one is enough.
@@ -74,10 +75,17 @@ def _rivals(case: Case, one: Planted) -> Iterator[tuple[str, Plant]]:
         known = placed.id in planted or placed.effect.name in SAME
         if known or not _is_near(case, one.placed, placed):
             continue
-        size = math.sqrt(placed.effect.low * placed.effect.high)
-        built = make(case.scene, plain, placed, size, case.drawn)
-        if not names & set(right(case.setup, replace(one, placed=placed, built=built)).names):
-            yield placed.id, built.plant
+
+        def built(size: float, placed: Placed = placed) -> Built:
+            return make(case.scene, plain, placed, size, case.drawn)
+
+        def changed(size: float, built: Callable[[float], Built] = built) -> Array:
+            return change(built(size).plant)
+
+        low, high = placed.effect.low, placed.effect.high
+        moderate = built(math.sqrt(low * high))
+        if not names & set(right(case.setup, replace(one, placed=placed, built=moderate)).names):
+            yield Rival(placed.id, low, high, changed)
 
 
 def _is_near(case: Case, here: Placed, there: Placed) -> bool:
