@@ -45,8 +45,9 @@ PASSING = 0.9
 """Weight of the gain of a fault that is there when the recording begins."""
 
 
-def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
-    """A fault as one that comes and goes; None where its degree shows no such course."""
+def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Trial | None:
+    """A fault as one that comes and goes, in so many periods at most; None where its degree shows
+    no such course."""
     unknown = next((u for u in candidate.unknowns if u.null is not None), None)
     if unknown is None or unknown.null is None:
         return None
@@ -71,13 +72,13 @@ def in_periods(fitted: Fitted, candidate: Candidate) -> Trial | None:
     states.append(_begun(segments, means_))
     tried = {tuple(np.flatnonzero(on)): on for on in states}
     trials = [
-        _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on, most)
+        _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on, levels)
         for on in tried.values()
-        for most in (1, MOST_LEVELS)
+        for levels in (1, MOST_LEVELS)
         if on.any() and not on.all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
-    found = [t for t in trials if t is not None]
+    found = [t for t in trials if t is not None and t.course and len(t.course.periods) <= most]
     return max(found, key=lambda t: _likely(t, each), default=None)
 
 

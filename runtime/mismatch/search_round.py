@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
@@ -137,8 +136,7 @@ def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
     """What may stand beside an explanation that is there already: what lasts, and what begins."""
     joined = {c.id for c in begun.setting.joined}
     rest = [c for c in free if c.id not in joined]
-    coming = (t for t in _coming_and_going(begun, rest) if _periods(t) <= FEW_CHANGES)
-    return [*screen(begun, rest)[:TRIED], *islice(coming, TRIED)]
+    return [*screen(begun, rest)[:TRIED], *_coming_and_going(begun, rest, FEW_CHANGES)[:TRIED]]
 
 
 def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, list[Trial]]]:
@@ -327,8 +325,10 @@ def _in_place_of(trial: Trial, ours: set[str], other: Contestant) -> Trial | Non
     return next((t for t in theirs if t.candidate.id not in ours), other.trial)
 
 
-def _coming_and_going(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
-    """Faults as ones that come and go, the more telling first."""
-    trials = [in_periods(fitted, c) for c in candidates if c.sort == "fault"]
+def _coming_and_going(
+    fitted: Fitted, candidates: Sequence[Candidate], most: float = np.inf
+) -> list[Trial]:
+    """Faults as ones that come and go, in so many periods at most, the more telling first."""
+    trials = [in_periods(fitted, c, most) for c in candidates if c.sort == "fault"]
     found = [t for t in trials if t is not None]
     return sorted(found, key=lambda t: -t.gain)[:COMING]

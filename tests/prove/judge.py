@@ -87,12 +87,15 @@ def _is(planted: Planted, effect: Form) -> bool:
     return False
 
 
+def _credit(planted: Planted, effects: Sequence[Form]) -> float:
+    """What counts of a name among those that were told: one of `n` that are left open by 1/n."""
+    return max((1.0 / len(_set_of(e)) for e in effects if _is(planted, e)), default=0.0)
+
+
 def _name(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
-    """Share named rightly; a set counts by 1/size, a false name beside lowers the share."""
-    credit = [
-        max((1.0 / len(_set_of(e)) for e in effects if _is(p, e)), default=0.0) for p in planted
-    ]
-    return float(sum(credit) / max(len(planted), len(effects)))
+    """Share named rightly; a false name beside lowers the share."""
+    credit = sum(_credit(p, effects) for p in planted)
+    return float(credit / max(len(planted), len(effects)))
 
 
 def _said_places(form: Form) -> set[str]:
@@ -106,9 +109,14 @@ def _said_places(form: Form) -> set[str]:
 
 
 def _place(answer: Answer, form: Form) -> float:
-    """Share of the places that are right."""
-    said = _said_places(form)
-    return float(np.mean([bool(said & set(p.places)) for p in answer.effects]))
+    """Share of the places that are right; what is named rightly has its place, one of several that
+    are left open as much as its name."""
+    said, effects = _said_places(form), form.get("effects", ())
+    right = [
+        1.0 if said & set(p.places) else _credit(p, effects) if p.names else 0.0
+        for p in answer.effects
+    ]
+    return float(np.mean(right))
 
 
 def _unnamed(answer: Answer, form: Form) -> float:

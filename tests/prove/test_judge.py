@@ -1,0 +1,61 @@
+"""An answer held against what was planted: names, places and what is left open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.prove.judge import judge
+from tests.prove.results import Judged
+from tests.truth.sealed import Answer, Planted
+
+LOW = Planted(
+    "dp-low", "reads low", "sensor", "B", "sensor", ("slope",), ("B.dp",), {}, 90.0, 3.0, ""
+)
+
+
+def effect(
+    name: str, id_: str, place: str, probability: float = 1.0, **more: Any
+) -> dict[str, Any]:
+    """A finding as `--json` tells it."""
+    usual: dict[str, Any] = {"modules": ["B"], "alternatives": (), "parameters": {}, "periods": []}
+    own = {"effect": name, "id": id_, "module": "B", "place": place, "probability": probability}
+    return {**usual, **own, **more}
+
+
+def scored(*effects: dict[str, Any], planted: Planted = LOW) -> Judged:
+    """How an answer is judged where that was planted."""
+    sealed = Answer("it", "stationary", "one", "steps", 1, 600, "sensor", ("open",), (planted,), "")
+    form = {"verdict": "ambiguous", "effects": effects, "locations": ()}
+    return judge(SimpleNamespace(answer=sealed), form, Path(), "development")[0]  # type: ignore[arg-type]
+
+
+def other(name: str, id_: str, probability: float) -> dict[str, Any]:
+    return {"effect": name, "id": id_, "probability": probability, "title": name}
+
+
+def test_a_right_name_at_the_right_place_counts_whole() -> None:
+    found = scored(effect("slope", "B.dp.low", "dp"))
+    assert (1.0, 1.0) == (found.name_right, found.place_right)
+
+
+@pytest.mark.parametrize(("second", "counted"), [(0.4, 0.5), (0.1, 0.0)])
+def test_one_of_two_counts_half_with_its_place(second: float, counted: float) -> None:
+    """Where it is likely enough to belong to the set."""
+    left = other("slope", "B.dp.low", second)
+    found = scored(effect("leakage", "B.leakage", "pump", 0.5, alternatives=(left,)))
+    assert (counted, counted) == (found.name_right, found.place_right)
+
+
+def test_a_false_name_beside_counts_as_a_miss() -> None:
+    """Of the names; the place was told all the same."""
+    found = scored(effect("slope", "B.dp.low", "dp"), effect("leakage", "B.leakage", "pump"))
+    assert (0.5, 1.0) == (found.name_right, found.place_right)
+
+
+def test_a_right_name_in_another_module_is_wrong() -> None:
+    found = scored(effect("slope", "A.dp.low", "dp", module="A", modules=["A"]))
+    assert (0.0, 0.0) == (found.name_right, found.place_right)
