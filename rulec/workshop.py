@@ -218,18 +218,22 @@ def _base_parameters(models: Models) -> BaseParameters:
         covariance,
         constants,
         {n: pair for m in plant.modules.values() for n, pair in _sheet(m).items()},
+        frozenset(m.name for m in plant.modules.values() if _contradicts(m)),
     )
 
 
 def _sheet(module: Module) -> dict[str, tuple[float, float]]:
-    """What the data sheet says of parameters that were calibrated, unless both contradict."""
-    found: dict[str, tuple[float, float]] = {}
+    """What the data sheet says of parameters that were calibrated."""
+    stated = [module.stated[name] for block in module.blocks for name in block.parameters]
+    return {parameter_id(module, p.name): (p.value, p.u) for p in stated if p.u > 0.0}
+
+
+def _contradicts(module: Module) -> bool:
+    """Do data sheet and calibration differ beyond chance?"""
     for block in module.blocks:
-        stated = [module.stated[name] for name in block.parameters]
+        sheet = Sheet.of([module.stated[name] for name in block.parameters])
         values = np.array([module.parameters[name].value for name in block.parameters])
         factor = np.array(block.factor)
-        sheet = Sheet.of(stated)
-        if sheet.beside(values, factor @ factor.T).is_empty:
-            continue
-        found |= {parameter_id(module, p.name): (p.value, p.u) for p in stated if p.u > 0.0}
-    return found
+        if not sheet.is_empty and sheet.beside(values, factor @ factor.T).is_empty:
+            return True
+    return False

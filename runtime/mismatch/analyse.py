@@ -282,7 +282,12 @@ def _moved(fitted: Fitted) -> Iterator[str]:
             if n.partition(".")[0] == module and u[i] > 0 and n in fitted.setting.values
         ]
         far, name = max(own, default=(0.0, ""))
-        if far > FAR_MOVED:
+        if module in fitted.setting.trusted:
+            yield (
+                f"the calibration of {module} contradicts its data sheet; with what was found the "
+                f"data sheet does, and {name} is {far:.0f} of its calibrated uncertainties away"
+            )
+        elif far > FAR_MOVED:
             yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
 
 

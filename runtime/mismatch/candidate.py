@@ -124,7 +124,8 @@ class BaseParameters:
 
     `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
     (parameters, parameters), is the calibration's. `sheet` are value and standard uncertainty by
-    the data sheet, of parameters of modules whose calibration does not contradict it.
+    the data sheet, of parameters that were calibrated; `contradicted` modules whose calibration
+    and data sheet differ beyond chance.
     """
 
     ids: tuple[str, ...]
@@ -134,6 +135,7 @@ class BaseParameters:
     covariance: Array
     constants: Mapping[str, float]
     sheet: Mapping[str, tuple[float, float]]
+    contradicted: frozenset[str] = frozenset()
 
 
 class Workshop(Protocol):

@@ -111,28 +111,28 @@ def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
     go; unless the values that it states do as well, which is the simpler explanation, or do for
     other conditions than the usual ones of this recording.
     """
-    candidate = trial.candidate
-    held = _joined(fitted, trial), trial
-    modules = fitted.setting.released.union(candidate.modules)
-    if candidate.sort not in ("physics", "ageing", HIDDEN) or modules == fitted.setting.released:
+    candidate, setting = trial.candidate, fitted.setting
+    held = _joined(fitted, trial, setting), trial
+    if candidate.sort not in ("physics", "ageing", HIDDEN):
         return held
-    ways = [held, (_joined(fitted, trial, modules), trial)]
+    wider = setting.wider(candidate.modules, fitted.rows.system.contradicted)
+    if not wider:
+        return held
+    ways = [held, *((_joined(fitted, trial, s), trial) for s in wider)]
     elsewhere = with_open_references(fitted.rows.system, trial)
     if elsewhere is not None:
-        ways.append((_joined(fitted, elsewhere), elsewhere))
+        ways.append((_joined(fitted, elsewhere, setting), elsewhere))
     return min(ways, key=lambda way: cost_of(way[0]))
 
 
-def _joined(fitted: Fitted, trial: Trial, released: frozenset[str] | None = None) -> Fitted:
-    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    if released is not None:
-        setting = replace(setting, released=released)
+def _joined(fitted: Fitted, trial: Trial, onto: Setting) -> Fitted:
+    setting = onto.joining(trial.candidate, trial.values, trial.fixed, trial.course)
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
 
 
 def cost_of(fitted: Fitted) -> float:
     """What a fit leaves unexplained, and the price of what it asks for, in log likelihood."""
-    return fitted.objective + price_of_fit(fitted)
+    return fitted.objective + fitted.contradiction + price_of_fit(fitted)
 
 
 def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tuple[float, Array]:

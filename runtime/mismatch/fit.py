@@ -76,9 +76,10 @@ def prior_of(
     base = [i for i in np.flatnonzero(u > 0) if parameters.ids[i].partition(".")[0] in modules]
     names = [parameters.ids[i] for i in base]
     freed = [n.partition(".")[0] in setting.released for n in names]
+    doubtful = parameters.contradicted - setting.trusted
     values = parameters.values.copy()
     for at, name, free in zip(base, names, freed, strict=True):
-        if free and name in parameters.sheet:
+        if free and name in parameters.sheet and name.partition(".")[0] not in doubtful:
             values[at], stated_u = parameters.sheet[name]
             u[at] = max(stated_u, u[at])
         elif free:
@@ -214,7 +215,17 @@ class Fitted:
         tails = 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
         broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
         keeps = of_sensors & np.array([name not in broken for name in prior.names], dtype=bool)
-        return tails + 0.5 * float(np.sum(off[keeps] ** 2))
+        return tails + 0.5 * float(np.sum(off[keeps] ** 2)) + self.contradiction
+
+    @cached_property
+    def contradiction(self) -> float:
+        """The strain on data sheets that calibrations contradict, where these are not trusted."""
+        parameters = self.rows.system.workshop.parameters
+        doubtful = parameters.contradicted - self.setting.trusted
+        known = [n for n in self.prior.names if n.partition(".")[0] in doubtful]
+        stated = [(n, *parameters.sheet[n]) for n in known if n in parameters.sheet]
+        far = np.array([(self.setting.values[n] - value) / u for n, value, u in stated])
+        return 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
 
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""

@@ -89,13 +89,15 @@ def _free_values(candidate: Candidate) -> int:
 def _freed(fitted: Fitted, each: float) -> float:
     """Price of the values that are let go: what they could be, over what they could be before.
 
-    A value that was hardly known before is no freer without its prior.
+    A value that was hardly known before is no freer without its prior; one that its data sheet
+    holds is not free.
     """
+    free = fitted.setting.released - fitted.setting.trusted
     base = fitted.rows.system.workshop.parameters
     before = np.sqrt(np.diag(base.covariance))
     price = 0.0
     for name, u in zip(base.ids, before, strict=True):
-        if name.partition(".")[0] in fitted.setting.released and name in fitted.prior.names:
+        if name.partition(".")[0] in free and name in fitted.prior.names:
             after = max(fitted.u(name), 1e-12 * u)
             price += float(np.clip(each - np.log(max(u, 1e-300) / after), 0.0, each))
     return price

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -41,14 +40,13 @@ def released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | None
     if not ranked or ranked[0].trial is None:
         return None
     modules = ranked[0].trial.candidate.modules
-    setting = now.fitted.setting
-    if setting.released.issuperset(modules):
-        return None
-    freed = replace(setting, released=setting.released.union(modules))
-    easing = contest(
-        fit(now.fitted.rows, freed, now.fitted.used, 25, None, now.fitted.temper), now.trial
-    )
-    return easing if net_gain(easing, now) > needed(now, 1) else None
+    setting, fitted = now.fitted.setting, now.fitted
+    eased = [
+        contest(fit(fitted.rows, way, fitted.used, temper=fitted.temper), now.trial)
+        for way in setting.wider(modules, fitted.rows.system.contradicted)
+    ]
+    easing = max(eased, key=lambda e: net_gain(e, now), default=None)
+    return easing if easing is not None and net_gain(easing, now) > needed(now, 1) else None
 
 
 def beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
@@ -108,10 +106,10 @@ def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
 
     Under a calibration that holds, a term shows little that base values must make room for.
     """
-    fitted, released = now.fitted, contestant.fitted.setting.released
-    if released == fitted.setting.released:
+    fitted, theirs = now.fitted, contestant.fitted.setting
+    setting = fitted.setting.letting_go(theirs.released, theirs.trusted)
+    if setting == fitted.setting:
         return fitted
-    setting = replace(fitted.setting, released=released)
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
 
 

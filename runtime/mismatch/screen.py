@@ -139,18 +139,23 @@ def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
     that contain the physics has made room for it.
     """
     looks = looks_at(fitted)
-    eased: dict[frozenset[str], tuple[Look, ...]] = {}
+    eased: dict[tuple[str, ...], tuple[Look, ...]] = {}
     trials = []
     for candidate in candidates:
-        modules = fitted.setting.released.union(candidate.modules)
         own: tuple[Look, ...] = ()
-        if candidate.sort in ("physics", "ageing") and modules != fitted.setting.released:
-            if modules not in eased:
-                setting = replace(fitted.setting, released=modules)
-                eased[modules] = looks_at(fitted, prior_of(fitted.rows.system, setting))
-            own = eased[modules]
+        if candidate.sort in ("physics", "ageing"):
+            if candidate.modules not in eased:
+                eased[candidate.modules] = _eased(fitted, candidate.modules)
+            own = eased[candidate.modules]
         trials += _best_of(fitted, looks, own, candidate)
     return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
+
+
+def _eased(fitted: Fitted, modules: Sequence[str]) -> tuple[Look, ...]:
+    """Looks with the calibrations of modules let go."""
+    system = fitted.rows.system
+    ways = fitted.setting.wider(modules, system.contradicted)
+    return tuple(look for way in ways for look in looks_at(fitted, prior_of(system, way)))
 
 
 def _best_of(

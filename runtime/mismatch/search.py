@@ -118,10 +118,10 @@ def _eased(now: Contestant) -> Contestant:
             now = _widened(now, bare.joining(there.candidate, there.values, there.fixed))
     setting = now.fitted.setting
     physics = [c for c in setting.joined if c.sort in ("physics", "ageing")]
-    modules = setting.released.union(*(c.modules for c in physics))
-    if modules == setting.released:
+    modules = frozenset[str]().union(*(c.modules for c in physics))
+    if modules <= setting.released:
         return now
-    return _widened(now, replace(setting, released=modules))
+    return _widened(now, setting.letting_go(modules))
 
 
 def _own(values: Mapping[str, float], candidate: Candidate) -> dict[str, float]:

@@ -145,7 +145,7 @@ def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, l
     A calibration that was let go makes room for one law, and imitates a second.
     """
     if fitted.setting.released:
-        setting = replace(fitted.setting, released=frozenset())
+        setting = fitted.setting.calibrated()
         held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
         # Far from what was read a law may have no slope: then it lacks nothing that could be told.
         with contextlib.suppress(np.linalg.LinAlgError):

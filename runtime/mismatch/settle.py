@@ -7,7 +7,7 @@ sensors: their errors belong into the parameters then, as in any calibration on 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -122,4 +122,4 @@ def plain_of(setting: Setting) -> Setting:
     for candidate in setting.joined:
         if not setting.in_periods & {u.id for u in candidate.unknowns}:
             setting = setting.leaving(candidate.id)
-    return replace(setting, released=frozenset())
+    return setting.calibrated()

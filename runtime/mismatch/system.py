@@ -52,6 +52,11 @@ class System:
     def modules(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(o.module for o in self.observers))
 
+    @property
+    def contradicted(self) -> frozenset[str]:
+        """Modules whose calibration and data sheet differ beyond chance."""
+        return self.workshop.parameters.contradicted
+
     @cached_property
     def number(self) -> Mapping[str, int]:
         """Place of each observer."""

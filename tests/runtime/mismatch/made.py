@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rulec.workshop import PlantWorkshop, open_workshop
 from runtime.mismatch.analyse import analyse
-from runtime.mismatch.candidate import TIME
+from runtime.mismatch.candidate import TIME, BaseParameters
 from runtime.mismatch.prepare import Data, prepare
 from runtime.mismatch.result import Mismatch
 from runtime.mismatch.rows import Rows, rows_of
@@ -37,6 +38,17 @@ WARMEST, USUAL = 30.0, 293.15
 
 Built = Mapping[str, Mapping[str, Array | float]]
 """Per candidate its parameters (by local names, SI), each a number or an array, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Sure:
+    """A workshop whose parameters are known as a calibration knows them."""
+
+    workshop: PlantWorkshop
+    parameters: BaseParameters
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.workshop, name)
 
 
 @functools.cache

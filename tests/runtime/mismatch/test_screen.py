@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rulec.workshop import PlantWorkshop
-from runtime.mismatch.candidate import BaseParameters
 from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.screen import Trial, screen, with_open_references
 from runtime.mismatch.setting import Setting
-from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
+from tests.runtime.mismatch.made import USUAL, Built, Sure, alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
 SLIP = "A.slip-temperature@Q_geo"
@@ -24,17 +21,6 @@ PLANTED: dict[str, Built] = {
     "A.relief-valve@Q_geo": {"A.relief-valve@Q_geo": {"K": 150e-3 / 3600 / 1e5, "p_open": 1.9e5}},
     "A.zero-drift-temperature@dp": {"A.zero-drift-temperature@dp": {"z": 400.0, "T0": USUAL}},
 }
-
-
-@dataclass(frozen=True)
-class Sure:
-    """A workshop whose parameters are known as a calibration knows them."""
-
-    workshop: PlantWorkshop
-    parameters: BaseParameters
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.workshop, name)
 
 
 @functools.cache
