@@ -19,6 +19,9 @@ from runtime.mismatch.screen import Trial, looks_at, with_open_references
 from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.plan import Array
 
+STEADY = 0.9
+"""Share of the gain of a term that its mean explains as well where its course has no part in it."""
+
 LOUD = 3.0
 """A term is at least this many times what it makes of the noise of readings."""
 
@@ -48,18 +51,35 @@ class Contestant:
         """Gain in log likelihood on blocks not fitted to."""
         return float(np.sum(self.blocks - other.blocks))
 
-    def relief_over(self, other: Contestant) -> float:
-        """How much less a model strains what was known before the recording."""
-        return other.fitted.strain - self.fitted.strain
+    def likelier_than(self, other: Contestant) -> float:
+        """Gain in log likelihood on the blocks that both were fitted to.
+
+        Which of two laws with as many values is there all data tell best together: a fit to half of
+        them adds scatter of its own. Whether there is one at all, they cannot tell.
+        """
+        return float(np.sum((self.within - other.within)[self._judged]))
 
     def certainty_over(self, other: Contestant) -> float:
         """The same in standard deviations of its own scatter over blocks.
 
         Source: Vuong 1989, with blocks of time for independent samples.
         """
-        difference = (self.blocks - other.blocks)[self._judged]
+        difference = (self.within - other.within)[self._judged]
         spread = float(np.sqrt(len(difference) * np.var(difference, ddof=1) + 1.0))
         return float(np.sum(difference)) / spread if len(difference) > 1 else 0.0
+
+    @cached_property
+    def within(self) -> Array:
+        """Log likelihood of every block, shape (blocks,), by the fit to all that may be seen."""
+        fitted, data = self.fitted, self.fitted.rows.system.data
+        seen = fitted.likelihood * fitted.used[fitted.rows.group_point]
+        blocks = data.block[fitted.rows.group_point]
+        found: Array = np.bincount(blocks, seen, minlength=len(self.blocks)).astype(float)
+        return found
+
+    def relief_over(self, other: Contestant) -> float:
+        """How much less a model strains what was known before the recording."""
+        return other.fitted.strain - self.fitted.strain
 
     @cached_property
     def _judged(self) -> np.ndarray:
@@ -135,8 +155,23 @@ def cost_of(fitted: Fitted) -> float:
     return fitted.objective + fitted.contradiction + price_of_fit(fitted)
 
 
-def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tuple[float, Array]:
-    """Gain of the term that was found, and of the same term with its course shuffled by blocks.
+@dataclass(frozen=True)
+class Shuffled:
+    """Gains of a term as it was found, of its mean, and with its course shuffled by blocks."""
+
+    own: float
+    mean: float
+    gains: Array
+
+    @property
+    def is_imitated(self) -> bool:
+        """Does a shuffled course do as well? One that hardly changes has nothing to shuffle."""
+        steady = STEADY * self.own < self.mean < self.own / STEADY
+        return self.own <= float(self.gains.max()) and not steady
+
+
+def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> Shuffled:
+    """What is gained by the term that was found, and by the same term with another course.
 
     Gains are those of one amplitude in front of the term, linearised, under the better look.
     """
@@ -158,7 +193,9 @@ def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> tupl
     for _ in range(count):
         chosen = _shuffled(data.block, order)
         gains.append(gain({i: np.nan_to_num(v)[chosen] for i, v in changed.items()}))
-    return gain({i: np.nan_to_num(v) for i, v in changed.items()}), np.array(gains)
+    own = {i: np.nan_to_num(v) for i, v in changed.items()}
+    means = {i: np.full(len(v), float(np.mean(v[before.used]))) for i, v in own.items()}
+    return Shuffled(gain(own), gain(means), np.array(gains))
 
 
 def _aligned(before: Fitted, after: Fitted) -> Setting:

@@ -126,12 +126,12 @@ def needed(now: Contestant, tried: int) -> float:
 def odds_of(other: Contestant, winner: Contestant) -> float:
     """Odds of another explanation against the winner.
 
-    The likelihood on blocks not fitted to counts as often as neighbours say something new; where
-    the difference scatters over blocks so that its sign is open, the odds are nearer to one.
+    The likelihood counts as often as neighbours say something new; where the difference scatters
+    over blocks so that its sign is open, the odds are nearer to one.
     """
     # Neighbours are as alike as the winner leaves them, not as they were before it.
     temper = min(winner.fitted.temper, temper_of(winner.fitted))
-    ahead = winner.seen_over(other) / temper + winner.relief_over(other)
+    ahead = winner.likelier_than(other) / temper + winner.relief_over(other)
     ahead += price_of(other) - price_of(winner)
     lead = max(winner.certainty_over(other), 0.0)
     scattered = float(np.exp(-0.5 * lead**2 - 0.8 * lead))

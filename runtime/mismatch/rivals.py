@@ -73,16 +73,16 @@ def defeated(
         return None
     if not _is_there(contestant.fitted, trial):
         return None
-    own, shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
+    shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
     placebo = _placebo(now.fitted, trial)
     # A term without a driver of its own has no course that could be shuffled.
-    imitated = bool(trial.candidate.drivers) and own <= shuffled.max()
+    imitated = bool(trial.candidate.drivers) and shuffled.is_imitated
     if trial.course is None and (imitated or net <= placebo):
         return None
     return (
         Rival("the plain model, recalibrated", 0.0 if easing is None else net_gain(easing, now)),
         Rival("as many parameters without physics", placebo),
-        Rival("its own course, shuffled by blocks", float(shuffled.max())),
+        Rival("its own course, shuffled by blocks", float(shuffled.gains.max())),
     )
 
 

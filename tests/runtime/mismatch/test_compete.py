@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from runtime.mismatch.compete import placebo_gains, shuffled_gains
+from runtime.mismatch.compete import Shuffled, placebo_gains, shuffled_gains
 from runtime.mismatch.locate import spot_column
 from runtime.plan import Array
 from tests.runtime.mismatch.made import alone
@@ -60,15 +60,41 @@ def test_nothing_wins_on_a_healthy_recording(name: str) -> None:
 
 def test_its_own_course_beats_a_shuffled_one() -> None:
     """Of twenty shuffles by blocks none comes near."""
-    own, shuffled = shuffled_gains(plain(), after().fitted, 20, 1)
-    assert (20,) == shuffled.shape
-    assert own > 2.0 * float(shuffled.max())
-    assert own > 20.0
+    found = shuffled_gains(plain(), after().fitted, 20, 1)
+    assert (20,) == found.gains.shape
+    assert found.own > 2.0 * float(found.gains.max())
+    assert found.own > 20.0
+    assert not found.is_imitated
+
+
+@pytest.mark.parametrize(
+    ("own", "mean", "best", "imitated"),
+    [
+        (50.0, 0.0, 20.0, False),
+        (50.0, 0.0, 60.0, True),
+        (50.0, 49.0, 51.0, False),
+        (50.0, 90.0, 60.0, True),
+    ],
+)
+def test_a_term_that_hardly_changes_has_no_course_to_shuffle(
+    own: float, mean: float, best: float, imitated: bool
+) -> None:
+    """Its mean explains as much; where the mean explains more, its course does harm."""
+    assert Shuffled(own, mean, np.array([1.0, best])).is_imitated == imitated
+
+
+def test_what_all_readings_say_is_told_by_the_fit_to_all() -> None:
+    """Nothing over itself; held-out blocks play no part."""
+    data = plain().rows.system.data
+    shut = np.setdiff1d(np.unique(data.block), np.unique(data.block[data.open]))
+    assert not np.any(after().within[shut])
+    assert after().likelier_than(after()) == 0.0
+    assert after().likelier_than(before()) > 20.0
 
 
 def test_shuffles_are_drawn_from_the_seed() -> None:
     """The same seed, the same rivals."""
-    first, again, other = (shuffled_gains(plain(), after().fitted, 5, s)[1] for s in (1, 1, 2))
+    first, again, other = (shuffled_gains(plain(), after().fitted, 5, s).gains for s in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
