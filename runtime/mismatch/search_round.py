@@ -276,7 +276,8 @@ def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> boo
     """
     trial = contestant.trial
     assert trial is not None
-    if trial.course is None and TIME not in trial.candidate.drivers.values():
+    comes_and_goes = any(t.course is not None for t in (trial, *trial.along))
+    if not comes_and_goes and TIME not in trial.candidate.drivers.values():
         return True
     return gain_in_sample(contestant, now) > gain_in_sample(hidden, now)
 
