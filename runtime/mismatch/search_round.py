@@ -136,7 +136,10 @@ def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
     """What may stand beside an explanation that is there already: what lasts, and what begins."""
     joined = {c.id for c in begun.setting.joined}
     rest = [c for c in free if c.id not in joined]
-    return [*screen(begun, rest)[:TRIED], *_coming_and_going(begun, rest, FEW_CHANGES)[:TRIED]]
+    # Far from what was read a law may have no slope: then it lacks nothing that could be told.
+    with contextlib.suppress(np.linalg.LinAlgError):
+        return [*screen(begun, rest)[:TRIED], *_coming_and_going(begun, rest, FEW_CHANGES)[:TRIED]]
+    return []
 
 
 def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, list[Trial]]]:
@@ -147,8 +150,7 @@ def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, l
     if fitted.setting.released:
         setting = fitted.setting.calibrated()
         held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
-        # Far from what was read a law may have no slope: then it lacks nothing that could be told.
-        with contextlib.suppress(np.linalg.LinAlgError):
+        with contextlib.suppress(np.linalg.LinAlgError):  # as in `_seconds`
             yield held, screen(held, free)
 
 
