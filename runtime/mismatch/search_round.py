@@ -49,6 +49,9 @@ FEW_CHANGES = 2
 COARSE = 0.5
 """Part of that which such a curve must gain on blocks that it was not fitted to."""
 
+EVEN = 1.5
+"""Odds up to which two are told apart by blocks that they were not fitted to."""
+
 PART = 0.15
 """What has no name is told if it gains more than this share of what was explained with a name."""
 
@@ -253,7 +256,7 @@ def _first(
         # Of those that explain the same, the most probable: the first may lead by next to nothing.
         for other in instead_of(contestant, ranked, now):
             lost = defeated(other, now, easing, tried)
-            if lost is not None and odds_of(other, contestant) > 1.0:
+            if lost is not None and odds_of(other, contestant) > EVEN:
                 contestant, rivals = other, lost
         return Step(contestant, recorded(contestant, now, ranked, rivals), tried)
     return None
