@@ -285,7 +285,7 @@ def _moved(fitted: Fitted) -> Iterator[str]:
         if module in fitted.setting.trusted:
             yield (
                 f"the calibration of {module} contradicts its data sheet; with what was found the "
-                f"data sheet does, and {name} is {far:.0f} of its calibrated uncertainties away"
+                f"data sheet holds, and {name} moved by {far:.0f} of its calibrated uncertainties"
             )
         elif far > FAR_MOVED:
             yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"

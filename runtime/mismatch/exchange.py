@@ -43,7 +43,7 @@ def exchanged(
 
 def _within(model: Contestant, trials: Sequence[Trial]) -> bool:
     """Is no new law at an end of its range? A pump of which all returns explains anything."""
-    return not any(at_an_end(model, t.candidate) for t in trials)
+    return not at_an_end(model, *(t.candidate for t in trials))
 
 
 def _lasts(record: Accepted) -> bool:

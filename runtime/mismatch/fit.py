@@ -274,8 +274,8 @@ def fit(
             continue
         # A valley that bends wants short steps: damping falls only as far as the last was foreseen.
         foreseen = gain / max(_promised(current, prior, at, trial_at - at), 1e-300)
-        ease = max(1.0 / EASIER, 1.0 - (2.0 * foreseen - 1.0) ** 3) if foreseen < 1.0 else 0.0
-        damping, harder = max(damping * max(ease, 1.0 / EASIER), SOFTEST), 2.0
+        easier = max(1.0 - (2.0 * min(foreseen, 1.0) - 1.0) ** 3, 1.0 / EASIER)
+        damping, harder = max(damping * easier, SOFTEST), 2.0
         at, current = trial_at, trial
         if gain < CONVERGED * max(int(use.sum()), 1) * 0.01:
             break

@@ -56,15 +56,10 @@ def needless(now: Contestant, names: list[str]) -> tuple[Contestant, list[str]]:
         )
         # What is left must not make up for it by running to an end: a reading of which nothing is
         # left, say, contradicts no law any more.
-        if net_gain(now, less) < NEEDED and not _runs_out(less):
+        if net_gain(now, less) < NEEDED and not at_an_end(less, *setting.joined):
             now = less
             gone.append(name)
     return now, gone
-
-
-def _runs_out(model: Contestant) -> bool:
-    """Is one of its laws, or a fault that lasts, at an end of its range?"""
-    return any(at_an_end(model, candidate) for candidate in model.fitted.setting.joined)
 
 
 def instead(now: Contestant, winner: str, trials: Sequence[Trial]) -> tuple[Contestant, str]:

@@ -113,10 +113,11 @@ def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
     return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
 
 
-def at_an_end(contestant: Contestant, candidate: Candidate) -> bool:
-    """Did the search for a law in a model run to the end of a range? It fits for another reason."""
+def at_an_end(contestant: Contestant, *candidates: Candidate) -> bool:
+    """Did the search for one of some laws in a model run to the end of a range? It fits for another
+    reason."""
     values = contestant.fitted.setting.values
-    for unknown in candidate.unknowns:
+    for unknown in (u for c in candidates for u in c.unknowns):
         value = values.get(unknown.id)
         if value is None or value == unknown.null:
             continue

@@ -314,8 +314,8 @@ def recorded(
 def _runs_out(contestant: Contestant) -> bool:
     """Is a law of it at an end of its range? It lost, whatever it gains."""
     trial = contestant.trial
-    return trial is not None and any(
-        at_an_end(contestant, t.candidate) for t in (trial, *trial.along)
+    return trial is not None and at_an_end(
+        contestant, *(t.candidate for t in (trial, *trial.along))
     )
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from runtime.mismatch.compete import Shuffled, placebo_gains, shuffled_gains
 from runtime.mismatch.locate import spot_column
+from runtime.mismatch.rivals import at_an_end
 from runtime.plan import Array
 from tests.runtime.mismatch.made import alone
 from tests.runtime.mismatch.warm import SLIP, after, before, plain, trial
@@ -109,3 +112,15 @@ def test_functions_without_physics_lose() -> None:
 def test_functions_without_physics_gain_nothing_from_noise() -> None:
     """On a healthy recording the best of ten waves is chance."""
     assert float(placebo_gains(plain(warm=False), trial(), [column(False)], 1).max()) < 8.0
+
+
+def test_a_value_at_an_end_of_its_range_is_seen() -> None:
+    """Of any of the laws that are asked for; one in between is at no end."""
+    found = after()
+    law = next(c for c in found.fitted.setting.joined if c.id == SLIP)
+    free = next(u for u in law.unknowns if u.highest != u.null and np.isfinite(u.highest))
+    values = {**found.fitted.setting.values, free.id: free.highest}
+    moved = replace(found.fitted, setting=replace(found.fitted.setting, values=values))
+    assert not at_an_end(found, law)
+    assert not at_an_end(replace(found, fitted=moved))
+    assert at_an_end(replace(found, fitted=moved), law)
