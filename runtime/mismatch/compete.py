@@ -138,7 +138,8 @@ def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
     wider = setting.wider(candidate.modules, fitted.rows.system.contradicted)
     if not wider:
         return held
-    ways = [held, *((_joined(fitted, trial, s), trial) for s in wider)]
+    freed = [_joined(fitted, trial, s) for s in wider]
+    ways = [held, *((way, trial) for way in freed if way.keeps_trust)]
     elsewhere = with_open_references(fitted.rows.system, trial)
     if elsewhere is not None:
         ways.append((_joined(fitted, elsewhere, setting), elsewhere))

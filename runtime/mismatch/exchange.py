@@ -32,7 +32,7 @@ def exchanged(
         if not all(_lasts(r) for r in pair) or not _near(*pair):
             continue
         tried = [(_with(now, pair, trials), trials) for trials in _combinations(*pair)]
-        ahead = [t for t in tried if net_gain(t[0], now) > 0.0 and _within(*t)]
+        ahead = [t for t in tried if net_gain(t[0], now) > 0.0 and _within(t[0])]
         if ahead:
             now, trials = max(ahead, key=lambda t: net_gain(t[0], now))
             for k, trial, old in ((i, trials[0], pair[0]), (j, trials[1], pair[1])):
@@ -41,9 +41,9 @@ def exchanged(
     return now, tuple(records)
 
 
-def _within(model: Contestant, trials: Sequence[Trial]) -> bool:
-    """Is no new law at an end of its range? A pump of which all returns explains anything."""
-    return not at_an_end(model, *(t.candidate for t in trials))
+def _within(model: Contestant) -> bool:
+    """Is nothing at an end of its range? A pump of which all returns explains anything."""
+    return not at_an_end(model, *model.fitted.setting.joined)
 
 
 def _lasts(record: Accepted) -> bool:
@@ -94,6 +94,10 @@ def weighed(now: Contestant, record: Accepted, others: Sequence[Trial]) -> Accep
         for t in others
         if t.candidate.id not in there
     ]
-    found = [(min(odds_of(model, now), 1.0), t) for model, t in models if _within(model, [t])]
+    found = [
+        (min(odds_of(model, now), 1.0), t)
+        for model, t in models
+        if not at_an_end(model, t.candidate)
+    ]
     found.sort(key=lambda pair: -pair[0])
     return replace(record, others=tuple(t for _, t in found), odds=tuple(o for o, _ in found))

@@ -10,6 +10,7 @@ Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Madsen, 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -43,6 +44,10 @@ sheet says more."""
 DRIFTED = 3.0
 """Factor on the class of a sensor that drifts [assumed]: it was right at another time, or at
 another temperature than the usual one."""
+
+HOLDS = 4.0
+"""Of its standard uncertainties so many lie at most between a data sheet that holds and a value; by
+chance more do in one of 3000 modules of five values."""
 
 CONVERGED = 1e-4
 """Gain in log likelihood per step below which a fit has ended, as share of the points."""
@@ -79,9 +84,11 @@ def prior_of(
     doubtful = parameters.contradicted - setting.trusted
     values = parameters.values.copy()
     for at, name, free in zip(base, names, freed, strict=True):
-        if free and name in parameters.sheet and name.partition(".")[0] not in doubtful:
+        module = name.partition(".")[0]
+        if free and name in parameters.sheet and module not in doubtful:
             values[at], stated_u = parameters.sheet[name]
-            u[at] = max(stated_u, u[at])
+            # A calibration that strained its sheet widened it; one that broke with it says nothing.
+            u[at] = stated_u if module in setting.trusted else max(stated_u, u[at])
         elif free:
             u[at] = RELEASE * u[at]
     errors = [ERROR + name for name in system.shared]
@@ -221,11 +228,19 @@ class Fitted:
     def contradiction(self) -> float:
         """The strain on data sheets that calibrations contradict, where these are not trusted."""
         parameters = self.rows.system.workshop.parameters
-        doubtful = parameters.contradicted - self.setting.trusted
-        known = [n for n in self.prior.names if n.partition(".")[0] in doubtful]
-        stated = [(n, *parameters.sheet[n]) for n in known if n in parameters.sheet]
-        far = np.array([(self.setting.values[n] - value) / u for n, value, u in stated])
+        far = self._off_sheet(parameters.contradicted - self.setting.trusted)
         return 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
+
+    @property
+    def keeps_trust(self) -> bool:
+        """Do the data sheets hold that are trusted? Only that excuses what a calibration says."""
+        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= HOLDS))
+
+    def _off_sheet(self, modules: AbstractSet[str]) -> Array:
+        """How far values are off the data sheets of modules, in uncertainties of these."""
+        sheet = self.rows.system.workshop.parameters.sheet
+        known = [n for n in self.prior.names if n.partition(".")[0] in modules and n in sheet]
+        return np.array([(self.setting.values[n] - sheet[n][0]) / sheet[n][1] for n in known])
 
     def u(self, name: str) -> float:
         """Standard uncertainty of a value."""
@@ -329,6 +344,8 @@ def _evaluated(
     objective = float(
         0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum() / temper
     )
+    if not np.isfinite(errors[use]).any():
+        objective = np.inf  # where a law has no value anywhere, nothing is wrong any more
     return Fitted(
         placed, rows, prior, used, temper, scale, residual, predicted, likelihood, objective
     )

@@ -41,10 +41,11 @@ def released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | None
         return None
     modules = ranked[0].trial.candidate.modules
     setting, fitted = now.fitted.setting, now.fitted
-    eased = [
-        contest(fit(fitted.rows, way, fitted.used, temper=fitted.temper), now.trial)
+    ways = [
+        fit(fitted.rows, way, fitted.used, temper=fitted.temper)
         for way in setting.wider(modules, fitted.rows.system.contradicted)
     ]
+    eased = [contest(way, now.trial) for way in ways if way.keeps_trust]
     easing = max(eased, key=lambda e: net_gain(e, now), default=None)
     return easing if easing is not None and net_gain(easing, now) > needed(now, 1) else None
 

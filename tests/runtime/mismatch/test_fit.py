@@ -192,5 +192,20 @@ def test_a_contradicted_data_sheet_counts_only_where_it_is_trusted() -> None:
     assert wide.precision[i, i] == pytest.approx((RELEASE * u) ** -2, rel=1e-3)
     assert trusted.mean[i] == sheet["A.eta"][0]
     assert trusted.precision[i, i] == pytest.approx(0.005**-2, rel=1e-3)
-    assert replace(held, setting=replace(held.setting, trusted=ways[1].trusted)).contradiction == 0
+    believing = replace(held, setting=replace(held.setting, trusted=ways[1].trusted))
+    assert believing.contradiction == 0
+    assert held.keeps_trust
+    assert not believing.keeps_trust
+    again = fit(rows, ways[1], rows.system.data.open)
+    assert again.keeps_trust == (abs(again.setting.values["A.eta"] - sheet["A.eta"][0]) <= 0.02)
     assert ways[1].wider(("A",), doubted.contradicted) == ()
+
+
+def test_where_a_law_has_no_value_it_is_not_right() -> None:
+    """A reading of which nothing is left has no flow: there is nothing that could be wrong."""
+    there = alone()
+    rows = rows_at(there, recorded(there, tour(there[0], SAMPLES), moved=False))
+    slope = next(c for c in there[1].candidates if c.id == "A.dp.low")
+    (share,) = slope.unknowns
+    nothing = Setting().joining(slope, {share.id: 1.0}, {})
+    assert fit(rows, nothing, rows.system.data.open, steps=0).objective == np.inf
