@@ -161,7 +161,7 @@ def _answer(
         confounded(fitted),
         driver,
         _untested(system, findings),
-        next_step(verdict, findings, driver, system.workshop.missing),
+        next_step(verdict, findings, driver, system.workshop.missing, [p.fit for p in proofs]),
         system.data.split,
         system.data.digest,
         _noise_told(fitted),

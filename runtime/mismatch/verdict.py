@@ -6,12 +6,16 @@ from collections.abc import Sequence
 
 from runtime.mismatch.candidate import Missing
 from runtime.mismatch.result import Finding, Fit, HiddenDriver, Location
+from runtime.report.text import number
 
 MAJOR = 0.5
 """Share of what could be explained that names must have, beside a driver that nobody recorded."""
 
 FAR = 3.0
 """Errors of the repaired model, in noise of the reading, from which on the headline tells them."""
+
+SPOILED = 0.05
+"""Rise of a reading's held-out error, as a share, from which on a repair had better not be used."""
 
 CERTAIN = 0.6
 """Probability below which the best name is one of several."""
@@ -100,6 +104,7 @@ def next_step(
     findings: Sequence[Finding],
     hidden: HiddenDriver | None,
     missing: Sequence[Missing],
+    fits: Sequence[Fit] = (),
 ) -> str:
     """What to do next: adopt, act, or measure."""
     if hidden is not None:
@@ -116,6 +121,14 @@ def next_step(
             "Record a part in which the drivers of these explanations move apart, "
             "or add a sensor that only one of them depends on."
         )
+    spoiled = next((f for f in fits if _is_spoiled(f)), None)
+    if verdict == "named" and spoiled is not None:
+        before, after = spoiled.heldout.recalibrated, spoiled.heldout.repaired
+        unit = "" if spoiled.unit == "1" else f" {spoiled.unit}"
+        return (
+            f"Do not adopt this as it is: by it, the error of {spoiled.signal} on held-out points "
+            f"rises from {number(before)} to {number(after)}{unit}. Look at that module first."
+        )
     if verdict == "named":
         return "Write the repaired module types with `rulec adopt`, and diagnose with them."
     if first is not None:
@@ -123,3 +136,11 @@ def next_step(
     if missing:
         return f"Record {missing[0].sensor}: {missing[0].title} would then be judged."
     return "Vary the operating point at this place, and compare once more."
+
+
+def _is_spoiled(fit: Fit) -> bool:
+    """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
+    held = fit.heldout
+    rise = held.repaired - held.recalibrated
+    beyond_chance = fit.gain_interval[1] < 0.0
+    return beyond_chance and rise > SPOILED * held.recalibrated and held.repaired > held.noise

@@ -193,7 +193,7 @@ def _answer(
         confounded(best),
         None,
         _untested(bench, best, findings),
-        next_step(verdict, findings, None, bench.workshop.missing),
+        next_step(verdict, findings, None, bench.workshop.missing, [p.fit for p in proofs]),
         bench.record.split,
         bench.record.digest,
         _noise_told(best),

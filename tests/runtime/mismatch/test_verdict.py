@@ -97,6 +97,27 @@ def test_next_step(verdict: str, findings: Sequence[Finding], expected: str) -> 
     assert next_step(verdict, findings, None, LACKING).startswith(expected)
 
 
+@pytest.mark.parametrize(
+    ("repaired", "interval", "noise", "spoiled"),
+    [
+        (1.2, (-0.4, -0.02), 0.1, True),
+        (1.2, (-0.4, 0.1), 0.1, False),  # by chance
+        (1.04, (-0.06, -0.02), 0.1, False),  # hardly
+        (1.2, (-0.4, -0.02), 1.5, False),  # noise
+        (0.4, (0.5, 0.7), 0.1, False),
+    ],
+)
+def test_a_repair_that_does_harm_is_not_to_be_adopted(
+    repaired: float, interval: tuple[float, float], noise: float, spoiled: bool
+) -> None:
+    """On a real station two of eight pumps were predicted worse, and the rest better."""
+    errors = Errors(2.0, 1.0, repaired, noise, 10)
+    fit = Fit("A.Q", "l/min", errors, errors, interval, 1.0)
+    step = next_step("named", (SURE,), None, (), [fit])
+    assert spoiled == step.startswith("Do not adopt this as it is")
+    assert spoiled == ("rises from 1 to 1.2 l/min" in step)
+
+
 def test_a_hidden_driver_is_to_be_recorded() -> None:
     """Whatever else was found."""
     assert UNNAMED.hidden is not None
