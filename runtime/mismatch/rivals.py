@@ -115,8 +115,7 @@ def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
 
 
 def at_an_end(contestant: Contestant, *candidates: Candidate) -> bool:
-    """Did the search for one of some laws in a model run to the end of a range? It fits for another
-    reason."""
+    """Did one of some laws in a model run to an end of its range? It fits for another reason."""
     values = contestant.fitted.setting.values
     for unknown in (u for c in candidates for u in c.unknowns):
         value = values.get(unknown.id)

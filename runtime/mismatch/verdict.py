@@ -17,6 +17,8 @@ FAR = 3.0
 SPOILED = 0.05
 """Rise of a reading's held-out error, as a share, from which on a repair had better not be used."""
 
+ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
+
 CERTAIN = 0.6
 """Probability below which the best name is one of several."""
 
@@ -121,21 +123,24 @@ def next_step(
             "Record a part in which the drivers of these explanations move apart, "
             "or add a sensor that only one of them depends on."
         )
-    spoiled = next((f for f in fits if _is_spoiled(f)), None)
-    if verdict == "named" and spoiled is not None:
-        before, after = spoiled.heldout.recalibrated, spoiled.heldout.repaired
-        unit = "" if spoiled.unit == "1" else f" {spoiled.unit}"
-        return (
-            f"Do not adopt this as it is: by it, the error of {spoiled.signal} on held-out points "
-            f"rises from {number(before)} to {number(after)}{unit}. Look at that module first."
-        )
     if verdict == "named":
-        return "Write the repaired module types with `rulec adopt`, and diagnose with them."
+        spoiled = next((f for f in fits if _is_spoiled(f)), None)
+        return _not_yet(spoiled) if spoiled is not None else ADOPT
     if first is not None:
         return first.action
     if missing:
         return f"Record {missing[0].sensor}: {missing[0].title} would then be judged."
     return "Vary the operating point at this place, and compare once more."
+
+
+def _not_yet(spoiled: Fit) -> str:
+    """Why a repair that makes a reading worse had better wait."""
+    before, after = number(spoiled.heldout.recalibrated), number(spoiled.heldout.repaired)
+    unit = "" if spoiled.unit == "1" else f" {spoiled.unit}"
+    return (
+        f"Do not adopt this as it is: with it, the error of {spoiled.signal} on held-out points "
+        f"rises from {before} to {after}{unit}. Look at that module first."
+    )
 
 
 def _is_spoiled(fit: Fit) -> bool:

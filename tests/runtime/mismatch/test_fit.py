@@ -196,8 +196,7 @@ def test_a_contradicted_data_sheet_counts_only_where_it_is_trusted() -> None:
     assert believing.contradiction == 0
     assert held.keeps_trust
     assert not believing.keeps_trust
-    again = fit(rows, ways[1], rows.system.data.open)
-    assert again.keeps_trust == (abs(again.setting.values["A.eta"] - sheet["A.eta"][0]) <= 0.02)
+    assert fit(rows, ways[1], rows.system.data.open).keeps_trust  # the other values make room
     assert ways[1].wider(("A",), doubted.contradicted) == ()
 
 
