@@ -2,8 +2,9 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# Matrices are small: threads of the linear algebra would only wait for each other.
+# Matrices are small: threads of the linear algebra, and of trees, would only wait for each other.
 export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
 .PHONY: help demo test bench golden clean
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from rulec.knowledge import Parameter
 from runtime.plan import Array
@@ -57,7 +57,7 @@ class Sheet:
         off = (found - self.values)[known]
         both = covariance[np.ix_(known, known)] + np.diag(1.0 / self.precision[known])
         square = float(off @ np.linalg.solve(both, off))
-        if chi2.sf(square, len(known)) < CHANCE:
+        if chdtrc(len(known), square) < CHANCE:
             return Sheet(self.values, np.zeros_like(self.precision))
         return Sheet(self.values, self.precision / max(square / len(known), 1.0))
 

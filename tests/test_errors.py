@@ -131,7 +131,8 @@ def test_one_mistake_in_the_knowledge_base_is_told_once(
 ) -> None:
     """What leans on a spoilt file is not blamed, in the knowledge base or in a plant."""
     kb = _kb(tmp_path, monkeypatch)
-    shutil.copytree(ROOT / "plants", "plants")
+    for plant in ("abc", "cascaded-tanks"):
+        shutil.copytree(ROOT / "plants" / plant, Path("plants") / plant)
     text = (kb / file).read_text(encoding="utf-8")
     (kb / file).write_text(text.replace(old, new, 1), encoding="utf-8")
     found = collect([kb, Path("plants")])

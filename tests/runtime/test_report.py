@@ -260,8 +260,8 @@ def long(judged: Judged, times: int) -> Judged:
 
 
 def test_long_recordings_give_small_files(leaking: Judged) -> None:
-    """8000 samples instead of 80: a few hundred kB, and the estimates of a part only."""
-    judged = long(leaking, 100)
+    """2000 samples instead of 80: a few hundred kB, and the estimates of a part only."""
+    judged = long(leaking, 25)
     assert len(judged.page().encode()) < 400_000
     assert len(detail(judged.curves()).time) < 600
 
