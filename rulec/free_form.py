@@ -10,12 +10,11 @@ from rulec.knowledge import Origin, Parameter
 from rulec.language.expression import Expression, parse
 from rulec.language.units import UNKNOWN, Unit
 from rulec.match_effects import Matched
-from runtime.mismatch.candidate import Candidate, Spot, Unknown
+from runtime.mismatch.candidate import MEDIAN, Candidate, Spot, Unknown
 
 BAND = "~"
 """Between a reading and the number of its band."""
 
-MEDIAN = (0.5,)
 SPREAD = (0.16, 0.84)
 """Quantiles of a normal distribution one standard deviation below and above its middle."""
 
@@ -24,7 +23,7 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
     """The candidate of an additive term; coefficients in the unit of the place.
 
     A feature is a product of readings such as ``A.n*A.T``, or a band of one reading such as
-    ``A.n~3/8``: highest at the third of eight quantiles, zero from its neighbours on.
+    ``A.n~3/8``: 1 at its quantile 3/8, and 0 from those at 2/8 and 4/8 on.
     """
     if any(BAND in f for f in features):
         return _curve(spot, id_, features)
@@ -41,19 +40,31 @@ def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
 
 
 def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
-    """A curve over one reading, as a sum of bands."""
+    """A curve over one reading, straight from each of its quantiles to the next."""
     signal = features[0].partition(BAND)[0]
+    ends = [feature.partition(BAND)[2].partition("/") for feature in features]
+    parts, numbers = int(ends[0][2]), [int(number) for number, _, _ in ends]
     terms, unknowns = [], []
-    for i, feature in enumerate(features, 1):
-        part, _, parts = feature.partition(BAND)[2].partition("/")
-        middle, step = int(part) / int(parts), 1.0 / int(parts)
-        ends = (max(middle - step, 0.0), min(middle + step, 1.0))
-        terms.append(f"c{i}*max(1 - abs(x1 - x_m{i})/x_w{i}, 0)")
-        unknowns.append(_coefficient(id_, i, f"{signal}, band {part} of {parts}", spot))
-        unknowns.append(_statistic(id_, f"x_m{i}", f"middle of band {part}", signal, (middle,)))
-        unknowns.append(_statistic(id_, f"x_w{i}", f"width of band {part}", signal, ends))
+    for i, number in enumerate(numbers, 1):
+        terms.append(f"c{i}*{_band(number, parts)}")
+        unknowns.append(_coefficient(id_, i, f"{signal}, band {number} of {parts}", spot))
+    for knot in sorted({k for n in numbers for k in (n - 1, n, n + 1) if 0 <= k <= parts}):
+        title = f"quantile {knot}/{parts} of {signal}"
+        unknowns.append(_statistic(id_, f"x_{knot}", title, signal, (knot / parts,)))
     law = parse(f"law + {' + '.join(terms)}")
     return _matched(spot, id_, law, unknowns, {"x1": signal})
+
+
+def _band(number: int, parts: int) -> str:
+    """1 at a knot, straight to 0 at its neighbours; 1 beyond the first and the last.
+
+    >>> _band(0, 4)
+    'max(min((x_1 - x1)/(x_1 - x_0), 1), 0)'
+    """
+    rise = f"(x1 - x_{number - 1})/(x_{number} - x_{number - 1})" if number > 0 else "1"
+    fall = f"(x_{number + 1} - x1)/(x_{number + 1} - x_{number})" if number < parts else "1"
+    first, second = (rise, fall) if number > 0 else (fall, rise)
+    return f"max(min({first}, {second}), 0)"
 
 
 def _matched(

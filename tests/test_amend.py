@@ -212,6 +212,27 @@ def test_free_form_is_a_sum_of_products_of_readings(
     np.testing.assert_allclose(out - plain, 1e-6 * warm + 2e-6 * warm * high, rtol=1e-9)
 
 
+def test_free_curve_goes_straight_from_quantile_to_quantile(
+    rig: tuple[Models, Ruleset, PlantWorkshop],
+) -> None:
+    """Bands left out are zero at their quantile; beyond the ends the curve stays."""
+    models, ruleset, workshop = rig
+    values = around(models, ruleset)
+    spot = next(s for s in workshop.spots if s.id == "definition:A.Q_geo")
+    free = workshop.free_form(spot.id, tuple(f"A.T~{i}/4" for i in (0, 1, 3, 4)))
+    own = {u.name: u for u in free.unknowns}
+    knots = np.quantile(values["A.T"], [0.1, 0.3, 0.5, 0.8, 0.9])
+    level = {"c1": 1e-6, "c2": 3e-6, "c3": -2e-6, "c4": 5e-6}
+    assert {*level, "x_0", "x_1", "x_2", "x_3", "x_4"} == set(own)
+    assert [(i / 4,) for i in range(5)] == [own[f"x_{i}"].quantiles for i in range(5)]
+    numbers = level | {f"x_{i}": x for i, x in enumerate(knots.tolist())}
+    given = {own[name].id: value for name, value in numbers.items()}
+    out = workshop.plan("A", (free.id,)).run({**values, **given})["q:A.pump"]
+    plain = workshop.plan("A", ()).run(values)["q:A.pump"]
+    curve = np.interp(values["A.T"], knots, [1e-6, 3e-6, 0.0, -2e-6, 5e-6])
+    np.testing.assert_allclose(out - plain, curve, rtol=1e-9, atol=1e-15)
+
+
 def test_base_parameters_carry_their_covariance(
     rig: tuple[Models, Ruleset, PlantWorkshop],
 ) -> None:

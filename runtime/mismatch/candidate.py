@@ -18,6 +18,10 @@ TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""
 
 
+MEDIAN = (0.5,)
+"""Quantile at which what has none stays."""
+
+
 @dataclass(frozen=True)
 class Unknown:
     """A parameter that a candidate brings in; numbers in SI.
@@ -25,8 +29,9 @@ class Unknown:
     `id` is its input in the plan. At `null` the plain relation comes back, whatever the other
     parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
     tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
-    with `fixed` is no unknown at all: it stays at the median reading of `driver`, or where it has
-    two `quantiles`, at half the distance between the readings there (their spread). Where it is
+    with `fixed` is no unknown at all: it stays at the median reading of `driver` (at another
+    quantile, where `quantiles` has one), or where there are two, at half the distance between the
+    readings there (their spread). Where it is
     `neutral`, the plain law holds at that reading, whatever the other parameters are.
     SI = shown * factor + offset.
     """

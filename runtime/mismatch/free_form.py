@@ -36,8 +36,8 @@ PLACES = 2
 WIDE = 4.0
 """Times the noise of a reading that a band is wide at least."""
 
-BANDS = 8
-"""Pieces of a curve over one reading."""
+BANDS = (8, 6, 4)
+"""Pieces of a curve over one reading: as many as its readings tell apart."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class Curve:
 
     spot: Spot
     signal: str
+    parts: int
     gain: float
 
 
@@ -57,24 +58,39 @@ def best_curve(fitted: Fitted) -> Curve | None:
     curves = []
     for suspect in suspects(fitted)[:PLACES]:
         for name in _varying(fitted, suspect.spot.module):
-            gain = _curve_gain(fitted, looks, suspect, name) - BANDS * each
-            curves.append(Curve(suspect.spot, name, gain))
+            parts = _parts(fitted, name)
+            if parts:
+                gain = _curve_gain(fitted, looks, suspect, name, parts) - parts * each
+                curves.append(Curve(suspect.spot, name, parts, gain))
     # An error of a reading says the same as one of the law that it is compared with: the law first.
     return max(curves, key=lambda c: (round(c.gain), c.spot.kind == "definition"), default=None)
 
 
-def _curve_gain(fitted: Fitted, looks: tuple[Look, ...], suspect: Suspect, name: str) -> float:
+def _knots(fitted: Fitted, name: str, parts: int) -> Array:
     data = fitted.rows.system.data
-    values = data.values[name]
-    knots = np.unique(np.nanquantile(values[data.open], np.linspace(0.0, 1.0, BANDS + 1)))
-    noise = float(np.nanmedian(data.noise[name][data.open]))
-    # Bands within the noise of a reading, as at a few operating points, would sort that noise.
-    if len(knots) < BANDS // 2 or float(np.min(np.diff(knots))) < WIDE * noise:
-        return 0.0
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values[data.open])))
+    knots: Array = np.nanquantile(data.values[name][data.open], np.linspace(0.0, 1.0, parts + 1))
+    return knots
+
+
+def _parts(fitted: Fitted, name: str) -> int:
+    """Pieces of a curve over a reading; 0 where its readings are too near each other.
+
+    Bands within the noise of a reading, as at a few operating points, would sort that noise.
+    """
+    data = fitted.rows.system.data
+    least = WIDE * float(np.nanmedian(data.noise[name][data.open]))
+    apart = (n for n in BANDS if float(np.min(np.diff(_knots(fitted, name, n)))) >= least)
+    return next(apart, 0)
+
+
+def _curve_gain(
+    fitted: Fitted, looks: tuple[Look, ...], suspect: Suspect, name: str, parts: int
+) -> float:
+    data, knots = fitted.rows.system.data, _knots(fitted, name, parts)
+    known = np.nan_to_num(data.values[name], nan=float(np.nanmedian(data.values[name][data.open])))
     bands: Array = np.stack([np.interp(known, knots, row) for row in np.eye(len(knots))], 1)
     # All of them together are a constant, which base values may hold.
-    bands = np.delete(bands, len(knots) // 2, axis=1)
+    bands = np.delete(bands, parts // 2, axis=1)
     columns = suspect.column[:, None] * bands[fitted.rows.point]
     wide = np.full(columns.shape[1], np.inf)
     return max(look.best(columns, -wide, wide)[1] for look in looks)
@@ -85,8 +101,8 @@ def free_form_trials(fitted: Fitted) -> list[Trial]:
     workshop, curve = fitted.rows.system.workshop, best_curve(fitted)
     drawn = []
     if curve is not None and curve.gain > 0:
-        pieces = [i for i in range(BANDS + 1) if i != BANDS // 2]
-        features = tuple(f"{curve.signal}~{i}/{BANDS}" for i in pieces)
+        pieces = [i for i in range(curve.parts + 1) if i != curve.parts // 2]
+        features = tuple(f"{curve.signal}~{i}/{curve.parts}" for i in pieces)
         drawn = screen(fitted, [workshop.free_form(curve.spot.id, features)])
     return [*drawn, *_products(fitted)]
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.mismatch.candidate import TIME, Candidate, Unknown
+from runtime.mismatch.candidate import MEDIAN, TIME, Candidate, Unknown
 from runtime.mismatch.fit import Fitted, Prior, prior_of, student_weights
 from runtime.mismatch.setting import Course
 from runtime.mismatch.system import System
@@ -80,6 +80,17 @@ class Look:
 
     def best(self, columns: Array, lowest: Array, highest: Array) -> tuple[Array, float]:
         """Amplitudes within bounds, and the gain in log likelihood with free scale."""
+        whole = np.arange(columns.shape[1])[None]
+        amplitudes, gains = self.best_of(columns, whole, lowest, highest)
+        return amplitudes[0], float(gains[0])
+
+    def best_of(
+        self, columns: Array, sets: np.ndarray, lowest: Array, highest: Array
+    ) -> tuple[Array, Array]:
+        """The same for many sets of columns, numbers of shape (sets, k): shapes (sets, k), (sets,).
+
+        `lowest` and `highest` are those of each column.
+        """
         clean = self.cleaned(columns)
         normal = columns.T @ (self.weights[:, None] * clean)
         # A sensor that errs beyond its class is held by its prior: what frees it gains that.
@@ -87,13 +98,17 @@ class Look:
         size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         # What base values imitate all but wholly has no gain of its own.
         alone = np.einsum("nk,n,nk->k", columns, self.weights, columns)
-        if np.any(size**2 < 1e-9 * alone) or not np.all(np.isfinite(size)):
-            return np.zeros(len(size)), 0.0
+        sound = (size**2 >= 1e-9 * alone) & np.isfinite(size)
+        normal, size = np.where(np.outer(sound, sound), normal, 0.0), np.where(sound, size, 1.0)
         scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(size))
-        amplitudes = np.clip(-np.linalg.solve(scaled, moment / size) / size, lowest, highest)
-        fall = -2.0 * amplitudes @ moment - amplitudes @ normal @ amplitudes
-        share = float(np.clip(fall / self.total, 0.0, 1.0 - 1e-9))
-        return amplitudes, -0.5 * self.count * float(np.log1p(-share))
+        block = (sets[:, :, None], sets[:, None, :])
+        found = np.linalg.solve(scaled[block], np.where(sound, moment / size, 0.0)[sets][..., None])
+        amplitudes = np.clip(-found[..., 0] / size[sets], lowest[sets], highest[sets])
+        amplitudes = np.where(sound[sets].all(axis=1)[:, None], amplitudes, 0.0)
+        fall = -2.0 * np.einsum("sk,sk->s", amplitudes, moment[sets])
+        fall = fall - np.einsum("sk,skl,sl->s", amplitudes, normal[block], amplitudes)
+        share = np.clip(fall / self.total, 0.0, 1.0 - 1e-9)
+        return amplitudes, -0.5 * self.count * np.log1p(-share)
 
 
 def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
@@ -233,15 +248,15 @@ def _has_drivers(system: System, candidate: Candidate) -> bool:
 
 
 def references(system: System, candidate: Candidate) -> dict[str, float]:
-    """Fixed parameters, where the recording is open: the median reading of their driver, or half
-    the distance between two quantiles."""
+    """Fixed parameters, where the recording is open: the median reading of their driver or another
+    quantile, or half the distance between two."""
     found = {}
     for unknown in candidate.unknowns:
         if unknown.fixed and len(unknown.quantiles) == 2:
             low, high = _readings(system, unknown, unknown.quantiles)
             found[unknown.id] = 0.5 * (high - low) or 1.0
         elif unknown.fixed:
-            found[unknown.id] = _readings(system, unknown)[0]
+            found[unknown.id] = _readings(system, unknown, unknown.quantiles or MEDIAN)[0]
     return found
 
 
@@ -292,7 +307,7 @@ def _grid(system: System, unknown: Unknown) -> list[float]:
     return [float(np.clip(v, unknown.lowest, unknown.highest)) for v in dict.fromkeys(values)]
 
 
-def _readings(system: System, unknown: Unknown, quantiles: Sequence[float] = (0.5,)) -> list[float]:
+def _readings(system: System, unknown: Unknown, quantiles: Sequence[float] = MEDIAN) -> list[float]:
     """Quantiles of the readings of a parameter's driver."""
     data = system.data
     assert unknown.driver is not None

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.dynamic.balances import RanAway
-from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.candidate import MEDIAN, Candidate
 from runtime.mismatch.dynamic.beam import BEAM, Task
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.drift import moved_again
@@ -284,7 +284,7 @@ class Searcher:
                 low, high = np.nanquantile(course, unknown.quantiles)
                 yield unknown.id, 0.5 * float(high - low)
             else:
-                yield unknown.id, float(np.nanmedian(course))
+                yield unknown.id, float(np.nanquantile(course, unknown.quantiles or MEDIAN)[0])
 
     def _course(self, on: Fitted | None, name: str) -> Array:
         values = on.values if on is not None else {}
