@@ -15,7 +15,8 @@ import numpy as np
 
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.locate import best_interval
-from runtime.mismatch.setting import Course
+from runtime.mismatch.periods import speaking
+from runtime.mismatch.screen import Trial
 from runtime.plan import Array
 
 COINCIDES = 0.7
@@ -31,12 +32,21 @@ MOVED, CLEARLY = 0.03, 5.0
 """Share of its range, and times its noise, by which a reading has changed its way at least."""
 
 
-def with_settings(fitted: Fitted, course: Course) -> bool:
-    """Does what is set tell when a fault is there?"""
-    there = (course.segment >= 0)[fitted.used]
-    if len(course.periods) < 2 or int(np.sum(there[1:] != there[:-1])) < ENDS:
+def with_settings(fitted: Fitted, trial: Trial) -> bool:
+    """Does what is set tell when a fault is there, at points that speak of it?
+
+    Parameters
+    ----------
+    fitted : the model without the fault.
+    """
+    course = trial.course
+    if course is None or len(course.periods) < 2:
         return False
-    features = [values[fitted.used] for values in _features(fitted)]
+    seen = fitted.used & speaking(fitted, trial.candidate)
+    there = (course.segment >= 0)[seen]
+    if int(np.sum(there[1:] != there[:-1])) < ENDS:
+        return False
+    features = [values[seen] for values in _features(fitted)]
     told = _told(there, features)
     if told < COINCIDES:
         return False

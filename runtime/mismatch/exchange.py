@@ -1,4 +1,4 @@
-"""Two explanations exchanged at once: of a pair in one module each was chosen beside the other.
+"""Explanations exchanged in the end, one or two at once: each was chosen beside the others.
 
 Of two laws that are left out, the one that stands for both at first need be neither of them; and
 once it is there, the second is chosen to fit it. Each alone is then better than its exchange.
@@ -25,7 +25,7 @@ OTHERS = 4
 def exchanged(
     now: Contestant, accepted: Sequence[Accepted]
 ) -> tuple[Contestant, tuple[Accepted, ...]]:
-    """The model and its explanations, pairs exchanged where others together do better."""
+    """The model and its explanations, one or two of them exchanged where others do better."""
     records = list(accepted)
     for i, j in itertools.combinations(range(len(records)), 2):
         pair = records[i], records[j]
@@ -36,7 +36,7 @@ def exchanged(
         if ahead:
             now, trials = max(ahead, key=lambda t: net_gain(t[0], now))
             for k, trial, old in ((i, trials[0], pair[0]), (j, trials[1], pair[1])):
-                others = [old.trial, *old.others[:OTHERS]]
+                others = [t for t in (old.trial, *old.others[:OTHERS]) if t is not trial]
                 records[k] = weighed(now, replace(old, trial=trial), others)
     return now, tuple(records)
 
@@ -57,14 +57,17 @@ def _near(one: Accepted, other: Accepted) -> bool:
 
 
 def _combinations(one: Accepted, other: Accepted) -> Iterator[tuple[Trial, Trial]]:
-    """Both exchanged at once."""
+    """One or both of them exchanged."""
     taken = {one.trial.candidate.id, other.trial.candidate.id}
     first, second = (
-        [t for t in r.others if t.course is None and t.candidate.id not in taken][:OTHERS]
+        [
+            r.trial,
+            *[t for t in r.others if t.course is None and t.candidate.id not in taken][:OTHERS],
+        ]
         for r in (one, other)
     )
     for a, b in itertools.product(first, second):
-        if a.candidate.id != b.candidate.id:
+        if a.candidate.id != b.candidate.id and (a is not one.trial or b is not other.trial):
             yield a, b
 
 

@@ -14,7 +14,7 @@ from runtime.mismatch.screen import Trial, columns_of, looks_at, screen
 from runtime.plan import Array
 
 PAIRED = 12
-"""Single trials of which pairs are made."""
+"""Single trials to which a second is looked for, under a calibration that holds."""
 
 MORE = 1.5
 """A pair that hides itself gains this many times what its parts gain alone, linearised."""
@@ -23,31 +23,68 @@ TWINS = 0.9
 """Cosine of two terms from which on they are no pair."""
 
 TRIED = 2
+"""Seconds that are tried beside each single explanation."""
+
+REFITTED = 6
+"""Pairs that hide each other that are refitted: some say nearly the same."""
 
 BEGUN = 4
 """Single explanations, under a calibration that holds, to which a second is looked for."""
 
 
-def pair_trials(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, Trial]]:
-    """Refits with the two explanations of the most promising pairs whose parts hide each other."""
-    single = (t for t in trials if not t.candidate.members)
-    chosen = sorted(single, key=lambda t: -t.held)[:PAIRED]
-    columns = [columns_of(fitted, t.candidate, _at_null(t), t.fixed) for t in chosen]
-    looks = looks_at(fitted)
-    found: list[tuple[float, Trial, Trial]] = []
-    for (i, first), (j, second) in itertools.combinations(enumerate(chosen), 2):
-        a, b = columns[i], columns[j]
-        if a is None or b is None or first.candidate.name == second.candidate.name:
-            continue
-        if _twins(a, b):
-            continue
-        both = np.concatenate([a, b], axis=1)
-        wide = np.full(both.shape[1], np.inf)
-        gain = max(look.best(both, -wide, wide)[1] for look in looks)
-        if gain > MORE * (first.held + second.held):
+def pair_trials(
+    fitted: Fitted, trials: Sequence[Trial], least: float
+) -> list[tuple[Fitted, Trial]]:
+    """Refits with the two explanations of the most promising pairs whose parts hide each other.
+
+    All pairs are looked at: of two that hide each other one may show nothing alone. `least` is the
+    gain, linearised, below which none is refitted.
+    """
+    single = [t for t in trials if not t.candidate.members]
+    drawn = [(t, columns_of(fitted, t.candidate, _at_null(t), t.fixed)) for t in single]
+    terms = [(t, columns) for t, columns in drawn if columns is not None]
+    if len(terms) < 2:
+        return []
+    gains = _pair_gains(fitted, terms)
+    found = []
+    for (i, j), gain in gains.items():
+        first, second = terms[i][0], terms[j][0]
+        if gain > max(least, MORE * (first.held + second.held)):
             found.append((gain, first, second))
-    found.sort(key=lambda f: -f[0])
-    return [_refitted(fitted, first, second) for _, first, second in found[:TRIED]]
+    found.sort(key=lambda f: (-f[0], f[1].candidate.id, f[2].candidate.id))
+    return [_refitted(fitted, first, second) for _, first, second in found[:REFITTED]]
+
+
+def _pair_gains(
+    fitted: Fitted, terms: Sequence[tuple[Trial, Array]]
+) -> dict[tuple[int, int], float]:
+    """Gains of all pairs of terms with other names that do not look alike, linearised."""
+    table = np.concatenate([columns for _, columns in terms], axis=1)
+    ends = np.cumsum([0, *(columns.shape[1] for _, columns in terms)])
+    parts = [range(a, b) for a, b in itertools.pairwise(ends.tolist())]
+    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    cosine = np.abs(table.T @ table) / np.outer(size, size)
+    null = [{u.id: u.null for u in t.candidate.unknowns if u.null is not None} for t, _ in terms]
+    bounds = [
+        (u.lowest - null[k][u.id], u.highest - null[k][u.id])
+        for k, (t, _) in enumerate(terms)
+        for u in t.candidate.unknowns
+        if u.id in null[k] and not u.fixed
+    ]
+    low, high = np.array(bounds).T
+    by_size: dict[int, list[tuple[int, int]]] = {}
+    for i, j in itertools.combinations(range(len(terms)), 2):
+        same = terms[i][0].candidate.name == terms[j][0].candidate.name
+        # The difference of twins would explain anything small.
+        if not same and cosine[np.ix_(parts[i], parts[j])].max() <= TWINS:
+            by_size.setdefault(len(parts[i]) + len(parts[j]), []).append((i, j))
+    gains: dict[tuple[int, int], float] = {}
+    looks = looks_at(fitted)
+    for pairs in by_size.values():
+        sets = np.array([[*parts[i], *parts[j]] for i, j in pairs])
+        each = np.max([look.best_of(table, sets, low, high)[1] for look in looks], axis=0)
+        gains.update(zip(pairs, each.tolist(), strict=True))
+    return gains
 
 
 def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, Trial]]:
@@ -84,12 +121,6 @@ def torn_pairs(
             if len(pair) > 1 and pair not in found:
                 found[pair] = _refitted(fitted, first, second)
     return list(found.values())
-
-
-def _twins(first: Array, second: Array) -> bool:
-    """Do two terms look alike? Their difference would explain anything small."""
-    size = np.linalg.norm(first, axis=0)[:, None] * np.linalg.norm(second, axis=0)
-    return bool(np.max(np.abs(first.T @ second) / np.maximum(size, 1e-300)) > TWINS)
 
 
 def _at_null(trial: Trial) -> dict[str, float]:

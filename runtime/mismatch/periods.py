@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.mismatch.candidate import Candidate, Unknown
 from runtime.mismatch.fit import Fitted, student_weights
-from runtime.mismatch.screen import Trial, columns_of, looks_at
+from runtime.mismatch.screen import Look, Trial, columns_of, looks_at
 from runtime.mismatch.segments import (
     MOST_LEVELS,
     PENALTY,
@@ -54,6 +54,7 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     columns = columns_of(fitted, candidate, {unknown.id: unknown.null}, {})
     if columns is None:
         return None
+    looks = looks_at(fitted)
     degree, certainty = degree_course(fitted, columns[:, 0])
     # Held-out points are not looked at; a period reaches over those inside it.
     known = np.flatnonzero(np.isfinite(degree) & fitted.used)
@@ -72,7 +73,7 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     states.append(_begun(segments, means_))
     tried = {tuple(np.flatnonzero(on)): on for on in states}
     trials = [
-        _trial(fitted, candidate, unknown, columns[:, 0], means_, segments, on, levels)
+        _trial(fitted, looks, candidate, unknown, columns[:, 0], means_, segments, on, levels)
         for on in tried.values()
         for levels in (1, MOST_LEVELS)
         if on.any() and not on.all()
@@ -80,6 +81,16 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None and t.course and len(t.course.periods) <= most]
     return max(found, key=lambda t: _likely(t, each), default=None)
+
+
+def speaking(fitted: Fitted, candidate: Candidate) -> np.ndarray:
+    """Points that speak of a fault, shape (n,): where a module stands still nothing is lost."""
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None}
+    columns = columns_of(fitted, candidate, null, {})
+    if columns is None:
+        return np.zeros(len(fitted.used), dtype=bool)
+    spoken: np.ndarray = np.isfinite(degree_course(fitted, columns[:, 0])[0])
+    return spoken
 
 
 def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
@@ -136,6 +147,7 @@ class _Means:
 
 def _trial(
     fitted: Fitted,
+    looks: Sequence[Look],
     candidate: Candidate,
     unknown: Unknown,
     column: Array,
@@ -168,7 +180,7 @@ def _trial(
     values = dict(zip(course.names(), centres.tolist(), strict=True))
     term = column * (course.degrees(values) - null)[fitted.rows.point]
     wide = np.array([np.inf])
-    gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks_at(fitted))
+    gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks)
     return Trial(candidate, values, {}, gain, course)
 
 

@@ -29,6 +29,9 @@ sensors leave their class. A free form is chosen among thousands, and pays for t
 COMMON = 6.0
 """What a claim about several modules must gain more than one about a single module."""
 
+SURPASSED = 1.35
+"""Times the gain of a name that a free curve must gain to say that the name only imitates it."""
+
 HEALED = 3.0
 """How much less expected a fault is with each time that it ends by itself, in log odds
 [assumed]."""

@@ -17,7 +17,14 @@ from runtime.mismatch.free_form import best_curve, free_form_trials
 from runtime.mismatch.hidden import hidden_trials, with_the_course_of
 from runtime.mismatch.pairs import TRIED, held_pairs, pair_trials, torn_pairs
 from runtime.mismatch.periods import in_periods
-from runtime.mismatch.price import NEEDED, gain_in_sample, needed, net_gain, odds_of
+from runtime.mismatch.price import (
+    NEEDED,
+    SURPASSED,
+    gain_in_sample,
+    needed,
+    net_gain,
+    odds_of,
+)
 from runtime.mismatch.result import Rival
 from runtime.mismatch.rivals import at_an_end, beats, defeated, instead_of, released
 from runtime.mismatch.screen import Trial, screen
@@ -35,9 +42,6 @@ COMING = 4
 
 CONTESTED = 6
 """Refitted trials of each round that are judged on blocks they were not fitted to."""
-
-SURPASSED = 1.35
-"""Times the gain of a name that a free curve must gain to say that the name only imitates it."""
 
 DRIVEN = 0.7
 """The same for a fault that comes and goes more than once: if a curve over one reading does nearly
@@ -89,28 +93,43 @@ def best_step(
     eased: Step | None = None
     # And where one is worth enough and yet loses: it may make up for two, not well everywhere.
     torn: list[Contestant] = []
-    stages: tuple[Callable[[], list[tuple[Fitted, Trial]]], ...] = (
-        lambda: [
-            refit(f, t)
-            for f, ts in ((fitted, trials), *_held(fitted, free))
-            for t in ts[:FINALISTS]
-            if t.gain > hopeless
-        ],
-        lambda: (pair_trials if eased is None else held_pairs)(fitted, trials),
-        lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)],
-        lambda: torn_pairs(fitted, _alone(torn), lambda begun: _seconds(begun, free)),
+    # Of pairs whose parts hide each other all are looked at, and that is paid for.
+    pairs = tried + len(trials) * (len(trials) - 1) // 2
+    stages: tuple[tuple[int, Callable[[], list[tuple[Fitted, Trial]]]], ...] = (
+        (
+            tried,
+            lambda: [
+                refit(f, t)
+                for f, ts in ((fitted, trials), *_held(fitted, free))
+                for t in ts[:FINALISTS]
+                if t.gain > hopeless
+            ],
+        ),
+        (
+            pairs,
+            lambda: (
+                pair_trials(fitted, trials, HOPELESS * needed(now, pairs))
+                if eased is None
+                else held_pairs(fitted, trials)
+            ),
+        ),
+        (tried, lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)]),
+        (tried, lambda: torn_pairs(fitted, _alone(torn), lambda begun: _seconds(begun, free))),
     )
-    for stage in stages:
+    for count, stage in stages:
         ranked = _contested(stage(), now)
-        following = [c for c in ranked if _follows_settings(c)]
+        following = _following(ranked, now)
         hidden = _better(hidden, following[:1], now)
-        found = _first(now, [c for c in ranked if c not in following], hidden, tried)
+        found = _first(now, [c for c in ranked if c not in following], hidden, count)
         if found is not None and found.records:
-            found = _or_sudden(found, now, fitted, free, hidden)
-            found = _or_nameless(found, now) or found
-            return replace(found, finalists=tuple(trials[:FINALISTS]))
+            found = replace(found, tried=tried)
+            other = _or_sudden(found, now, fitted, free, hidden)
+            other = _or_nameless(other, now) or other
+            if other.winner is not found.winner:
+                other = _or_both(other, now, ranked, free, hidden)
+            return replace(other, finalists=tuple(trials[:FINALISTS]))
         # A pair that loses against a calibration that is let go says nothing of a single one.
-        eased = eased or (found if stage is not stages[-1] else None)
+        eased = eased or (found if stage is not stages[-1][1] else None)
         torn += [c for c in ranked if net_gain(c, now) > needed(now, tried)]
     if eased is not None:
         return eased
@@ -182,12 +201,33 @@ def _or_nameless(found: Step, now: Contestant) -> Step | None:
     return free if free is not None and _gain_of(free, now) > least * named else None
 
 
-def _follows_settings(contestant: Contestant) -> bool:
-    """Does a fault come and go with the operating point?"""
-    trial = contestant.trial
-    if trial is None or trial.course is None:
-        return False
-    return with_settings(contestant.fitted, trial.course)
+def _or_both(
+    found: Step,
+    now: Contestant,
+    ranked: Sequence[Contestant],
+    free: Sequence[Candidate],
+    hidden: Contestant | None,
+) -> Step:
+    """Two names at once, where a single one was found and gave way to what is freer.
+
+    Of two laws that are left out, one alone does not do well everywhere: a fault that begins or a
+    curve then does better than it, and worse than both.
+    """
+    pairs = torn_pairs(now.fitted, _alone(ranked), lambda begun: _seconds(begun, free))
+    both = _first(now, _contested(pairs, now), hidden, found.tried)
+    ahead = _gain_of(both, now) > _gain_of(found, now) + NEEDED
+    return both if both is not None and both.records and ahead else found
+
+
+def _following(ranked: Sequence[Contestant], now: Contestant) -> list[Contestant]:
+    """Faults that come and go with the operating point, and others that do the same, less well."""
+    coming = [c for c in ranked if c.trial is not None and c.trial.course is not None]
+    found = [c for c in coming if c.trial is not None and with_settings(now.fitted, c.trial)]
+    if not found:
+        return []
+    alike = instead_of(found[0], coming, now)
+    least = net_gain(found[0], now)
+    return [*found, *(c for c in alike if c not in found and net_gain(c, now) < least)]
 
 
 def _better(

@@ -58,6 +58,16 @@ def test_two_wrong_names_are_exchanged_together() -> None:
         assert max(record.odds) < 1.0
 
 
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_one_wrong_name_is_exchanged_beside_a_right_one(wrong: int) -> None:
+    """It was chosen when the other was not there yet."""
+    now, records = explained(*(WRONG[i] if i == wrong else n for i, n in enumerate(BUILT)))
+    better, found = exchanged(now, records)
+    assert list(BUILT) == [r.trial.candidate.id for r in found]
+    assert better.gain_over(now) > 0.0
+    assert WRONG[wrong] in [t.candidate.id for t in found[wrong].others]
+
+
 def test_two_right_names_stay() -> None:
     """What is the best pair is not exchanged, and its others keep their odds."""
     now, records = explained(*BUILT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,13 @@ import pytest
 
 from runtime.mismatch.compete import refit
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.screen import Trial, screen, with_open_references
+from runtime.mismatch.screen import (
+    Trial,
+    columns_of,
+    looks_at,
+    screen,
+    with_open_references,
+)
 from runtime.mismatch.setting import Setting
 from tests.runtime.mismatch.made import USUAL, Built, Sure, alone, recorded, rows_at, tour, warming
 
@@ -53,6 +60,22 @@ def test_the_first_guess_is_near_the_truth(name: str) -> None:
     amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
     true = PLANTED[name][name][amplitude.name]
     assert 1 / 3 < trial.values[amplitude.id] / float(np.max(true)) < 3
+
+
+def test_sets_of_terms_gain_what_each_gains_alone() -> None:
+    """All pairs at once are what they are one by one, within the ends of their ranges."""
+    fitted = plain("A.slip-temperature@Q_geo")
+    look = looks_at(fitted)[0]
+    columns = [columns_of(fitted, t.candidate, t.values, t.fixed) for t in trials("healthy")[:6]]
+    table = np.concatenate([c for c in columns if c is not None], axis=1)
+    n = table.shape[1]
+    sets = np.array(list(itertools.combinations(range(n), 2)))
+    low, high = np.full(n, -np.inf), np.linspace(0.0, 1.0, n)
+    amplitudes, gains = look.best_of(table, sets, low, high)
+    for pair, amplitude, gain in zip(sets, amplitudes, gains, strict=True):
+        alone_, own = look.best(table[:, pair], low[pair], high[pair])
+        np.testing.assert_allclose(amplitude, alone_, rtol=1e-7, atol=1e-300)
+        assert gain == pytest.approx(own, rel=1e-9)
 
 
 def test_nothing_gains_on_a_healthy_recording() -> None:
