@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from rulec.knowledge import ModuleType
+from rulec.knowledge import OUTFLOW, ModuleType
 from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
 from rulec.lower import Lowering, lower_module
 from rulec.places import Site, Survey
@@ -30,24 +30,30 @@ def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[
     """Places of a module worth an unknown error; of places that move all alike, one."""
     known = _without_twins(around, module, _worthy(module, tuple(sites)))
     for site in known:
-        unit = unit_of(around.network.plant, module, site)
-        name = f"{site.kind}:{module.name}.{site.name}"
-        yield Spot(
-            name,
-            site.kind,
-            module.name,
-            site.name,
-            site.title,
-            unit.text,
-            unit.factor,
-            site.observers,
-            f"{name}.error",
-        )
+        yield _spot(around, module, site)
 
 
-def stores_of(module: Module) -> Iterator[Spot]:
-    """Balances of a module that stores, and its sensors."""
+def _spot(around: Survey, module: Module, site: Site) -> Spot:
+    unit = unit_of(around.network.plant, module, site)
+    name = f"{site.kind}:{module.name}.{site.name}"
+    return Spot(
+        name,
+        site.kind,
+        module.name,
+        site.name,
+        site.title,
+        unit.text,
+        unit.factor,
+        site.observers,
+        f"{name}.error",
+    )
+
+
+def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+    """Balances of a module that stores, the law by which it flows out, and its sensors."""
     kind = module.type
+    if kind.states:
+        yield from (_spot(around, module, s) for s in sites if s.key == ("definition", OUTFLOW))
     for state in kind.states.values():
         name, unit = f"balance:{module.name}.{state.name}", f"{state.unit.text}/s"
         reached = (f"{module.name}.{state.name}",)

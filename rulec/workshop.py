@@ -94,7 +94,8 @@ class PlantWorkshop:
         plant, sites = self.network.plant, self.matches.sites
         modules = plant.modules.values()
         settled = (s for m in modules for s in spots_of(around, m, sites[m.name]))
-        return (*settled, *(s for m in modules for s in stores_of(m)))
+        stored = (s for m in modules for s in stores_of(around, m, sites[m.name]))
+        return tuple({s.id: s for s in (*settled, *stored)}.values())
 
     def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
         """The observers of a module with candidates and spots built in.

@@ -18,6 +18,7 @@ from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.searcher import Searcher
+from runtime.mismatch.price import SURPASSED
 
 DEEPEST = 3
 """Explanations at most: any course is explained by enough of them."""
@@ -39,6 +40,15 @@ WHITE = 1.3
 
 MOST = 12
 """Readings and states that a term without physics may follow."""
+
+PIECES = (3, 2, 1)
+"""Pieces of a curve over one of them: as many as its values tell apart."""
+
+APART = 0.05
+"""Share of the range of its values by which ends of pieces differ at least."""
+
+DRAWN = 4
+"""Curves that are fitted to the end."""
 
 Progress = Callable[[str], None]
 
@@ -113,9 +123,8 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     alike = [f for f in turned if len(f.joined) == 1]
     singles = _each_once(searcher, [*alike, *singles], plain)
     best = max((best, *turned), key=lambda f: searcher.gain(f, plain))
-    if searcher.gain(best, plain) < needed(len(candidates)):
-        tell("trying terms without physics")
-        best = _free_form(searcher, plain) or best
+    tell("trying terms without physics")
+    best = _or_nameless(searcher, best, plain, len(candidates))
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
 
 
@@ -143,20 +152,40 @@ def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]
     return None
 
 
-def _free_form(searcher: Searcher, plain: Fitted) -> Fitted | None:
-    """The last resort: a balance that follows a state or an input in a way that nobody can name."""
+def _or_nameless(searcher: Searcher, named: Fitted, plain: Fitted, tried: int) -> Fitted:
+    """A place that follows a state or an input in a way that nobody can name, if that says more.
+
+    A curve pays for each of its values, and for being free: where names are right it is behind.
+    Several names that come near stand for something that no entry says.
+    """
     bench = searcher.bench
     assert bench.ruleset.dynamics is not None
-    drivers = (*(s.id for s in bench.ruleset.dynamics.states), *bench.balances(()).inputs)
+    states = (s.id for s in bench.ruleset.dynamics.states)
+    drivers = (*states, *bench.balances(()).inputs)[:MOST]
+    pieces = {driver: _pieces(searcher, plain, driver) for driver in drivers}
     tasks: list[Task] = [
-        (plain, (bench.workshop.free_form(spot.id, (driver,)),))
+        (plain, (bench.workshop.free_form(spot.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
         for spot in bench.workshop.spots
-        if spot.kind == "balance"
-        for driver in drivers[:MOST]
+        if spot.kind in ("balance", "definition")
+        for d, n in pieces.items()
+        if n > 0
     ]
-    found = max(searcher.ranked(tasks, plain), key=lambda f: searcher.gain(f, plain), default=None)
-    enough = found is not None and searcher.gain(found, plain) > needed(len(tasks))
-    return found if enough else None
+    drawn = searcher.refined(searcher.ranked(tasks, plain)[:DRAWN], plain)
+    best = max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
+    known = searcher.gain(named, plain)
+    enough = needed(len(tasks)) + (SURPASSED * known if known > needed(tried) else 0.0)
+    return best if best is not None and searcher.gain(best, plain) > enough else named
+
+
+def _pieces(searcher: Searcher, plain: Fitted, driver: str) -> int:
+    """Pieces of a curve over a state or an input; 0 where it stays as it is."""
+    course = searcher.bench.trajectory(plain.ids, plain.values, driver, plain.inputs)
+    span = float(np.nanmax(course) - np.nanmin(course))
+    for count in PIECES:
+        knots = np.nanquantile(course, np.linspace(0.0, 1.0, count + 1))
+        if span > 0.0 and float(np.min(np.diff(knots))) > APART * span:
+            return count
+    return 0
 
 
 def _is_white(fitted: Fitted) -> bool:

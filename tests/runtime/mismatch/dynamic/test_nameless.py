@@ -12,8 +12,9 @@ from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Judged
 from runtime.mismatch.dynamic.locate import Suspect
 from runtime.mismatch.dynamic.noise import Noise
+from runtime.mismatch.dynamic.search import _or_nameless
 from runtime.mismatch.dynamic.searcher import Searcher
-from tests.runtime.mismatch.dynamic.benches import NOISE, bench, made
+from tests.runtime.mismatch.dynamic.benches import NOISE, OVERFLOW, RIM, TRUE, bench, made, voltage
 
 
 @pytest.mark.parametrize(
@@ -32,3 +33,32 @@ def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places:
     left = [Suspect(spot, np.ones(len(place.time)), 100.0, share)]
     found = _nameless(place, plain, left, len(place.candidates))
     assert places == [f"{p.module}.{p.place}" for p in found]
+
+
+SAMPLES = 384
+
+
+def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
+    """A jet that misses the first tank at high flow: a flow from tank to tank, as the pump runs."""
+    u = voltage(SAMPLES, 1)
+    missed = 0.6 * TRUE["pump.k"] * np.maximum(u - 3.0, 0.0)
+    place = bench(made(SAMPLES, errors={"definition:upper.outflow": missed}))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = searcher.plain()
+    searcher = Searcher(place, replace(searcher.judged, noise=plain.noise), 2)
+    found = _or_nameless(searcher, plain, plain, len(place.candidates))
+    (law,) = found.joined
+    assert ("free", {"pump.u"}) == (law.sort, set(law.drivers.values()))
+    assert law.module in ("upper", "lower")
+    assert found.noise["lower.y"].spread < 0.7 * plain.noise["lower.y"].spread
+
+
+def test_a_right_name_stays() -> None:
+    """A curve pays for each of its values, and explains no more."""
+    place = bench(made(SAMPLES, joined=(OVERFLOW,), more=RIM))
+    searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = searcher.plain()
+    searcher = Searcher(place, replace(searcher.judged, noise=plain.noise), 2)
+    named = searcher.polished(searcher.trial(plain, (place.candidate(OVERFLOW),)))
+    assert searcher.gain(named, plain) > 50.0
+    assert named is _or_nameless(searcher, named, plain, len(place.candidates))
