@@ -51,7 +51,7 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
         min((p.margin for p in answer.effects), default=float("inf")),
         answer.digest,
         place_right=_place(answer, form) if answer.effects else None,
-        name_right=_name(named, effects) if asked else None,
+        name_right=name_right(named, effects) if asked else None,
         clean_right=None if answer.effects else float(verdict == "none"),
         unnamed_right=_unnamed(answer, form) if answer.verdict == "unnamed" else None,
         told_right=_told(answer, verdict),
@@ -92,7 +92,7 @@ def _credit(planted: Planted, effects: Sequence[Form]) -> float:
     return max((1.0 / len(_set_of(e)) for e in effects if _is(planted, e)), default=0.0)
 
 
-def _name(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
+def name_right(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
     """Share named rightly; a false name beside lowers the share."""
     credit = sum(_credit(p, effects) for p in planted)
     return float(credit / max(len(planted), len(effects)))
