@@ -76,20 +76,21 @@ def _set_of(effect: Form) -> list[tuple[str, str]]:
     return names
 
 
-def _is(planted: Planted, effect: Form) -> bool:
-    """Is one of its names right, in the right module or at a place that means the same?"""
-    for name, id_ in _set_of(effect):
+def _is(planted: Planted, effect: Form) -> float:
+    """Share of the names left open that are right, in the right module or at a place that means
+    the same: 1/n of n, and more where the key has several that say the same of this plant."""
+    open_, right = _set_of(effect), 0
+    for name, id_ in open_:
         modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
         at = {f"{m}.{effect['place']}" for m in modules}
         here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))
-        if name in planted.names and here:
-            return True
-    return False
+        right += name in planted.names and here
+    return right / len(open_)
 
 
 def _credit(planted: Planted, effects: Sequence[Form]) -> float:
-    """What counts of a name among those that were told: one of `n` that are left open by 1/n."""
-    return max((1.0 / len(_set_of(e)) for e in effects if _is(planted, e)), default=0.0)
+    """What counts of a name among those that were told."""
+    return max((_is(planted, e) for e in effects), default=0.0)
 
 
 def name_right(planted: Sequence[Planted], effects: Sequence[Form]) -> float:

@@ -37,6 +37,18 @@ def other(name: str, id_: str, probability: float) -> dict[str, Any]:
     return {"effect": name, "id": id_, "probability": probability, "title": name}
 
 
+def test_names_that_say_the_same_count_together() -> None:
+    """A dead band of a pump in proportion to its signal is a constant loss: both are right."""
+    same = Planted(
+        "dead-band", "", "physics", "B", "", ("dead-band", "loss"), ("B.Q",), {}, 9.0, 9.0, ""
+    )
+    left = (other("loss", "B.loss", 0.4), other("leak", "B.leak", 0.2))
+    both = effect("dead-band", "B.dead-band", "Q", 0.5, alternatives=left[:1])
+    three = effect("dead-band", "B.dead-band", "Q", 0.4, alternatives=left)
+    assert 1.0 == scored(both, planted=same).name_right
+    assert scored(three, planted=same).name_right == pytest.approx(2 / 3)
+
+
 def test_a_right_name_at_the_right_place_counts_whole() -> None:
     found = scored(effect("slope", "B.dp.low", "dp"))
     assert (1.0, 1.0) == (found.name_right, found.place_right)
