@@ -159,6 +159,10 @@ def _dynamic(
     for one in planted:
         tasks = [(true, (*true.joined, c)) for c in _right(one, bench.candidates)]
         ways = [searcher.polished(searcher.trial(*task)) for task in tasks]
+        if len(told.joined) == 1 and told.joined[0].onset is not None:
+            # What was told may have begun at the right time.
+            ids = {f.ids for f in ways}
+            ways = [f for f in searcher.begun_alike([told], ways, plain) if f.ids in ids]
         true = max(ways, key=lambda f: searcher.gain(f, plain), default=true)
     # As far as what was told, which was exchanged and fitted again.
     true = searcher.polished(true)

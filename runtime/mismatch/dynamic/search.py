@@ -83,9 +83,11 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         return Found(plain, plain, judged, len(candidates), {})
     tell(f"trying {len(candidates)} explanations alone")
     singles = searcher.ranked(tasks_of([plain], candidates), plain)
+    bare = [plain]
     better = _where_they_led(searcher, plain, singles)
     if better is not None:
         plain = better
+        bare = [better, *bare]
         if _is_white(plain) and not searcher.promise(plain, candidates):
             return Found(plain, plain, judged, len(candidates), {})
         singles = searcher.ranked(tasks_of([plain], candidates), plain)
@@ -124,7 +126,7 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     singles = _each_once(searcher, [*alike, *singles], plain)
     best = max((best, *turned), key=lambda f: searcher.gain(f, plain))
     tell("trying terms without physics")
-    best = _or_nameless(searcher, best, plain, len(candidates))
+    best = _or_nameless(searcher, best, bare, len(candidates))
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
 
 
@@ -152,19 +154,21 @@ def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]
     return None
 
 
-def _or_nameless(searcher: Searcher, named: Fitted, plain: Fitted, tried: int) -> Fitted:
+def _or_nameless(searcher: Searcher, named: Fitted, bare: Sequence[Fitted], tried: int) -> Fitted:
     """A place that follows a state or an input in a way that nobody can name, if that says more.
 
     A curve pays for each of its values, and for being free: where names are right it is behind.
-    Several names that come near stand for something that no entry says.
+    Several names that come near stand for something that no entry says. `bare` are optima of the
+    plain model, the best first: a curve may show beside another of them only.
     """
-    bench = searcher.bench
+    bench, plain = searcher.bench, bare[0]
     assert bench.ruleset.dynamics is not None
     states = (s.id for s in bench.ruleset.dynamics.states)
     drivers = (*states, *bench.balances(()).inputs)[:MOST]
     pieces = {driver: _pieces(searcher, plain, driver) for driver in drivers}
     tasks: list[Task] = [
-        (plain, (bench.workshop.free_form(spot.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
+        (model, (bench.workshop.free_form(spot.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
+        for model in bare
         for spot in bench.workshop.spots
         if spot.kind in ("balance", "definition")
         for d, n in pieces.items()
