@@ -60,6 +60,10 @@ PART = 0.15
 """What has no name is told if it gains more than this share of what was explained with a name."""
 
 
+Refit = tuple[Fitted, Trial]
+"""A model refitted with a trial in it."""
+
+
 @dataclass(frozen=True)
 class Step:
     """A round: the model that won it, if any; no records where a recalibration did.
@@ -87,7 +91,6 @@ def best_step(
     free = [c for c in candidates if c.id not in joined and not _covered(c, now)]
     trials = screen(fitted, free)
     tried += len(trials)
-    hopeless = HOPELESS * needed(now, tried)
     hidden = best_of([refit(fitted, t) for t in hidden_trials(fitted)], now)
     # Where no single explanation beats a calibration that is let go, two at once may.
     eased: Step | None = None
@@ -95,16 +98,8 @@ def best_step(
     torn: list[Contestant] = []
     # Of pairs whose parts hide each other all are looked at, and that is paid for.
     pairs = tried + len(trials) * (len(trials) - 1) // 2
-    stages: tuple[tuple[int, Callable[[], list[tuple[Fitted, Trial]]]], ...] = (
-        (
-            tried,
-            lambda: [
-                refit(f, t)
-                for f, ts in ((fitted, trials), *_held(fitted, free))
-                for t in ts[:FINALISTS]
-                if t.gain > hopeless
-            ],
-        ),
+    stages: tuple[tuple[int, Callable[[], list[Refit]]], ...] = (
+        (tried, lambda: _singles(fitted, trials, free, HOPELESS * needed(now, tried))),
         (
             pairs,
             lambda: (
@@ -116,20 +111,17 @@ def best_step(
         (tried, lambda: [refit(fitted, t) for t in _coming_and_going(fitted, free)]),
         (tried, lambda: torn_pairs(fitted, _alone(torn), lambda begun: _seconds(begun, free))),
     )
-    for count, stage in stages:
-        ranked = _contested(stage(), now)
+    for count, refits in stages:
+        ranked = _contested(refits(), now)
         following = _following(ranked, now)
         hidden = _better(hidden, following[:1], now)
-        found = _first(now, [c for c in ranked if c not in following], hidden, count)
+        apart = [c for c in ranked if c not in following and _is_more(c, torn, now)]
+        found = _first(now, apart, hidden, count)
         if found is not None and found.records:
-            found = replace(found, tried=tried)
-            other = _or_sudden(found, now, fitted, free, hidden)
-            other = _or_nameless(other, now) or other
-            if other.winner is not found.winner:
-                other = _or_both(other, now, ranked, free, hidden)
-            return replace(other, finalists=tuple(trials[:FINALISTS]))
+            found = _challenged(replace(found, tried=tried), now, ranked, free, hidden)
+            return replace(found, finalists=tuple(trials[:FINALISTS]))
         # A pair that loses against a calibration that is let go says nothing of a single one.
-        eased = eased or (found if stage is not stages[-1][1] else None)
+        eased = eased or (found if refits is not stages[-1][1] else None)
         torn += [c for c in ranked if net_gain(c, now) > needed(now, tried)]
     if eased is not None:
         return eased
@@ -144,7 +136,41 @@ def best_step(
     return best or Step(None, (), tried)
 
 
-def _alone(torn: Sequence[Contestant]) -> list[tuple[Fitted, Trial]]:
+def _singles(
+    fitted: Fitted, trials: Sequence[Trial], free: Sequence[Candidate], least: float
+) -> list[Refit]:
+    """Refits with one explanation, also with calibrations held that were let go."""
+    ways = ((fitted, trials), *_held(fitted, free))
+    return [refit(f, t) for f, ts in ways for t in ts[:FINALISTS] if t.gain > least]
+
+
+def _challenged(
+    found: Step,
+    now: Contestant,
+    ranked: Sequence[Contestant],
+    free: Sequence[Candidate],
+    hidden: Contestant | None,
+) -> Step:
+    """What was found, unless something freer says more, or two names more than that."""
+    other = _or_sudden(found, now, free, hidden)
+    other = _or_nameless(other, now) or other
+    if other.winner is found.winner:
+        return found
+    return _or_both(other, now, ranked, free, hidden)
+
+
+def _is_more(contestant: Contestant, torn: Sequence[Contestant], now: Contestant) -> bool:
+    """Does a pair gain more than a single explanation that does not win?
+
+    Two small ones may be sure of what they gain; what is large and torn needs another second.
+    """
+    if contestant.trial is None or not contestant.trial.along:
+        return True
+    single = max((net_gain(c, now) for c in torn if not _runs_out(c)), default=-np.inf)
+    return net_gain(contestant, now) > single
+
+
+def _alone(torn: Sequence[Contestant]) -> list[Refit]:
     """Single explanations, as they were refitted, the best in the sample first.
 
     What comes and goes more often imitates anything, and all the more beside another.
@@ -246,16 +272,12 @@ def _periods(trial: Trial) -> int:
 
 
 def _or_sudden(
-    found: Step,
-    now: Contestant,
-    fitted: Fitted,
-    candidates: Sequence[Candidate],
-    hidden: Contestant | None,
+    found: Step, now: Contestant, candidates: Sequence[Candidate], hidden: Contestant | None
 ) -> Step:
     """A fault that begins, where that says more than what lasts, and leaves nothing of it: a driver
     may happen to turn about when the fault began, and what is left of a fault can look like a law.
     """
-    winner = found.winner
+    fitted, winner = now.fitted, found.winner
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
@@ -302,14 +324,14 @@ def _first(
     return None
 
 
-def _contested(refitted: Sequence[tuple[Fitted, Trial]], now: Contestant) -> list[Contestant]:
+def _contested(refitted: Sequence[Refit], now: Contestant) -> list[Contestant]:
     """Those that fit best in the sample, judged on blocks they were not fitted to, best first."""
     by_fit = sorted(refitted, key=lambda f: cost_of(f[0]))
     chosen = [contest(fitted, trial) for fitted, trial in by_fit[:CONTESTED]]
     return sorted(chosen, key=lambda c: -net_gain(c, now))
 
 
-def best_of(refitted: Sequence[tuple[Fitted, Trial]], now: Contestant) -> Contestant | None:
+def best_of(refitted: Sequence[Refit], now: Contestant) -> Contestant | None:
     return max((contest(*r) for r in refitted), key=lambda c: net_gain(c, now), default=None)
 
 
