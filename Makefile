@@ -28,7 +28,7 @@ test: $(VENV)/dev ## lint, types, all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 bench: $(VENV)/dev ## speed: compile, a million samples, start of the command
 	$(BIN)/python -m pytest tests/bench -s

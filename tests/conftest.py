@@ -13,6 +13,17 @@ from runtime.ruleset import Ruleset
 
 ROOT = Path(__file__).resolve().parent.parent
 
+LONG = ("tests/prove", "tests/runtime/mismatch", "tests/rig", "tests/runtime")
+"""Folders whose tests take long come first: no process waits for another in the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    def rank(item: pytest.Item) -> int:
+        folder = item.path.relative_to(ROOT).as_posix()
+        return next((i for i, name in enumerate(LONG) if folder.startswith(f"{name}/")), len(LONG))
+
+    items.sort(key=rank)
+
 
 @functools.cache
 def compiled(plant: str) -> Ruleset:
