@@ -17,7 +17,6 @@ from runtime.plan import Array, Plan
 TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""
 
-
 MEDIAN = (0.5,)
 """Quantile at which what has none stays."""
 
@@ -29,11 +28,10 @@ class Unknown:
     `id` is its input in the plan. At `null` the plain relation comes back, whatever the other
     parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
     tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
-    with `fixed` is no unknown at all: it stays at the median reading of `driver` (at another
-    quantile, where `quantiles` has one), or where there are two, at half the distance between the
-    readings there (their spread). Where it is
-    `neutral`, the plain law holds at that reading, whatever the other parameters are.
-    SI = shown * factor + offset.
+    with `fixed` is no unknown at all: it stays at the median reading of `driver`, at the one
+    quantile that `quantiles` has, or where there are two, at half the distance between the readings
+    there (their spread). Where it is `neutral`, the plain law holds at that reading, whatever the
+    other parameters are. SI = shown * factor + offset.
     """
 
     id: str

@@ -32,6 +32,10 @@ ROUGH = 50
 """Steps of a refit that starts near its end."""
 
 
+Refit = tuple[Fitted, Trial]
+"""A model refitted with a trial in it."""
+
+
 @dataclass(frozen=True)
 class Contestant:
     """A model with what it says of blocks it was not fitted to; `trial` is what it adds.
@@ -124,7 +128,7 @@ def entered(fitted: Fitted, trial: Trial) -> Contestant:
     return contest(*refit(fitted, trial))
 
 
-def refit(fitted: Fitted, trial: Trial) -> tuple[Fitted, Trial]:
+def refit(fitted: Fitted, trial: Trial) -> Refit:
     """Refit everything with a trial in it.
 
     A calibration under a law that left something out says little of the repaired one, so it is let

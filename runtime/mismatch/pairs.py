@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from runtime.mismatch.compete import cost_of, refit
+from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.compete import Contestant, Refit, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.periods import FEW_CHANGES, coming_and_going, periods_of
 from runtime.mismatch.screen import Trial, columns_of, looks_at, screen
 from runtime.plan import Array
 
@@ -32,9 +35,7 @@ BEGUN = 4
 """Single explanations, under a calibration that holds, to which a second is looked for."""
 
 
-def pair_trials(
-    fitted: Fitted, trials: Sequence[Trial], least: float
-) -> list[tuple[Fitted, Trial]]:
+def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[Refit]:
     """Refits with the two explanations of the most promising pairs whose parts hide each other.
 
     All pairs are looked at: of two that hide each other one may show nothing alone. `least` is the
@@ -87,10 +88,10 @@ def _pair_gains(
     return gains
 
 
-def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, Trial]]:
+def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
     """Refits with pairs that may do what a calibration does that is let go: it holds here."""
     single = [t for t in trials if not t.candidate.members]
-    found: dict[frozenset[str], tuple[Fitted, Trial]] = {}
+    found: dict[frozenset[str], Refit] = {}
     begins = []
     for first in sorted(single, key=lambda t: -t.held)[:PAIRED]:
         setting = fitted.setting.joining(first.candidate, first.values, first.fixed)
@@ -106,21 +107,36 @@ def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[tuple[Fitted, Tr
 
 
 def torn_pairs(
-    fitted: Fitted,
-    torn: Sequence[tuple[Fitted, Trial]],
-    seconds: Callable[[Fitted], Sequence[Trial]],
-) -> list[tuple[Fitted, Trial]]:
-    """Refits with a second explanation beside single ones that gain enough and yet do not win.
-
-    `torn` are these as refitted; `seconds` tells what may stand beside one that is there already.
-    """
-    found: dict[frozenset[str], tuple[Fitted, Trial]] = {}
-    for begun, first in torn[:BEGUN]:
-        for second in seconds(begun):
+    fitted: Fitted, torn: Sequence[Contestant], free: Sequence[Candidate]
+) -> list[Refit]:
+    """Refits with a second explanation beside single ones that gain enough and yet do not win."""
+    found: dict[frozenset[str], Refit] = {}
+    for begun, first in _alone(torn)[:BEGUN]:
+        for second in _seconds(begun, free):
             pair = frozenset((first.candidate.id, second.candidate.id))
             if len(pair) > 1 and pair not in found:
                 found[pair] = _refitted(fitted, first, second)
     return list(found.values())
+
+
+def _alone(torn: Sequence[Contestant]) -> list[Refit]:
+    """Single explanations, as they were refitted, the best in the sample first.
+
+    What comes and goes more often imitates anything, and all the more beside another.
+    """
+    each = [(c.fitted, c.trial) for c in torn if c.trial is not None and not c.trial.along]
+    single = [(fitted, trial) for fitted, trial in each if periods_of(trial) <= FEW_CHANGES]
+    return sorted(single, key=lambda s: cost_of(s[0]))
+
+
+def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
+    """What may stand beside an explanation that is there already: what lasts, and what begins."""
+    joined = {c.id for c in begun.setting.joined}
+    rest = [c for c in free if c.id not in joined]
+    # Far from what was read a law may have no slope: then it lacks nothing that could be told.
+    with contextlib.suppress(np.linalg.LinAlgError):
+        return [*screen(begun, rest)[:TRIED], *coming_and_going(begun, rest, FEW_CHANGES)[:TRIED]]
+    return []
 
 
 def _at_null(trial: Trial) -> dict[str, float]:
@@ -129,7 +145,7 @@ def _at_null(trial: Trial) -> dict[str, float]:
     return {name: null.get(name, value) for name, value in trial.values.items()}
 
 
-def _refitted(fitted: Fitted, first: Trial, second: Trial) -> tuple[Fitted, Trial]:
+def _refitted(fitted: Fitted, first: Trial, second: Trial) -> Refit:
     """Both joined; the second stands along with the first."""
     setting = fitted.setting.joining(second.candidate, second.values, second.fixed, second.course)
     return refit(replace(fitted, setting=setting), replace(first, along=(second,)))

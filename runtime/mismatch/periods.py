@@ -45,6 +45,27 @@ PASSING = 0.9
 """Weight of the gain of a fault that is there when the recording begins."""
 
 
+FEW_CHANGES = 2
+"""Periods of a fault that begins, at most."""
+
+COMING = 4
+"""Faults that come and go that are refitted in a round."""
+
+
+def coming_and_going(
+    fitted: Fitted, candidates: Sequence[Candidate], most: float = np.inf
+) -> list[Trial]:
+    """Faults as ones that come and go, in so many periods at most, the more telling first."""
+    trials = [in_periods(fitted, c, most) for c in candidates if c.sort == "fault"]
+    found = [t for t in trials if t is not None]
+    return sorted(found, key=lambda t: -t.gain)[:COMING]
+
+
+def periods_of(trial: Trial) -> int:
+    """Periods of what comes and goes; 0 of what lasts."""
+    return 0 if trial.course is None else len(trial.course.periods)
+
+
 def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Trial | None:
     """A fault as one that comes and goes, in so many periods at most; None where its degree shows
     no such course."""

@@ -22,6 +22,10 @@ its price in the others; after this was chosen, none of 100 other clean recordin
 WORTH = 0.005
 """Gain per settled point that is worth naming: a term of about a tenth of the scatter."""
 
+HOPELESS = 0.5
+"""Share of the gain that is needed, or to be beaten, below which a trial is not refitted: its gain
+is estimated to first order, and seldom doubles."""
+
 RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 20.0, "hidden": 0.0}
 """How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
 sensors leave their class. A free form is chosen among thousands, and pays for that."""

@@ -15,8 +15,9 @@ from runtime.mismatch.price import NEEDED, net_gain, odds_of
 from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import Trial, with_open_references
-from runtime.mismatch.search_round import FINALISTS, best_of, best_step, recorded
+from runtime.mismatch.search_round import FINALISTS, best_step
 from runtime.mismatch.setting import HIDDEN, Setting
+from runtime.mismatch.winner import best_of, recorded
 
 MOST_TERMS = 7
 """Explanations of one recording."""

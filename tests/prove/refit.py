@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,13 +25,12 @@ from runtime.mismatch.dynamic.record import record_of
 from runtime.mismatch.dynamic.search import search as search_stores
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.fit import fit
-from runtime.mismatch.periods import in_periods
+from runtime.mismatch.periods import FEW_CHANGES, coming_and_going
 from runtime.mismatch.prepare import prepare
 from runtime.mismatch.price import gain_in_sample, needed
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.screen import screen
 from runtime.mismatch.search import search
-from runtime.mismatch.search_round import FEW_CHANGES
 from runtime.mismatch.setting import Setting
 from runtime.mismatch.system import System
 from runtime.recording import Recording, read_recording
@@ -133,17 +132,11 @@ def _with(now: Contestant, planted: Planned, workshop: PlantWorkshop) -> Contest
             for candidate in _right(one, workshop.candidates)
             for trial in (
                 *screen(now.fitted, [candidate])[:1],
-                *_begun(now, candidate),
+                *coming_and_going(now.fitted, [candidate], FEW_CHANGES),
             )
         ]
         now = max(ways, key=lambda c: gain_in_sample(c, now), default=now)
     return now
-
-
-def _begun(now: Contestant, candidate: Candidate) -> Iterator[Any]:
-    trial = in_periods(now.fitted, candidate, FEW_CHANGES) if candidate.sort == "fault" else None
-    if trial is not None:
-        yield trial
 
 
 def _dynamic(

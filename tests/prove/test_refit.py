@@ -1,0 +1,59 @@
+"""Lost by the search, or not in the readings: the true laws refitted beside what was told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.prove.analyst import FORM
+from tests.prove.campaign import OPENED, judged, sealed
+from tests.prove.kept import CASES
+from tests.prove.partition import Partition
+from tests.prove.refit import Refitted, lost_in, refitted
+
+WARM = Partition("development", 1, quick=True, only="slip-warm")
+"""A pump that slips more when it is warm."""
+
+NOTHING = {"verdict": "none", "effects": [], "seconds": 1.0}
+
+
+def quiet(what: str, done: int, all_: int) -> None:
+    """Nobody watches."""
+
+
+def told(true: float, found: float, least: float = 20.0) -> Refitted:
+    return Refitted("it", true, found, least, ("A.slip",), ("A.loss",))
+
+
+@pytest.mark.parametrize(
+    ("one", "held"),
+    [
+        (told(60.0, 50.0), True),
+        (told(52.0, 50.0), False),
+        (told(18.0, 0.0), False),
+        (told(50.0, 60.0), False),
+    ],
+    ids=["leads", "no lead", "too small", "behind"],
+)
+def test_the_true_laws_must_lead_and_be_worth_telling(one: Refitted, held: bool) -> None:
+    assert held == one.is_in_the_readings
+    assert ("lost by the search" in one.told_in_words) == held
+
+
+def test_the_true_laws_are_refitted_beside_what_is_told(tmp_path: Path) -> None:
+    """A name that a recorded answer lacks is found as lost; the search of today has it."""
+    seals = sealed(WARM, tmp_path, 1, quiet)
+    folder = min((tmp_path / CASES).iterdir())
+    assert [] == lost_in(tmp_path)
+    for each in (tmp_path / CASES).iterdir():
+        (each / FORM).write_text(json.dumps(NOTHING), encoding="utf-8")
+    judged(WARM, tmp_path, seals, 1, quiet)
+    assert (folder / OPENED).exists()
+    assert folder in lost_in(tmp_path)
+    one = refitted(folder)
+    assert one.laws == one.names
+    assert one.true == pytest.approx(one.told, abs=0.01)
+    assert one.true > one.needed
+    assert not one.is_in_the_readings
