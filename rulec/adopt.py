@@ -15,9 +15,10 @@ import numpy as np
 from rulec.amend import Amended
 from rulec.gathering import Gathering
 from rulec.hold_back import held_back
-from rulec.knowledge import ENDS, ModuleType, Origin, Parameter, Signal, State
 from rulec.language.units import Unit
 from rulec.link import Network
+from rulec.module_type import ENDS, ModuleType, Parameter, Signal, State
+from rulec.origin import Origin
 from rulec.plant import Module, Plant
 from rulec.repair import AdoptRefused, Repair
 from rulec.workshop import PlantWorkshop

@@ -12,9 +12,9 @@ import ast
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from rulec.knowledge import ENDS, Definition, ModuleType, Parameter, Reading, State
 from rulec.language.expression import Expression
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
+from rulec.module_type import ENDS, Definition, ModuleType, Parameter, Reading, State
 
 SHORT = 60
 """A plain law with drivers replaced stands inside the new law up to this length."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from rulec.knowledge import INFLOW, Driver, Effect, Join
+from rulec.effect import Driver, Effect, Join
 from rulec.link import Network
+from rulec.module_type import INFLOW
 from rulec.places import Site
 from runtime.mismatch.candidate import TIME
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rulec.knowledge import Knowledge, Signal
+from rulec.knowledge import Knowledge
 from rulec.language.units import VOLUME_FLOW
 from rulec.linearise import Linearised
+from rulec.module_type import Signal
 from rulec.neighbourhood import Sensor
 from rulec.plant import Module
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 
 import sympy
 
-from rulec.knowledge import ENDS, Definition, ModuleType, Observer
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document
@@ -14,6 +13,7 @@ from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import read_unit, within
 from rulec.language.symbolic import to_sympy
 from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
+from rulec.module_type import ENDS, Definition, ModuleType, Observer
 
 
 def provided_names(

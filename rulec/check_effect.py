@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.check_join import TIME, JoinReader, needed_by
-from rulec.knowledge import PLAIN, Driver, Effect, EffectParameter, EffectState, Join
+from rulec.effect import PLAIN, Driver, Effect, EffectParameter, EffectState, Join
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
 from rulec.language.part_readers import origin_of, read_expression, read_unit, within

@@ -9,13 +9,13 @@ from math import sqrt
 
 import numpy as np
 
-from rulec.knowledge import Fluid, Property
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import origin_of, read_expression, read_unit, within
 from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimension, UnitTable
+from rulec.module_type import Fluid, Property
 
 POINTS = 25
 """Temperatures over the valid range at which a property is tried out."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rulec.knowledge import PLAIN, Driver, EffectLaw, EffectParameter, EffectState, Join
+from rulec.effect import PLAIN, Driver, EffectLaw, EffectParameter, EffectState, Join
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document, Path_

@@ -9,22 +9,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rulec.check_states import StateReader
-from rulec.knowledge import (
-    ENDS,
-    Definition,
-    FaultType,
-    FaultUse,
-    ModuleType,
-    Observer,
-    Parameter,
-    SensorClass,
-    Signal,
-)
+from rulec.knowledge import FaultType, SensorClass
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.part_readers import origin_of, read_expression, read_unit, within
 from rulec.language.units import UNKNOWN, Unit, UnitTable
+from rulec.module_type import ENDS, Definition, FaultUse, ModuleType, Observer, Parameter, Signal
 
 MAX_CHAIN = 50
 """Definitions that stand on one another; a longer chain is a mistake or an attack."""

@@ -13,11 +13,12 @@ import numpy as np
 
 from rulec.check_knowledge import check_knowledge
 from rulec.fluid import fill
-from rulec.knowledge import Knowledge, ModuleType, Parameter
+from rulec.knowledge import Knowledge
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.part_readers import origin_of, read_unit, within
 from rulec.language.units import VOLUME_FLOW, Dimension, Unit
+from rulec.module_type import ModuleType, Parameter
 from rulec.plant import Block, Column, Module, Plant
 from rulec.read import Sources
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from rulec.knowledge import ENDS, ModuleType, Reading, Signal, State
 from rulec.language.diagnostics import Diagnostic, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.expression import Expression, parse
 from rulec.language.part_readers import origin_of, read_expression, read_unit
 from rulec.language.units import SECOND, UNKNOWN, Unit, UnitTable
+from rulec.module_type import ENDS, ModuleType, Reading, Signal, State
 
 
 @dataclass

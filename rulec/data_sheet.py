@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from rulec.knowledge import Parameter
+from rulec.module_type import Parameter
 from runtime.plan import Array
 
 CHANCE = 1e-4

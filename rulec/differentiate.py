@@ -14,10 +14,11 @@ import sympy
 
 from rulec.derive_residuals import Residuals
 from rulec.fluid import closed_forms
-from rulec.knowledge import FaultType, FaultUse, Knowledge, ModuleType, Variant
+from rulec.knowledge import FaultType, Knowledge, Variant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
+from rulec.module_type import FaultUse, ModuleType
 
 GATHERED = "downstream."
 FLOW = "target.flow"

@@ -8,7 +8,9 @@ import runtime.ruleset as contract
 from rulec.analyse_isolability import Group
 from rulec.assemble import Assembly, Hypothesis
 from rulec.derive_signatures import Signatures
-from rulec.knowledge import FaultType, Origin, Signal, Variant
+from rulec.knowledge import FaultType, Variant
+from rulec.module_type import Signal
+from rulec.origin import Origin
 from rulec.plant import Module, Plant
 from rulec.put_balances import Balanced
 from rulec.store_faults import StoreFault

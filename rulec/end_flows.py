@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec.continuity import SURROUNDINGS, FlowGraph, flows_by_continuity
-from rulec.knowledge import ENDS, INFLOW, OUTFLOW, ModuleType
 from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.module_type import ENDS, INFLOW, OUTFLOW, ModuleType
 from rulec.plant import Plant
 
 

@@ -8,9 +8,9 @@ from functools import partial
 
 import sympy
 
-from rulec.knowledge import Fluid, Parameter, Property
 from rulec.language.symbolic import TEMPERATURE, closed_form, to_sympy
 from rulec.language.units import NONE, Unit
+from rulec.module_type import Fluid, Parameter, Property
 from rulec.plant import Module
 
 

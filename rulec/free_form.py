@@ -6,10 +6,11 @@ from __future__ import annotations
 import math
 
 from rulec.amend import Change
-from rulec.knowledge import Origin, Parameter
 from rulec.language.expression import Expression, parse
 from rulec.language.units import UNKNOWN, Unit
 from rulec.match_effects import Matched
+from rulec.module_type import Parameter
+from rulec.origin import Origin
 from runtime.mismatch.candidate import MEDIAN, Candidate, Spot, Unknown
 
 BAND = "~"

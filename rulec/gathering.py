@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from rulec.amend import Amended, fresh, state_over
 from rulec.downstream import Downstream, Undefined
-from rulec.knowledge import ModuleType
 from rulec.language.expression import GATHER
 from rulec.language.rewrite import name_node, over
 from rulec.link import Network
+from rulec.module_type import ModuleType
 from rulec.plant import Module
 
 

@@ -13,11 +13,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from rulec.end_flows import EndFlows, law_of
-from rulec.knowledge import ENDS, INFLOW, OUTFLOW, Definition, ModuleType
 from rulec.language.diagnostics import Refused
 from rulec.language.expression import Expression, Rejected
 from rulec.language.rewrite import over
 from rulec.link import Network, link
+from rulec.module_type import ENDS, INFLOW, OUTFLOW, Definition, ModuleType
 from rulec.repair import AdoptRefused
 
 CHOICES = ((OUTFLOW,), (INFLOW,), (INFLOW, OUTFLOW))

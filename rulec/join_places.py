@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rulec.knowledge import INFLOW, OUTFLOW, Join, Knowledge
+from rulec.effect import Join
+from rulec.knowledge import Knowledge
 from rulec.language.units import VOLUME_FLOW
+from rulec.module_type import INFLOW, OUTFLOW
 from rulec.places import Site
 from rulec.plant import Module
 

@@ -16,10 +16,10 @@ from rulec.amend import Amended
 from rulec.end_flows import EndFlows
 from rulec.fluid import factor_name
 from rulec.graph import Graph, Node
-from rulec.knowledge import ENDS, INFLOW, OUTFLOW, Fluid
 from rulec.language.expression import GATHER, Expression, Rejected, exponent_of, function_of
 from rulec.language.units import PROPERTIES
 from rulec.link import Network
+from rulec.module_type import ENDS, INFLOW, OUTFLOW, Fluid
 from rulec.plant import Module
 from runtime.plan import Plan
 

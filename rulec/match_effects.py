@@ -13,27 +13,16 @@ from dataclasses import dataclass, field, replace
 from rulec.amend import Amended, Change, amend
 from rulec.binding import Binder, Binding, drivers_of
 from rulec.differentiate import Models, TypeFault
+from rulec.effect import PLAIN, Effect, EffectParameter, EffectState, Join
 from rulec.equation_text import equation_of
 from rulec.fault_laws import undoing
 from rulec.join_places import matching
-from rulec.knowledge import (
-    ENDS,
-    INFLOW,
-    OUTFLOW,
-    PLAIN,
-    Effect,
-    EffectParameter,
-    EffectState,
-    FaultType,
-    Join,
-    Origin,
-    Parameter,
-    State,
-    Variant,
-)
+from rulec.knowledge import FaultType, Variant
 from rulec.language.expression import Rejected
 from rulec.language.units import NONE, SECOND, Unit
+from rulec.module_type import ENDS, INFLOW, OUTFLOW, Parameter, State
 from rulec.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
+from rulec.origin import Origin
 from rulec.places import Site, Survey, sites_of, survey
 from rulec.plant import Module, Plant
 from rulec.spots import unit_of

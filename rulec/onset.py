@@ -11,10 +11,11 @@ import functools
 from dataclasses import replace
 
 from rulec.amend import Change
-from rulec.knowledge import Parameter, Variant
+from rulec.knowledge import Variant
 from rulec.language.expression import Expression
 from rulec.language.rewrite import replaced, written
 from rulec.language.units import NONE, SECOND, Unit
+from rulec.module_type import Parameter
 from rulec.store_faults import StoreFault
 from runtime.mismatch.candidate import TIME, Unknown
 

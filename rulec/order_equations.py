@@ -25,9 +25,9 @@ from rulec.analyse_isolability import Isolability
 from rulec.assemble import MODEL, PARAMETERS
 from rulec.derive_signatures import Signatures
 from rulec.eliminate import independent_without, solved_for
-from rulec.knowledge import Signal
 from rulec.link import Network
 from rulec.matching import match, surplus
+from rulec.module_type import Signal
 from runtime.plan import Array
 from runtime.ruleset import Simulation, SimulationStep
 

@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from rulec.knowledge import ENDS, INFLOW, OUTFLOW, ModuleType
 from rulec.language.dimension import dimension
 from rulec.language.expression import Expression
 from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
 from rulec.link import Network
 from rulec.lower import Lowering, lower_module, lower_states, parameter_id
+from rulec.module_type import ENDS, INFLOW, OUTFLOW, ModuleType
 from rulec.plant import Module, Plant
 from runtime.tangent import run_with_slopes
 

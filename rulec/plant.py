@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec.knowledge import Knowledge, ModuleType, Parameter
+from rulec.knowledge import Knowledge
 from rulec.language.diagnostics import Place
+from rulec.module_type import ModuleType, Parameter
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec.knowledge import ENDS
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.expression import Rejected
 from rulec.link import Network
 from rulec.lower import Lowering, lower_states, parameter_id
+from rulec.module_type import ENDS
 from rulec.order_equations import Ordered
 from rulec.store_faults import StoreFault, store_faults, with_faults
 from runtime.ruleset import Dynamics, StateSpec

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rulec.knowledge import ENDS
 from rulec.link import Network
+from rulec.module_type import ENDS
 from rulec.plant import Plant
 
 

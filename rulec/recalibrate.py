@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rulec.adopt import Adopted, Adoption
-from rulec.knowledge import Parameter
 from rulec.lower import parameter_id
+from rulec.module_type import Parameter
 from rulec.repair import Repair
 from runtime.plan import Array
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from rulec.knowledge import OUTFLOW, ModuleType
 from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
 from rulec.lower import Lowering, lower_module
+from rulec.module_type import OUTFLOW, ModuleType
 from rulec.places import Site, Survey
 from rulec.plant import Module, Plant
 from runtime.mismatch.candidate import Spot

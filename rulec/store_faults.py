@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from rulec.amend import Amended, Change, amend
 from rulec.differentiate import fault_names
 from rulec.fault_laws import doing, undoing
-from rulec.knowledge import ENDS, OUTFLOW, FaultType, FaultUse, Knowledge, Parameter, Variant
+from rulec.knowledge import FaultType, Knowledge, Variant
 from rulec.language.expression import Expression
 from rulec.language.units import NONE, Unit
+from rulec.module_type import ENDS, OUTFLOW, FaultUse, Parameter
 from rulec.plant import Module
 
 ORDER = ("definition", "observer", "signal", "reading", "end")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rulec.end_flows import Known
-from rulec.knowledge import ENDS, ModuleType, State
 from rulec.language.expression import Expression, constant
 from rulec.link import Network
+from rulec.module_type import ENDS, ModuleType, State
 from rulec.plant import Module
 
 

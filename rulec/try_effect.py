@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Mapping
 
-from rulec.knowledge import PLAIN, Effect, Join
+from rulec.effect import PLAIN, Effect, Join
 from rulec.language.expression import Rejected, constant
 
 TRIES = 20

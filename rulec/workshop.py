@@ -17,9 +17,9 @@ from rulec.data_sheet import Sheet
 from rulec.differentiate import Models
 from rulec.equation_text import equation_of
 from rulec.free_form import free_form
-from rulec.knowledge import ENDS, Parameter
 from rulec.lower import Lowering, lower_module, lower_states, parameter_id
 from rulec.match_effects import Matched, Matches, match_effects
+from rulec.module_type import ENDS, Parameter
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import survey
 from rulec.plant import Module

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge import Definition, ModuleType, Parameter, State
 from rulec.language.document import Document
 from rulec.language.expression import Expression, constant
 from rulec.language.yaml_text import lines
+from rulec.module_type import Definition, ModuleType, Parameter, State
 
 HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"
 

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from rulec.differentiate import Models
-from rulec.knowledge import Driver, Effect, EffectLaw, EffectParameter, Join, Origin
+from rulec.effect import Driver, Effect, EffectLaw, EffectParameter, Join
 from rulec.language.expression import parse
 from rulec.language.units import UNKNOWN, Unit
+from rulec.origin import Origin
 
 
 def join(

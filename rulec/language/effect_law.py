@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from rulec.knowledge import PLAIN, EffectLaw
+from rulec.effect import PLAIN, EffectLaw
 from rulec.language.expression import Expression, Rejected, parse
 
 _ELSEWHERE = re.compile(rf"\b{PLAIN}\s*\(")

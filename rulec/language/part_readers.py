@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from rulec.knowledge import Origin
 from rulec.language.diagnostics import Diagnostic, Place, nearest
 from rulec.language.document import Document
 from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.units import UNKNOWN, Unit, UnitTable
+from rulec.origin import Origin
 
 
 def origin_of(document: Document, *path: str | int, source: str = "") -> Origin:

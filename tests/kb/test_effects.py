@@ -14,7 +14,8 @@ import yaml
 
 from rulec.check_join import needed_by
 from rulec.check_knowledge import check_knowledge
-from rulec.knowledge import Effect, EffectParameter, Join, Knowledge
+from rulec.effect import Effect, EffectParameter, Join
+from rulec.knowledge import Knowledge
 from rulec.language.effect_law import parse_law
 from rulec.language.expression import Expression
 from rulec.language.symbolic import to_sympy

@@ -15,8 +15,8 @@ from rulec.check_knowledge import check_knowledge
 from rulec.differentiate import TypeModel
 from rulec.fluid import property_of
 from rulec.graph import Graph
-from rulec.knowledge import Fluid
 from rulec.language.symbolic import TEMPERATURE
+from rulec.module_type import Fluid
 from rulec.pipeline import compile_plant, run_passes, up_to
 from rulec.read import read_files
 from runtime.plan import Plan

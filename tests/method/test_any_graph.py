@@ -13,10 +13,11 @@ from hypothesis import given, settings
 
 from rulec.continuity import flows_by_continuity
 from rulec.derive_residuals import Residuals, derive_residuals
-from rulec.knowledge import Knowledge, ModuleType
+from rulec.knowledge import Knowledge
 from rulec.language.diagnostics import Place, Refused
 from rulec.language.expression import Expression
 from rulec.link import Network, link
+from rulec.module_type import ModuleType
 from rulec.plant import Module, Plant
 from runtime.isolate import residual_basis
 from runtime.plan import Array

@@ -13,7 +13,7 @@ import pytest
 
 from rulec.adopt import adopt
 from rulec.cli import main
-from rulec.knowledge import ModuleType
+from rulec.module_type import ModuleType
 from rulec.pipeline import compile_plant
 from rulec.read import read_plant
 from rulec.repair import read_repair
