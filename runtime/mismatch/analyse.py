@@ -26,6 +26,7 @@ from runtime.mismatch.tell import findings_of, location_of, term_of
 from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.plan import Array
 from runtime.recording import Recording
+from runtime.report.text import listed
 from runtime.ruleset import Ruleset
 
 FEWEST = 12
@@ -33,6 +34,9 @@ FEWEST = 12
 
 FAR_MOVED = 5.0
 """Stated uncertainties by which a parameter may move before it is worth a remark."""
+
+SHOWN = 4
+"""Readings that are named where many have no number."""
 
 TRIED = 5
 """Readings per finding among which the one that shows it best is chosen."""
@@ -78,7 +82,8 @@ def analyse(
     rows = rows_of(system, Setting())
     if rows.groups < FEWEST:
         why = "no two estimates of one flow can be compared with the readings of this recording"
-        return _cannot(recording, ruleset, data, why, begin)
+        blind = _cannot(recording, ruleset, data, why, begin)
+        return replace(blind, next=_to_be_read(recording) or blind.next)
     found = search(rows, tell)
     hidden = _hidden(found)
     tell("working out uncertainties")
@@ -316,6 +321,15 @@ def _curves(
         drivers,
         proof.judged,
     )
+
+
+def _to_be_read(recording: Recording) -> str:
+    """Which columns to look at: those without a number, else those that are not there."""
+    absent = set(recording.missing)
+    empty = [n for n, v in recording.values.items() if not np.isfinite(v).any()]
+    empty = sorted(empty, key=lambda name: name in absent)
+    names = [*empty[:SHOWN], *([f"{len(empty) - SHOWN} others"] if len(empty) > SHOWN else [])]
+    return f"Look at {listed(names)} in the recording: there is not one number." if empty else ""
 
 
 def _cannot(
