@@ -26,7 +26,7 @@ from runtime.mismatch.tell import findings_of, location_of, term_of
 from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.report.text import listed
+from runtime.report.text import counted, listed
 from runtime.ruleset import Ruleset
 
 FEWEST = 12
@@ -324,11 +324,12 @@ def _curves(
 
 
 def _to_be_read(recording: Recording) -> str:
-    """Which columns to look at: those without a number, else those that are not there."""
+    """Which columns to look at: those without a number; of these first the ones that are there."""
     absent = set(recording.missing)
     empty = [n for n, v in recording.values.items() if not np.isfinite(v).any()]
     empty = sorted(empty, key=lambda name: name in absent)
-    names = [*empty[:SHOWN], *([f"{len(empty) - SHOWN} others"] if len(empty) > SHOWN else [])]
+    names, more = empty[:SHOWN], len(empty) - SHOWN
+    names += [counted(more, "other")] if more > 0 else []
     return f"Look at {listed(names)} in the recording: there is not one number." if empty else ""
 
 
