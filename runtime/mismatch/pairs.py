@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,6 +11,7 @@ import numpy as np
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.compete import Contestant, Refit, cost_of, refit
 from runtime.mismatch.fit import Fitted, fit
+from runtime.mismatch.pair_gains import MORE, REFITTED, pair_gains
 from runtime.mismatch.periods import FEW_CHANGES, coming_and_going, periods_of
 from runtime.mismatch.screen import Trial, columns_of, looks_at, screen
 from runtime.plan import Array
@@ -19,17 +19,8 @@ from runtime.plan import Array
 PAIRED = 12
 """Single trials to which a second is looked for, under a calibration that holds."""
 
-MORE = 1.5
-"""A pair that hides itself gains this many times what its parts gain alone, linearised."""
-
-TWINS = 0.9
-"""Cosine of two terms from which on they are no pair."""
-
 TRIED = 2
 """Seconds that are tried beside each single explanation."""
-
-REFITTED = 6
-"""Pairs that hide each other that are refitted: some say nearly the same."""
 
 BEGUN = 4
 """Single explanations, under a calibration that holds, to which a second is looked for."""
@@ -46,9 +37,10 @@ def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[R
     terms = [(t, columns) for t, columns in drawn if columns is not None]
     if len(terms) < 2:
         return []
-    gains = _pair_gains(fitted, terms)
+    names, columns = [t.candidate.name for t, _ in terms], [c for _, c in terms]
+    low, high = np.concatenate([_ends(t) for t, _ in terms]).T
     found = []
-    for (i, j), gain in gains.items():
+    for (i, j), gain in pair_gains(looks_at(fitted), names, columns, low, high).items():
         first, second = terms[i][0], terms[j][0]
         if gain > max(least, MORE * (first.held + second.held)):
             found.append((gain, first, second))
@@ -56,36 +48,14 @@ def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[R
     return [_refitted(fitted, first, second) for _, first, second in found[:REFITTED]]
 
 
-def _pair_gains(
-    fitted: Fitted, terms: Sequence[tuple[Trial, Array]]
-) -> dict[tuple[int, int], float]:
-    """Gains of all pairs of terms with other names that do not look alike, linearised."""
-    table = np.concatenate([columns for _, columns in terms], axis=1)
-    ends = np.cumsum([0, *(columns.shape[1] for _, columns in terms)])
-    parts = [range(a, b) for a, b in itertools.pairwise(ends.tolist())]
-    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-    cosine = np.abs(table.T @ table) / np.outer(size, size)
-    null = [{u.id: u.null for u in t.candidate.unknowns if u.null is not None} for t, _ in terms]
-    bounds = [
-        (u.lowest - null[k][u.id], u.highest - null[k][u.id])
-        for k, (t, _) in enumerate(terms)
-        for u in t.candidate.unknowns
-        if u.id in null[k] and not u.fixed
+def _ends(trial: Trial) -> Array:
+    """Between which amplitudes those of a trial may lie, shape (amplitudes, 2)."""
+    ends = [
+        (u.lowest - u.null, u.highest - u.null)
+        for u in trial.candidate.unknowns
+        if u.null is not None and not u.fixed
     ]
-    low, high = np.array(bounds).T
-    by_size: dict[int, list[tuple[int, int]]] = {}
-    for i, j in itertools.combinations(range(len(terms)), 2):
-        same = terms[i][0].candidate.name == terms[j][0].candidate.name
-        # The difference of twins would explain anything small.
-        if not same and cosine[np.ix_(parts[i], parts[j])].max() <= TWINS:
-            by_size.setdefault(len(parts[i]) + len(parts[j]), []).append((i, j))
-    gains: dict[tuple[int, int], float] = {}
-    looks = looks_at(fitted)
-    for pairs in by_size.values():
-        sets = np.array([[*parts[i], *parts[j]] for i, j in pairs])
-        each = np.max([look.best_of(table, sets, low, high)[1] for look in looks], axis=0)
-        gains.update(zip(pairs, each.tolist(), strict=True))
-    return gains
+    return np.array(ends).reshape(-1, 2)
 
 
 def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
@@ -107,11 +77,14 @@ def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
 
 
 def torn_pairs(
-    fitted: Fitted, torn: Sequence[Contestant], free: Sequence[Candidate]
+    fitted: Fitted, torn: Sequence[Contestant], free: Sequence[Candidate], most: int = BEGUN
 ) -> list[Refit]:
-    """Refits with a second explanation beside single ones that gain enough and yet do not win."""
+    """Refits with a second explanation beside single ones that gain enough and yet do not win.
+
+    `most` of these are tried, the best in the sample first.
+    """
     found: dict[frozenset[str], Refit] = {}
-    for begun, first in _alone(torn)[:BEGUN]:
+    for begun, first in _alone(torn)[:most]:
         for second in _seconds(begun, free):
             pair = frozenset((first.candidate.id, second.candidate.id))
             if len(pair) > 1 and pair not in found:

@@ -48,6 +48,9 @@ PASSING = 0.9
 FEW_CHANGES = 2
 """Periods of a fault that begins, at most."""
 
+BEGINS = 200
+"""Times at which a fault that stays may begin that are tried."""
+
 COMING = 4
 """Faults that come and go that are refitted in a round."""
 
@@ -91,13 +94,13 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     some = [on for on in states if on.any() and not on.all()]
     states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
     means_ = _Means(known, edges, means, sums, noise)
-    states.append(_begun(segments, means_))
-    tried = {tuple(np.flatnonzero(on)): on for on in states}
+    tried = {tuple(np.flatnonzero(on)): (segments, on) for on in states}
+    begun = _begun(fitted, looks, unknown, columns[:, 0], means_)
     trials = [
-        _trial(fitted, looks, candidate, unknown, columns[:, 0], means_, segments, on, levels)
-        for on in tried.values()
+        _trial(fitted, looks, candidate, unknown, columns[:, 0], means_, *way, levels)
+        for way in (*tried.values(), begun)
         for levels in (1, MOST_LEVELS)
-        if on.any() and not on.all()
+        if way[1].any() and not way[1].all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     found = [t for t in trials if t is not None and t.course and len(t.course.periods) <= most]
@@ -129,17 +132,26 @@ def _hull(on: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _begun(segments: Segments, means: _Means) -> np.ndarray:
-    """One change for good, where that tells most: what faults do."""
-    begins = segments.first[1:]
-    weights = np.cumsum(means.weight)
-    moments = np.cumsum(means.weight * means.value)
-    before, whole = weights[begins - 1], weights[-1]
-    apart_ = moments[begins - 1] / before - (moments[-1] - moments[begins - 1]) / (whole - before)
-    told = before * (whole - before) * apart_**2
-    since = begins[int(np.argmax(told))] if len(begins) else len(means.value)
-    on: np.ndarray = segments.first >= since
-    return on
+def _begun(
+    fitted: Fitted, looks: Sequence[Look], unknown: Unknown, column: Array, means: _Means
+) -> tuple[Segments, np.ndarray]:
+    """One change for good, where that explains most: what faults do.
+
+    Beside values that are free: a recalibration stands between what was before and what is since,
+    and hides a part of both.
+    """
+    count = len(means.value)
+    begins = np.unique(np.linspace(SHORTEST, count - SHORTEST, BEGINS).astype(int))
+    since = means.known[means.edges[begins]]
+    terms = column[:, None] * (fitted.rows.point[:, None] >= since)
+    null = unknown.null or 0.0
+    low, high = (np.full(len(begins), end - null) for end in (unknown.lowest, unknown.highest))
+    each = np.arange(len(begins))[:, None]
+    gains = np.max([look.best_of(terms, each, low, high)[1] for look in looks], axis=0)
+    first = np.array([0, begins[int(np.argmax(gains))]])
+    length = np.diff(np.append(first, count))
+    level = np.add.reduceat(means.value, first) / length / means.noise
+    return Segments(first, level, length), np.array([False, True])
 
 
 def _likely(trial: Trial, each: float) -> float:

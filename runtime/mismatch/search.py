@@ -11,13 +11,17 @@ from runtime.mismatch.compete import Contestant, contest, cost_of, refit
 from runtime.mismatch.exchange import exchanged, weighed
 from runtime.mismatch.fit import fit
 from runtime.mismatch.hidden import hidden_trials
+from runtime.mismatch.pairs import torn_pairs
 from runtime.mismatch.price import NEEDED, net_gain, odds_of
 from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rows import Rows
-from runtime.mismatch.screen import Trial, with_open_references
+from runtime.mismatch.screen import Trial, screen, with_open_references
 from runtime.mismatch.search_round import FINALISTS, best_step
 from runtime.mismatch.setting import HIDDEN, Setting
-from runtime.mismatch.winner import best_of, recorded
+from runtime.mismatch.winner import CONTESTED, best_of, contested, first_to_win, recorded
+
+MANY = 3
+"""Explanations from which on it is asked whether two that are chosen together say the same."""
 
 MOST_TERMS = 7
 """Explanations of one recording."""
@@ -43,18 +47,42 @@ def search(rows: Rows, progress: Progress) -> Search:
     data = rows.system.data
     progress("refitting the plain model")
     plain = contest(retempered(fit(rows, Setting(), data.open)), None)
-    named = _one_by_one(plain, plain, (), 0, progress)
+    named = _or_begun_with_two(plain, _one_by_one(plain, plain, (), 0, progress), progress)
     # Several names may together imitate one driver that nobody recorded.
     hidden = best_of([refit(plain.fitted, t) for t in hidden_trials(plain.fitted)], plain)
     if hidden is None or any(r.trial.candidate.sort == HIDDEN for r in named.accepted):
         return named
-    unnamed = any(r.trial.candidate.sort == "free" for r in named.accepted)
+    unnamed = any(_is_free(r) for r in named.accepted)
     ahead = net_gain(hidden, plain) - net_gain(named.best, plain)
     if ahead < (0.0 if unnamed else NEEDED):
         return named
     progress("a driver that nobody recorded explains more than all names")
     first = recorded(hidden, plain, [], ())
     return _one_by_one(plain, hidden, first, named.tried, progress)
+
+
+def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> Search:
+    """What is found if the first two are chosen together, where one by one it took many.
+
+    The best single explanation of two that are left out may be neither of them. All that follows
+    then mends what it does wrong, and each is needed beside the others.
+    """
+    if len(found.accepted) < MANY:
+        return found
+    progress("looking for two explanations that say the same as all of these")
+    candidates = plain.fitted.rows.system.workshop.candidates
+    singles = [refit(plain.fitted, t) for t in screen(plain.fitted, candidates)[:FINALISTS]]
+    pairs = torn_pairs(plain.fitted, contested(singles, plain), candidates, CONTESTED)
+    step = first_to_win(plain, contested(pairs, plain), None, found.tried)
+    if step is None or step.winner is None or not step.records:
+        return found
+    other = _one_by_one(plain, step.winner, step.records, found.tried, progress)
+    return max((found, other), key=lambda way: _worth(way, plain))
+
+
+def _worth(found: Search, plain: Contestant) -> float:
+    """What was gained, less what must be gained for each explanation."""
+    return net_gain(found.best, plain) - NEEDED * len(found.accepted)
 
 
 def _one_by_one(
@@ -66,10 +94,9 @@ def _one_by_one(
 ) -> Search:
     """Add explanations to a model, which may have some, until none is worth it."""
     accepted = list(begun)
+    names_once_more = True
     candidates = plain.fitted.rows.system.workshop.candidates
-    while len(accepted) < MOST_TERMS and not any(
-        r.trial.candidate.sort == "free" for r in accepted
-    ):
+    while len(accepted) < MOST_TERMS and not any(_is_free(r) for r in accepted):
         progress(f"looking for explanation {len(accepted) + 1} among {len(candidates)}")
         named = sum(r.gain for r in accepted if r.trial.candidate.sort != HIDDEN)
         step = best_step(now, candidates, tried, named)
@@ -81,6 +108,11 @@ def _one_by_one(
             earlier = [r.trial.candidate.id for r in accepted]
             now, gone = needless(recut(now), earlier)
             accepted = [r for r in accepted if r.trial.candidate.id not in gone]
+            if gone and names_once_more and _is_free(step.records[0]):
+                # It was ahead of names beside something that it made needless.
+                names_once_more = False
+                now = _without(now, step.records[0].trial.candidate.id)
+                continue
             now, records = _asked_again(now, step.records)
             paired = len(records) > 1
             if gone or paired:  # weighed beside what is not there any more, or not at all
@@ -90,6 +122,17 @@ def _one_by_one(
         now = _eased(contest(retempered(now.fitted), now.trial))
     now, found = exchanged(now, accepted)
     return Search(plain, now, found, tried)
+
+
+def _is_free(record: Accepted) -> bool:
+    return record.trial.candidate.sort == "free"
+
+
+def _without(now: Contestant, name: str) -> Contestant:
+    """The model with one explanation left out, neighbours counted as what they are worth then."""
+    fitted = now.fitted
+    bare = fit(fitted.rows, fitted.setting.leaving(name), fitted.used, temper=fitted.temper)
+    return contest(retempered(bare), None)
 
 
 def _weighed(now: Contestant, record: Accepted, finalists: Sequence[Trial]) -> Accepted:

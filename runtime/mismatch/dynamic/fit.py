@@ -256,6 +256,19 @@ class Fitter:
         step = -np.linalg.lstsq(slopes, residual, rcond=1e-9)[0] * self._scale
         return np.asarray(np.clip(at + step, self._low, self._high))
 
+    def changes(
+        self, at: Array, judged: Judged, basis: Array, candidate: Candidate
+    ) -> tuple[Array, Array, Array]:
+        """What strengths of a candidate change in weighted errors, per scaled step, shape (errors,
+        strengths); and the ends of their ranges in such steps from their null, shape (strengths,).
+        """
+        residual, slopes = self.residual(at, judged, basis)
+        own = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+        places = [self.free.index(name) for name in own]
+        null, scale = np.array(list(own.values())), self._scale[places]
+        columns = slopes[: len(residual) - self._count, places]
+        return columns, (self._low[places] - null) / scale, (self._high[places] - null) / scale
+
     def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
         """A local optimum near a point."""
         from scipy.optimize import least_squares

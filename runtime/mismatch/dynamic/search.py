@@ -7,15 +7,17 @@ models are carried along, and each is tried with every further candidate.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.mismatch.dynamic.beam import Task, distinct, swaps_of, tasks_of
+from runtime.mismatch.candidate import Candidate
+from runtime.mismatch.dynamic.beam import BEAM, Task, distinct, swaps_of, tasks_of
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
+from runtime.mismatch.dynamic.hiding import hiding_pairs
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.price import SURPASSED
@@ -25,6 +27,11 @@ DEEPEST = 3
 
 NARROWED = 3
 """Models of two explanations or more that are carried along."""
+
+WHITEST = 2
+"""Models that are carried along beside those, as what they leave looks most like noise. Where the
+plain model is off for long stretches there is little news by its memory: then models hardly stand
+apart, and prices decide."""
 
 SWAPPED = 2
 """Models of each level in which single explanations are exchanged."""
@@ -94,25 +101,30 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     alone = {f.ids[0]: searcher.gain(f, plain) for f in singles}
     levels: list[tuple[Fitted, ...]] = [(plain,)]
     single = tuple(c for c in candidates if not c.members)
+    tell("looking at pairs that hide each other")
+    hiding = _hiding(searcher, plain, singles, single)
     for depth in range(1, DEEPEST + 1):
         ranked = singles
         if depth > 1:
             tell(f"trying {len(single)} explanations on {len(levels[-1])} models, depth {depth}")
             ranked = searcher.ranked(tasks_of(levels[-1], single), plain)
-        refined = searcher.refined(distinct(ranked), plain)
+        refined = searcher.refined(_carried(searcher, ranked, plain), plain)
+        refined = searcher.with_kin(refined, single, plain)
         if depth == 1:
             refined = searcher.begun_alike(refined, singles, plain)
             singles = _each_once(searcher, [*refined, *singles], plain)
-        beam = distinct(refined)
+        if depth == 2:
+            refined = _ordered(searcher, [*refined, *hiding], plain)
+        beam = _carried(searcher, refined, plain)
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
             swapped = [t for model in beam[:SWAPPED] for t in swaps_of(model, single)]
             more = distinct(searcher.ranked(swapped, plain))[:SWAPPED]
-            every = [*beam, *searcher.refined(more, plain)]
-            beam = distinct(sorted(every, key=lambda f: -searcher.standing(f, plain)))
+            every = _ordered(searcher, [*beam, *searcher.refined(more, plain)], plain)
+            beam = _carried(searcher, every, plain)
         if not beam:
             break
-        levels.append(tuple(beam if depth == 1 else beam[:NARROWED]))
+        levels.append(tuple(beam if depth == 1 else _carried(searcher, beam, plain, NARROWED)))
         if _is_white(beam[0]):
             break
         if depth > 1 and searcher.standing(beam[0], plain) < STEP:
@@ -120,14 +132,45 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
         if depth > 2 and _stands_still(searcher, levels, plain):
             break
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
-    best = max(itertools.chain(*levels), key=lambda f: searcher.gain(f, plain))
+    best = _likeliest(searcher, itertools.chain(*levels, hiding), plain)
     turned = searcher.turned(best)
     alike = [f for f in turned if len(f.joined) == 1]
     singles = _each_once(searcher, [*alike, *singles], plain)
-    best = max((best, *turned), key=lambda f: searcher.gain(f, plain))
+    best = _likeliest(searcher, (best, *turned), plain)
     tell("trying terms without physics")
     best = _or_nameless(searcher, best, bare, len(candidates))
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
+
+
+def _hiding(
+    searcher: Searcher, plain: Fitted, singles: Sequence[Fitted], candidates: Sequence[Candidate]
+) -> list[Fitted]:
+    """Pairs whose parts hide each other, which gain more than any single one; all pairs are looked
+    at, and that is paid for."""
+    pairs = needed(len(candidates) * (len(candidates) - 1) // 2)
+    least = max((searcher.gain(f, plain) for f in singles), default=0.0) + pairs
+    found = searcher.refined(
+        searcher.ranked(hiding_pairs(searcher, plain, candidates), plain), plain
+    )
+    return [f for f in found if searcher.gain(f, plain) > least]
+
+
+def _carried(
+    searcher: Searcher, ranked: Sequence[Fitted], plain: Fitted, most: int = BEAM
+) -> list[Fitted]:
+    """Of ranked models those that are carried along: the first ones, and the whitest."""
+    kept = distinct(ranked)[:most]
+    by_gain = distinct(sorted(ranked, key=lambda f: -searcher.gain(f, plain)))
+    ids = {f.ids for f in kept}
+    return [*kept, *(f for f in by_gain[:WHITEST] if f.ids not in ids)]
+
+
+def _ordered(searcher: Searcher, models: Iterable[Fitted], plain: Fitted) -> list[Fitted]:
+    return sorted(models, key=lambda f: -searcher.standing(f, plain))
+
+
+def _likeliest(searcher: Searcher, models: Iterable[Fitted], plain: Fitted) -> Fitted:
+    return max(models, key=lambda f: searcher.gain(f, plain))
 
 
 def _each_once(searcher: Searcher, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -154,6 +154,24 @@ class Searcher:
         least, _ = _stepped(fitter, at, judged, basis)
         return -least - price_of(replace(on, joined=joined), self.news(on))
 
+    def linear(self, fitted: Fitted) -> tuple[Array, Array]:
+        """Weighted errors and strains of a model where it stands, shape (rows,), and their slopes
+        by its free values, shape (rows, values)."""
+        fitter, judged, _ = self._begun(fitted, fitted.joined)
+        return fitter.residual(fitter.vector(fitted.values), judged, judged.basis())
+
+    def changes(self, on: Fitted, candidate: Candidate) -> Iterator[tuple[Array, Array, Array]]:
+        """What a candidate changes in weighted errors from each of its starts, near its null.
+
+        Shape (errors, strengths), per step that matters, and between how many such steps from
+        their null the strengths may lie. Where it runs away there is nothing to tell.
+        """
+        fitter, judged, starts = self._begun(on, (*on.joined, candidate))
+        basis = judged.basis()
+        for at in _near_null(fitter, on, starts):
+            with contextlib.suppress(RanAway):
+                yield fitter.changes(at, judged, basis, candidate)
+
     def promise(self, on: Fitted, candidates: Sequence[Candidate]) -> bool:
         """Does an explanation promise something, though what is left looks like noise?
 
@@ -236,6 +254,41 @@ class Searcher:
                     known[found.ids] = found
         return sorted(known.values(), key=lambda f: -self.standing(f, plain))
 
+    def with_kin(
+        self, models: Sequence[Fitted], candidates: Sequence[Candidate], plain: Fitted
+    ) -> list[Fitted]:
+        """Models, and each with one explanation exchanged for its kin, begun where it stands.
+
+        A law that holds another as a special case can be no worse; yet begun from afar it may not
+        find the way there.
+        """
+        known = {frozenset(m.ids) for m in models}
+        tasks = {
+            frozenset((*rest, c.id)): (m, left, c)
+            for m in models
+            for left in m.joined
+            for rest in [[i for i in m.ids if i != left.id]]
+            for c in candidates
+            if c.id not in m.ids and _are_kin(left, c)
+        }
+        todo = [task for ids, task in tasks.items() if ids not in known]
+        with ThreadPoolExecutor(self._workers) as pool:
+            found = [f for f in pool.map(lambda t: self._as_kin(*t), todo) if not f.pressed]
+        return sorted((*models, *found), key=lambda f: -self.standing(f, plain))
+
+    def _as_kin(self, model: Fitted, left: Candidate, kin: Candidate) -> Fitted:
+        """A model with one explanation exchanged, fitted from the values that both have."""
+        joined = tuple(kin if c is left else c for c in model.joined)
+        gone = {u.id for u in left.unknowns}
+        shared = {u.name: model.values[u.id] for u in left.unknowns}
+        values = {n: v for n, v in model.values.items() if n not in gone}
+        values |= {u.id: shared[u.name] for u in kin.unknowns if u.name in shared}
+        bare = replace(model, joined=joined, values=values)
+        starts = [{**s, **values} for s in self._starts(model, [kin])]
+        different = [s for i, s in enumerate(starts) if s not in starts[:i]]
+        found = [self.polished(replace(bare, values=s)) for s in different]
+        return max(found, key=lambda f: self.standing(f, model))
+
     def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
         """Models fitted to the end, best first."""
         with ThreadPoolExecutor(self._workers) as pool:
@@ -313,6 +366,14 @@ class Searcher:
         return Fitted(
             (), values, fitter.free, noise, errors, 0.0, empty, judged.slow, inputs, drift
         )
+
+
+def _are_kin(one: Candidate, other: Candidate) -> bool:
+    """Do two laws of one place share all values that one of them has, two at least?"""
+    names = [{u.name for u in c.unknowns if not u.fixed} for c in (one, other)]
+    shared = names[0] & names[1]
+    here = (one.module, one.place) == (other.module, other.place)
+    return here and shared in names and len(shared) > 1
 
 
 def _onset(fault: Fitted) -> str:
