@@ -33,7 +33,7 @@ def pair_gains(
     table = np.concatenate(terms, axis=1)
     ends = np.cumsum([0, *(columns.shape[1] for columns in terms)])
     parts = [range(a, b) for a, b in itertools.pairwise(ends.tolist())]
-    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(table, axis=0), 1e-150)
     cosine = np.abs(table.T @ table) / np.outer(size, size)
     by_size: dict[int, list[tuple[int, int]]] = {}
     for i, j in itertools.combinations(range(len(terms)), 2):

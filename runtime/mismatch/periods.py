@@ -95,10 +95,12 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
     means_ = _Means(known, edges, means, sums, noise)
     tried = {tuple(np.flatnonzero(on)): (segments, on) for on in states}
-    begun = _begun(fitted, looks, unknown, columns[:, 0], means_)
+    ways = list(tried.values())
+    if len(segments.first) > 1:
+        ways.append(_begun(fitted, looks, unknown, columns[:, 0], means_))
     trials = [
         _trial(fitted, looks, candidate, unknown, columns[:, 0], means_, *way, levels)
-        for way in (*tried.values(), begun)
+        for way in ways
         for levels in (1, MOST_LEVELS)
         if way[1].any() and not way[1].all()
     ]

@@ -76,8 +76,19 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
     step = first_to_win(plain, contested(pairs, plain), None, found.tried)
     if step is None or step.winner is None or not step.records:
         return found
-    other = _one_by_one(plain, step.winner, step.records, found.tried, progress)
+    winner = step.winner
+    records = tuple(_weighed(winner, r, _beside(winner, r)) for r in step.records)
+    other = _one_by_one(plain, winner, records, found.tried, progress)
     return max((found, other), key=lambda way: _worth(way, plain))
+
+
+def _beside(now: Contestant, record: Accepted) -> list[Trial]:
+    """What may stand in the place of an explanation, beside the others of a model."""
+    name = record.trial.candidate.id
+    candidates = now.fitted.rows.system.workshop.candidates
+    joined = {c.id for c in now.fitted.setting.joined}
+    free = [c for c in candidates if c.id not in joined]
+    return screen(_without(now, name).fitted, free)[:FINALISTS]
 
 
 def _worth(found: Search, plain: Contestant) -> float:

@@ -6,7 +6,8 @@ eliminated by projection (variable projection: Golub, Pereyra 1973).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -173,15 +174,23 @@ class Fitter:
 
         Values that only the priors tell apart form a ridge, which no descent from beside it climbs.
         """
-        low, high, value = self._low[i], self._high[i], at[i] + step
-        margin = 1e-7 * self._scale[i]
-        self._low[i], self._high[i] = value - margin, value + margin
-        try:
+        value = at[i] + step
+        with self._held({i: value}):
             starts = [np.clip(at + step * a, self._low, self._high) for a in (0.0, along)]
             near = [self.descend(start, judged, basis, QUICK) for start in starts]
             return min(self.cost(point, judged, basis) for point in near)
+
+    @contextlib.contextmanager
+    def _held(self, values: Mapping[int, float]) -> Iterator[None]:
+        """Some free values, by number, stay where they are put."""
+        low, high = self._low.copy(), self._high.copy()
+        for i, value in values.items():
+            margin = 1e-7 * self._scale[i]
+            self._low[i], self._high[i] = value - margin, value + margin
+        try:
+            yield
         finally:
-            self._low[i], self._high[i] = low, high
+            self._low, self._high = low, high
 
     def scattered(self, at: Array, random: np.random.Generator, share: float) -> Array:
         """A start somewhere near: the plain parameters moved by a share of their uncertainties."""
@@ -318,10 +327,23 @@ class Fitter:
             whole, slow = whole - judged.drift.moved @ found, slow - found
         return dict(zip(self.bench.signals, np.split(whole, len(errors)), strict=True)), slow
 
+    def _descended(self, at: Array, judged: Judged, evaluations: int) -> Array:
+        """A local optimum, also of the other values at the times at which something begins.
+
+        Errors have a kink where such a time passes a sample: there steps of all values end.
+        """
+        basis = judged.basis()
+        at = self.descend(at, judged, basis, evaluations)
+        times = [i for i, u in enumerate(self._unknowns, self._count) if u.driver == TIME]
+        if not times:
+            return at
+        with self._held({i: float(at[i]) for i in times}):
+            return self.descend(at, judged, basis, evaluations)
+
     def finish(self, at: Array, judged: Judged, evaluations: int = 40, rounds: int = 2) -> Fitted:
         """Fit and look at the noise in turn."""
         for _ in range(rounds):
-            at = self.descend(at, judged, judged.basis(), evaluations)
+            at = self._descended(at, judged, evaluations)
             errors, slow = self.errors(at, judged)
             noise, given = self._noise(errors, judged), judged.drift.given(slow)
             judged = replace(judged, noise=noise, slow=given)

@@ -31,8 +31,13 @@ class _Term:
     high: Array
 
 
-def hiding_pairs(searcher: Searcher, plain: Fitted, candidates: Sequence[Candidate]) -> list[Task]:
-    """Pairs that gain more than any single explanation, and much more than both for themselves."""
+def hiding_pairs(
+    searcher: Searcher, plain: Fitted, candidates: Sequence[Candidate], least: float
+) -> list[Task]:
+    """Pairs that gain more than any single explanation, and much more than both for themselves.
+
+    `least` is the gain, made linear, below which none is worth a fit.
+    """
     residual, slopes = searcher.linear(plain)
     terms = list(_terms(searcher, plain, candidates, len(residual)))
     if len(terms) < 2:
@@ -55,9 +60,9 @@ def hiding_pairs(searcher: Searcher, plain: Fitted, candidates: Sequence[Candida
     best: dict[tuple[str, str], tuple[float, Task]] = {}
     for (i, j), gain in pair_gains([look], names, columns, low, high).items():
         one, other = terms[i].candidate, terms[j].candidate
-        least = max(*alone.values(), MORE * (alone[one.id] + alone[other.id]))
+        enough = max(least, *alone.values(), MORE * (alone[one.id] + alone[other.id]))
         known = best.get((one.id, other.id))
-        if gain > least and (known is None or gain > known[0]):
+        if gain > enough and (known is None or gain > known[0]):
             best[one.id, other.id] = gain, (plain, (one, other))
     ranked = sorted(best.items(), key=lambda found: (-found[1][0], found[0]))
     return [task for _, (_, task) in ranked[:REFITTED]]

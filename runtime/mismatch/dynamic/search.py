@@ -19,7 +19,7 @@ from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
 from runtime.mismatch.dynamic.hiding import hiding_pairs
 from runtime.mismatch.dynamic.price import needed
-from runtime.mismatch.dynamic.searcher import Searcher
+from runtime.mismatch.dynamic.searcher import HOPEFUL, Searcher
 from runtime.mismatch.price import SURPASSED
 
 DEEPEST = 3
@@ -148,10 +148,9 @@ def _hiding(
     """Pairs whose parts hide each other, which gain more than any single one; all pairs are looked
     at, and that is paid for."""
     pairs = needed(len(candidates) * (len(candidates) - 1) // 2)
+    tasks = hiding_pairs(searcher, plain, candidates, HOPEFUL * pairs)
+    found = searcher.refined(searcher.ranked(tasks, plain), plain)
     least = max((searcher.gain(f, plain) for f in singles), default=0.0) + pairs
-    found = searcher.refined(
-        searcher.ranked(hiding_pairs(searcher, plain, candidates), plain), plain
-    )
     return [f for f in found if searcher.gain(f, plain) > least]
 
 

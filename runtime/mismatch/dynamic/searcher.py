@@ -233,7 +233,8 @@ class Searcher:
     ) -> list[Fitted]:
         """Refined models, and faults with the onset of the best of them where that is better.
 
-        What begins begins once, and a fit that starts elsewhere may not find the way there.
+        What begins begins once, and a fit that starts elsewhere may not find the way there. Beside
+        other parameters of the plant it may be another time.
         """
         begun = [f for f in refined if f.joined[0].onset is not None]
         if not begun:
@@ -245,7 +246,9 @@ class Searcher:
 
         def moved(fault: Fitted) -> Fitted:
             fault = known.get(fault.ids, fault)
-            return self.polished(replace(fault, values={**fault.values, _onset(fault): since}))
+            later = replace(fault, values={**fault.values, _onset(fault): since})
+            there = self._as_kin(best, best.joined[0], fault.joined[0])
+            return max((self.polished(later), there), key=lambda f: self.gain(f, plain))
 
         with ThreadPoolExecutor(self._workers) as pool:
             for found in pool.map(moved, faults[:ALIGNED]):

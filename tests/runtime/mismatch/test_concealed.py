@@ -8,13 +8,9 @@ import pytest
 
 from rulec.workshop import open_workshop
 from runtime.mismatch.analyse import analyse
-from runtime.mismatch.compete import contest
-from runtime.mismatch.fit import fit
 from runtime.mismatch.result import Mismatch
-from runtime.mismatch.revise import retempered
 from runtime.mismatch.rivals import SURE
-from runtime.mismatch.search_round import best_step
-from runtime.mismatch.setting import Setting
+from runtime.mismatch.search import search
 from runtime.recording import read_recording
 from tests.runtime.mismatch.made import rows_at
 from tests.truth.settled.plan import Planned, SettledCase
@@ -52,18 +48,17 @@ def test_what_was_planted_is_named(effect: str, verdict: str, name: str, tmp_pat
 
 
 def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> None:
-    """Each alone gains in some blocks and does harm in others; both at once win the first round."""
+    """Each alone gains in some blocks and does harm in others; both are found at once, or one of
+    them with another that gives way to the second."""
     name, effects = "stationary-718873036-pair-fouling+leak-0", ("fouling", "leak")
     made = Planned(name, "pair", "dosing", "ramps", effects, 4241.729764785293).make()
     made.write(tmp_path)
     ruleset, workshop = open_workshop(tmp_path / "plant")
     rows = rows_at((ruleset, workshop), read_recording(tmp_path / "recording.csv", ruleset))
-    plain = contest(retempered(fit(rows, Setting(), rows.system.data.open)), None)
-    step = best_step(plain, workshop.candidates, 0, 0.0)
-    found = {r.trial.candidate.name: r.trial.candidate.module for r in step.records}
-    assert {"leakage": "B", "fouling": "B"} == found
-    assert step.winner is not None
-    assert step.winner.sureness_over(plain) > SURE
+    found = search(rows, lambda text: None)
+    told = {r.trial.candidate.name: r.trial.candidate.module for r in found.accepted}
+    assert {"leakage": "B", "fouling": "B"} == told
+    assert found.best.sureness_over(found.plain) > SURE
 
 
 def test_what_no_entry_names_is_not_named(tmp_path: Path) -> None:
