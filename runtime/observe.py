@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.ruleset import ObserverSpec, Ruleset
+from runtime.ruleset import ObserverSpec, Ruleset, SignalSpec
 from runtime.stationary import Stretches, systematic_u
 
 STUCK = 20
@@ -91,6 +91,17 @@ class Observed:
         return int(self.flows.shape[1])
 
 
+def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
+    """Readings, SI, that its sensor cannot show, shape (n,)."""
+    low, high = signal.lowest, signal.highest
+    if low is None or high is None:
+        return np.zeros(len(values), dtype=bool)
+    slack = 0.02 * (high - low)
+    with np.errstate(invalid="ignore"):
+        outside: np.ndarray = (values < low - slack) | (values > high + slack)
+    return outside
+
+
 def check_readings(
     recording: Recording, ruleset: Ruleset
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
@@ -105,14 +116,10 @@ def check_readings(
             continue
         flags = ~np.isfinite(values)
         reasons = ["no reading"] if flags.any() else []
-        low, high = signal.lowest, signal.highest
-        if low is not None and high is not None:
-            slack = 0.02 * (high - low)
-            with np.errstate(invalid="ignore"):
-                outside = (values < low - slack) | (values > high + slack)
-            if outside.any():
-                reasons.append("outside the sensor's range")
-            flags |= outside
+        outside = outside_range(signal, values)
+        if outside.any():
+            reasons.append("outside the sensor's range")
+        flags |= outside
         if not signal.is_input:
             stuck = _stuck(values)
             if stuck.any():

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.mismatch.candidate import Spot, Workshop
+from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, reconstruct
 from runtime.mismatch.interval import confounded
@@ -149,6 +150,9 @@ def _answer(
     system = fitted.rows.system
     ruleset = system.ruleset
     locations = tuple(location_of(found.best, f) for f in findings)
+    failing = tuple(impossible(recording, ruleset))
+    findings = (*findings, *failing)
+    locations = (*locations, *(failed_at(f) for f in failing))
     driver = _driver(system, hidden) if hidden is not None else None
     if hidden is not None:
         locations = (*locations, _location(fitted, hidden, 1.0 - sum(f.closed for f in findings)))

@@ -17,13 +17,14 @@ from runtime.mismatch.dynamic.locate import Suspect, suspects
 from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.prove import Proof, noise_floor, prove, series_of
-from runtime.mismatch.dynamic.quality import failing, failing_at
+from runtime.mismatch.dynamic.quality import failing
 from runtime.mismatch.dynamic.record import Record, record_of
 from runtime.mismatch.dynamic.search import Found, Progress, search
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
+from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
 from runtime.mismatch.settle import REPAIRING
 from runtime.mismatch.verdict import FAR, headline_of, next_step, remainder_of, verdict_of
@@ -84,7 +85,8 @@ def analyse_stores(
     tell("looking for places where something is wrong")
     left = suspects(bench, _sharp(bench, best), found.judged)
     tell("working out uncertainties")
-    findings = (*findings_of(searcher, best, accepted), *failing(recording, ruleset))
+    broken = (*failing(recording, ruleset), *impossible(recording, ruleset))
+    findings = (*findings_of(searcher, best, accepted), *broken)
     whole = fitted_to_all(searcher, best)
     return _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
 
@@ -172,7 +174,7 @@ def _answer(
 ) -> Mismatch:
     ruleset = bench.ruleset
     locations = tuple(
-        location_of(bench, best, f) if f.id in best.ids else failing_at(f) for f in findings
+        location_of(bench, best, f) if f.id in best.ids else failed_at(f) for f in findings
     )
     nameless = _nameless(bench, best, left, len(bench.candidates))
     if not best.joined:

@@ -14,7 +14,8 @@ import numpy as np
 
 from runtime.dynamic.still import coarse_step, standing_still
 from runtime.dynamic.thin import glitches_in
-from runtime.mismatch.result import Finding, Location, Period
+from runtime.mismatch.failed import failed
+from runtime.mismatch.result import Finding, Period
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset, SignalSpec
@@ -22,9 +23,6 @@ from runtime.stationary import systematic_u
 
 OFTEN, MANY = 0.005, 20
 """Share of all readings, and number, from which such readings are the sensor's fault."""
-
-SURE = 0.99
-"""Nothing else does this [assumed]."""
 
 
 def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
@@ -54,7 +52,7 @@ def _stepping(signal: SignalSpec, step: float) -> Finding:
         f"{signal.id} moves in steps of {step / signal.factor:.3g} {signal.unit}, far coarser than "
         "its class; nothing finer can be told from it"
     )
-    return _finding(signal, "coarse-steps", "Sensor that shows coarse steps", text)
+    return failed(signal, "coarse-steps", "Sensor that shows coarse steps", text)
 
 
 def _stuck(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int, int]]) -> Finding:
@@ -65,7 +63,7 @@ def _stuck(signal: SignalSpec, time: Array, values: Array, spans: list[tuple[int
         f"{signal.id} is stuck from {when}, first at {shown:.4g} {signal.unit}: even its noise "
         "is gone; these readings are left out"
     )
-    finding = _finding(signal, "stuck-reading", "Sensor that is stuck", text)
+    finding = failed(signal, "stuck-reading", "Sensor that is stuck", text)
     return replace(finding, periods=periods)
 
 
@@ -76,33 +74,4 @@ def _dropping_out(signal: SignalSpec, values: Array, odd: np.ndarray) -> Finding
         f"{signal.id} drops out: {int(odd.sum())} single readings ({share:.1f} %) jump away by "
         f"about {away:.3g} {signal.unit} and back; they are left out"
     )
-    return _finding(signal, "drop-outs", "Sensor that drops out", text)
-
-
-def failing_at(finding: Finding) -> Location:
-    """Where a sensor fails."""
-    periods = tuple((p.since, p.until) for p in finding.periods)
-    return Location(finding.module, finding.place, "", float("nan"), (), periods)
-
-
-def _finding(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
-    module, _, place = signal.id.partition(".")
-    return Finding(
-        f"{signal.id}.{name}",
-        "sensor",
-        name,
-        title,
-        module,
-        place,
-        {},
-        "",
-        text,
-        "check cable, mounting and supply of the sensor",
-        "",
-        SURE,
-        (),
-        0.0,
-        (),
-        (),
-        0.0,
-    )
+    return failed(signal, "drop-outs", "Sensor that drops out", text)

@@ -1,0 +1,73 @@
+"""Sensors that fail, whatever the plant does: told beside all physics.
+
+A reading that its sensor cannot show is left out by everything that compares estimates. Where that
+is most of them it must not pass in silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from runtime.mismatch.result import Finding, Location
+from runtime.observe import outside_range
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset, SignalSpec
+
+SURE = 0.99
+"""Nothing else does this [assumed]."""
+
+MOSTLY, FEWEST = 0.5, 12
+"""Share of its readings, and number, from which on a sensor is told to show what cannot be."""
+
+
+def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
+    """Sensors that mostly show what they cannot, each as a finding."""
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None or signal.lowest is None or signal.highest is None:
+            continue
+        seen = values[np.isfinite(values)]
+        wrong = int(outside_range(signal, seen).sum())
+        if wrong >= max(FEWEST, MOSTLY * len(seen)):
+            ends, usual = (
+                (np.array(v) - signal.offset) / signal.factor
+                for v in ([signal.lowest, signal.highest], np.median(seen))
+            )
+            text = (
+                f"{signal.id} reads {usual:.4g} {signal.unit} (median), and {wrong} of "
+                f"{len(seen)} readings lie outside of {ends[0]:.4g} to {ends[1]:.4g} "
+                f"{signal.unit}, which is all that its sensor can show; they are left out"
+            )
+            yield failed(signal, "impossible-reading", "Sensor that shows what cannot be", text)
+
+
+def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
+    """A sensor that fails, as a finding."""
+    module, _, place = signal.id.partition(".")
+    return Finding(
+        f"{signal.id}.{name}",
+        "sensor",
+        name,
+        title,
+        module,
+        place,
+        {},
+        "",
+        text,
+        "check cable, mounting and supply of the sensor",
+        "",
+        SURE,
+        (),
+        0.0,
+        (),
+        (),
+        0.0,
+    )
+
+
+def failed_at(finding: Finding) -> Location:
+    """Where a sensor fails."""
+    periods = tuple((p.since, p.until) for p in finding.periods)
+    return Location(finding.module, finding.place, "", float("nan"), (), periods)
