@@ -158,3 +158,27 @@ def _number(cell: str) -> float:
         return float(cell)
     except ValueError:
         return float("nan")
+
+
+def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
+    """Correlation of a reconstructed course with the truth, its sign free; 0 where there is none.
+
+    Shapes (n,) and (m,), each beside its times.
+    """
+    usable = np.isfinite(course)
+    truth = np.interp(time[usable], clock, driver)
+    if usable.sum() < 3 or np.std(course[usable]) == 0 or np.std(truth) == 0:
+        return 0.0
+    return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
+
+
+def driver_told(clock: Array, driver: Array) -> str:
+    """The course of a driver that was not recorded, as text."""
+    rows = [f"{t!r},{v!r}" for t, v in zip(clock.tolist(), driver.tolist(), strict=True)]
+    return "\n".join([f"{TIME},driver", *rows, ""])
+
+
+def driver_of(text: str) -> tuple[Array, Array]:
+    """Its times and values again."""
+    columns = columns_of(text)
+    return columns[TIME], columns["driver"]

@@ -15,14 +15,16 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tests.prove.aligned import driver_told
 from tests.prove.analyst import FORM, analyse
 from tests.prove.ending import end_with_parent, end_workers
 from tests.prove.judge import judge
 from tests.prove.kept import CASES, SEALS, tool_digest
 from tests.prove.partition import Partition, Planned
 from tests.prove.results import Judged
+from tests.truth.sealed import Request
 
-OPENED = "answer-opened.json"
+OPENED, DRIVER = "answer-opened.json", "driver-opened.csv"
 
 Told = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
@@ -138,6 +140,9 @@ def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judg
     form: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
     result = judge(made, form, folder, partition)
     (folder / OPENED).write_text(made.answer.to_json(), encoding="utf-8")
+    driver = made.reference(Request(())).driver if made.answer.unrecorded else None
+    if driver is not None:
+        (folder / DRIVER).write_text(driver_told(*driver), encoding="utf-8")
     return result
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.prove.aligned import TIME, Course, columns_of, courses_of
+from tests.prove.aligned import TIME, Course, columns_of, courses_of, likeness
 from tests.prove.analyst import SERIES
 from tests.prove.baselines import Baselines, dynamic_baselines, stationary_baselines
 from tests.prove.results import Heldout, Judged
@@ -50,10 +50,12 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
         strength,
         min((p.margin for p in answer.effects), default=float("inf")),
         answer.digest,
-        place_right=_place(answer, form) if answer.effects else None,
+        place_right=place_right(answer.effects, form) if answer.effects else None,
         name_right=name_right(named, effects) if asked else None,
         clean_right=None if answer.effects else float(verdict == "none"),
-        unnamed_right=_unnamed(answer, form) if answer.verdict == "unnamed" else None,
+        unnamed_right=(
+            unnamed_right(answer.effects, form) if answer.verdict == "unnamed" else None
+        ),
         told_right=_told(answer, verdict),
         inside=_inside(named, effects),
         ratio=_ratio(form, known, verdict),
@@ -109,20 +111,19 @@ def _said_places(form: Form) -> set[str]:
     return found
 
 
-def _place(answer: Answer, form: Form) -> float:
+def place_right(planted: Sequence[Planted], form: Form) -> float:
     """Share of the places that are right; what is named rightly has its place, one of several that
     are left open as much as its name."""
     said, effects = _said_places(form), form.get("effects", ())
     right = [
-        1.0 if said & set(p.places) else _credit(p, effects) if p.names else 0.0
-        for p in answer.effects
+        1.0 if said & set(p.places) else _credit(p, effects) if p.names else 0.0 for p in planted
     ]
     return float(np.mean(right))
 
 
-def _unnamed(answer: Answer, form: Form) -> float:
+def unnamed_right(planted: Sequence[Planted], form: Form) -> float:
     """Called unnamed, with its place."""
-    return float(form.get("verdict") == "unnamed" and _place(answer, form) > 0)
+    return float(form.get("verdict") == "unnamed" and place_right(planted, form) > 0)
 
 
 def _told(answer: Answer, verdict: str) -> bool | None:
@@ -195,12 +196,7 @@ def _course(known: Reference, form: Form, folder: Path) -> float:
         return 0.0
     columns = columns_of((folder / hidden["series"]).read_text(encoding="utf-8"))
     course = next(v for header, v in columns.items() if header.startswith("course"))
-    time = columns["time [s]"]
-    usable = np.isfinite(course)
-    truth = np.interp(time[usable], *known.driver)
-    if usable.sum() < 3 or np.std(course[usable]) == 0 or np.std(truth) == 0:
-        return 0.0
-    return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
+    return likeness(columns[TIME], course, *known.driver)
 
 
 def _errors(fit: Form | None) -> Heldout | None:

@@ -1,9 +1,10 @@
-"""Was a name lost by the search, or do the readings not hold it? The true laws refitted.
+"""Lost by the search, or not in the readings? The truth refitted, by the tool's own likelihood.
 
 `python -m tests.prove.refit DIR [NUMBER...]` asks again about the cases of a run that was kept in
-DIR and whose answers were opened: those of which a name was lost, or the ones that are numbered.
-The search is run once more; then the true laws stand in its place, all values fitted anew, and both
-are weighed by the tool's own likelihood and prices.
+DIR and whose answers were opened: those of which a name or a place was lost, or the ones that are
+numbered. The search is run once more; then the true laws stand in its place, all values fitted
+anew, and both are weighed by the tool's own likelihood and prices. Where no entry has the true law,
+something without a name stands at its place (`nameless.py`).
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ from runtime.recording import Recording, read_recording
 from runtime.ruleset import Ruleset
 from tests.prove.analyst import FORM
 from tests.prove.campaign import OPENED
-from tests.prove.judge import name_right
+from tests.prove.judge import name_right, place_right, unnamed_right
 from tests.prove.kept import CASES
+from tests.prove.nameless import at_its_place, course_at, in_its_tank
 from tests.truth.sealed import Planted
 
 CLEAR = 3.0
@@ -49,9 +51,10 @@ Planned = Sequence[Planted]
 
 @dataclass(frozen=True)
 class Refitted:
-    """A case with the gains of the true laws and of what was told, over the plain model.
+    """A case with the gains of the truth and of what was told, over the plain model.
 
-    `needed` is the gain from which on anything is told.
+    `needed` is the gain from which on anything is told; `course` the likeness of the course of a
+    driver that nobody recorded, where its place is known.
     """
 
     case: str
@@ -60,10 +63,11 @@ class Refitted:
     needed: float
     laws: tuple[str, ...]
     names: tuple[str, ...]
+    course: float | None = None
 
     @property
     def is_in_the_readings(self) -> bool:
-        """Do the true laws lead by enough, and gain enough to be told?"""
+        """Does the truth lead by enough, and gain enough to be told?"""
         return self.true > max(self.told + CLEAR, self.needed)
 
     @property
@@ -71,20 +75,20 @@ class Refitted:
         """One line."""
         laws, names = ", ".join(self.laws) or "nothing", ", ".join(self.names) or "nothing"
         sign = "✗ lost by the search" if self.is_in_the_readings else "not in the readings"
+        known = "" if self.course is None else f"; course at its place {self.course:.2f}"
         return (
-            f"{self.case}: true laws gain {self.true:.1f} ({laws}), what was told "
-            f"{self.told:.1f} ({names}), needed {self.needed:.1f}: {sign}"
+            f"{self.case}: the truth gains {self.true:.1f} ({laws}), what was told "
+            f"{self.told:.1f} ({names}), needed {self.needed:.1f}: {sign}{known}"
         )
 
 
 def refitted(folder: Path) -> Refitted:
     """Ask about a case, and refit its true laws."""
     answer = json.loads((folder / OPENED).read_text(encoding="utf-8"))
-    planted = planted_of(answer)
     ruleset, workshop = open_workshop(folder / "plant")
     recording = read_recording(folder / "recording.csv", ruleset)
     ask = _stationary if ruleset.dynamics is None else _dynamic
-    return ask(answer["case"], planted, recording, ruleset, workshop)
+    return ask(answer, folder, recording, ruleset, workshop)
 
 
 def planted_of(answer: dict[str, Any]) -> Planned:
@@ -104,23 +108,38 @@ def _right(planted: Planted, candidates: Sequence[Candidate]) -> list[Candidate]
     ]
 
 
+def _places_without_a_name(answer: dict[str, Any]) -> set[str]:
+    """Where something is that no entry names; none where all of it has a name."""
+    if answer["verdict"] != "unnamed":
+        return set()
+    return {place for effect in answer["effects"] for place in effect["places"]}
+
+
 def _stationary(
-    case: str, planted: Planned, recording: Recording, ruleset: Ruleset, workshop: PlantWorkshop
+    answer: dict[str, Any],
+    folder: Path,
+    recording: Recording,
+    ruleset: Ruleset,
+    workshop: PlantWorkshop,
 ) -> Refitted:
     data = prepare(recording, ruleset, ())
     assert data is not None
     found = search(rows_of(System(ruleset, workshop, data), Setting()), _quiet)
     plain, best = found.plain, found.best.fitted
     told = contest(fit(best.rows, best.setting, best.used, temper=plain.fitted.temper), None)
-    orders = (planted, planted[::-1])
-    true = max((_with(plain, o, workshop) for o in orders), key=lambda c: gain_in_sample(c, plain))
+    nameless = at_its_place(plain, _places_without_a_name(answer))
+    planted = planted_of(answer)
+    orders = (planted, planted[::-1]) if answer["verdict"] != "unnamed" else ()
+    laws = [plain, *nameless[:1], *(_with(plain, order, workshop) for order in orders)]
+    true = max(laws, key=lambda c: gain_in_sample(c, plain))
     return Refitted(
-        case,
+        answer["case"],
         gain_in_sample(true, plain),
         gain_in_sample(told, plain),
         needed(plain, len(workshop.candidates)),
         tuple(c.id for c in true.fitted.setting.joined),
         tuple(c.id for c in best.setting.joined),
+        course_at(folder, nameless),
     )
 
 
@@ -140,7 +159,11 @@ def _with(now: Contestant, planted: Planned, workshop: PlantWorkshop) -> Contest
 
 
 def _dynamic(
-    case: str, planted: Planned, recording: Recording, ruleset: Ruleset, workshop: PlantWorkshop
+    answer: dict[str, Any],
+    folder: Path,
+    recording: Recording,
+    ruleset: Ruleset,
+    workshop: PlantWorkshop,
 ) -> Refitted:
     record = record_of(recording, ruleset, workshop.given, ())
     assert record is not None
@@ -148,8 +171,8 @@ def _dynamic(
     found = search_stores(bench, _quiet, 1)
     searcher, plain = Searcher(bench, found.judged, 1), found.plain
     told, _ = doubted(searcher, found)
-    true = plain
-    for one in planted:
+    true = in_its_tank(searcher, plain, _places_without_a_name(answer)) or plain
+    for one in planted_of(answer) if answer["verdict"] != "unnamed" else ():
         tasks = [(true, (*true.joined, c)) for c in _right(one, bench.candidates)]
         ways = [searcher.polished(searcher.trial(*task)) for task in tasks]
         if len(told.joined) == 1 and told.joined[0].onset is not None:
@@ -160,7 +183,7 @@ def _dynamic(
     # As far as what was told, which was exchanged and fitted again.
     true = searcher.polished(true)
     return Refitted(
-        case,
+        answer["case"],
         searcher.gain(true, plain),
         searcher.gain(told, plain),
         needed_of_stores(len(bench.candidates)),
@@ -174,21 +197,28 @@ def _quiet(what: str) -> None:
 
 
 def lost_in(work: Path) -> list[Path]:
-    """Folders of cases of which a name was lost."""
+    """Folders of cases of which a name, a place, or that there is no name, was lost."""
     found = []
     for folder in sorted((work / CASES).iterdir()):
         if not all((folder / name).exists() for name in (OPENED, FORM)):
             continue
         answer = json.loads((folder / OPENED).read_text(encoding="utf-8"))
         form = json.loads((folder / FORM).read_text(encoding="utf-8"))
-        planted = planted_of(answer)
-        if planted and answer["verdict"] != "unnamed":
-            found += [folder] if name_right(planted, form.get("effects", ())) < 1.0 else []
+        planted = [Planted(**effect) for effect in answer["effects"]]
+        if not planted:
+            continue
+        effects = form.get("effects", ())
+        if answer["verdict"] == "unnamed":
+            right = unnamed_right(planted, form)
+        else:
+            named = name_right([p for p in planted if p.names], effects)
+            right = min(place_right(planted, form), named)
+        found += [folder] if right < 1.0 else []
     return found
 
 
 def main(words: Sequence[str]) -> int:
-    """Print a line for each case, and how many names the readings do not hold."""
+    """Print a line for each case, and how many of them the readings do not hold."""
     work = Path(words[0])
     folders = [work / CASES / f"{int(n):04d}" for n in words[1:]] or lost_in(work)
     found = []

@@ -1,0 +1,85 @@
+"""What has no name, asked at its own place: the best that the tool could have said of it.
+
+No entry holds the true law, so it cannot be refitted. In its stand an error is put where the truth
+has it: with a course that is free in time, there or in a parameter of the law, and as a free curve
+over each reading. If these gain no more than what was told, or too little to tell anything, no
+better search would have told the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+from runtime.mismatch.compete import Contestant, entered
+from runtime.mismatch.dynamic.fit import Fitted as FittedStores
+from runtime.mismatch.dynamic.search import MOST, _pieces
+from runtime.mismatch.dynamic.searcher import Searcher
+from runtime.mismatch.fit import Fitted
+from runtime.mismatch.free_form import _parts, _varying
+from runtime.mismatch.hidden import _trial, reconstruct
+from runtime.mismatch.locate import Suspect, suspects
+from runtime.mismatch.price import gain_in_sample
+from runtime.mismatch.screen import Trial, screen
+from runtime.mismatch.setting import HIDDEN
+from runtime.mismatch.wander import wandering
+from tests.prove.aligned import driver_of, likeness
+from tests.prove.campaign import DRIVER
+
+TRIED = 3
+"""Courses and curves of each place that are fitted to the end, by their linear gain."""
+
+
+def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]:
+    """Models of a settled plant with something without a name at one of some places, best first."""
+    fitted = plain.fitted
+    here = [s for s in suspects(fitted) if f"{s.spot.module}.{s.spot.place}" in places]
+    found = [entered(fitted, t) for s in here for t in _trials(fitted, s)]
+    return sorted(found, key=lambda c: -gain_in_sample(c, plain))
+
+
+def _trials(fitted: Fitted, place: Suspect) -> Iterator[Trial]:
+    """Free courses and free curves at a place."""
+    if not fitted.rows.system.data.of_rows:
+        for way in (place, *wandering(fitted, place.spot)):
+            if (way.weight > 0).sum() > 1:
+                yield _trial(fitted, way)
+    for name in _varying(fitted, place.spot.module):
+        parts = _parts(fitted, name)
+        pieces = [i for i in range(parts + 1) if i != parts // 2]
+        features = tuple(f"{name}~{i}/{parts}" for i in pieces)
+        if parts:
+            curve = fitted.rows.system.workshop.free_form(place.spot.id, features)
+            yield from screen(fitted, [curve])[:1]
+
+
+def in_its_tank(
+    searcher: Searcher, plain: FittedStores, places: Collection[str]
+) -> FittedStores | None:
+    """The best model of a plant that stores, with a free curve at one of some places."""
+    bench = searcher.bench
+    assert bench.ruleset.dynamics is not None
+    states = (s.id for s in bench.ruleset.dynamics.states)
+    drivers = (*states, *bench.balances(()).inputs)[:MOST]
+    curves = {d: _pieces(searcher, plain, d) for d in drivers}
+    spots = [s for s in bench.workshop.spots if f"{s.module}.{s.place}" in places]
+    tasks = [
+        (plain, (bench.workshop.free_form(s.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
+        for s in spots
+        if s.kind in ("balance", "definition")
+        for d, n in curves.items()
+        if n > 0
+    ]
+    drawn = searcher.refined(searcher.ranked(tasks, plain)[:TRIED], plain)
+    return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
+
+
+def course_at(folder: Path, models: Sequence[Contestant]) -> float | None:
+    """Likeness of the likeliest free course to the driver that was opened; None without one."""
+    file = folder / DRIVER
+    hidden = [(m, c) for m in models for c in m.fitted.setting.joined if c.sort == HIDDEN]
+    if not file.exists() or not hidden:
+        return None
+    model, candidate = hidden[0]
+    found = reconstruct(model.fitted, candidate.id)
+    return likeness(found.time, found.course, *driver_of(file.read_text(encoding="utf-8")))

@@ -1,0 +1,59 @@
+"""What has no name, asked at its own place: how far a better search would have come."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.workshop import open_workshop
+from runtime.mismatch.compete import Contestant, contest
+from runtime.mismatch.fit import fit
+from runtime.mismatch.price import gain_in_sample, needed
+from runtime.mismatch.setting import HIDDEN, Setting
+from runtime.recording import read_recording
+from tests.prove.aligned import driver_of, driver_told, likeness
+from tests.prove.campaign import DRIVER
+from tests.prove.nameless import at_its_place, course_at
+from tests.runtime.mismatch.made import rows_at
+from tests.truth.sealed import Request
+from tests.truth.settled.plan import Planned
+
+
+def plain_of(folder: Path) -> Contestant:
+    """The plain model of a case that was written."""
+    opened = open_workshop(folder / "plant")
+    rows = rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
+    return contest(fit(rows, Setting(), rows.system.data.open), None)
+
+
+def test_the_course_of_a_driver_is_found_at_its_place(tmp_path: Path) -> None:
+    """Nobody recorded the temperature; at another place than its own it says less."""
+    name, effects = "a temperature nobody recorded", ("slip-warm",)
+    made = Planned(name, "unrecorded", "dosing", "steps", effects, 3000.0, small=True).make()
+    made.write(tmp_path)
+    driver = made.reference(Request(())).driver
+    assert driver is not None
+    plain = plain_of(tmp_path)
+    (planted,) = made.answer.effects
+    models = at_its_place(plain, planted.places)
+    assert course_at(tmp_path, models) is None
+    (tmp_path / DRIVER).write_text(driver_told(*driver), encoding="utf-8")
+    course = course_at(tmp_path, models)
+    assert course is not None
+    assert course > 0.9
+    assert gain_in_sample(models[0], plain) > needed(plain, 1)
+    assert any(c.sort == HIDDEN for m in models for c in m.fitted.setting.joined)
+    assert [] == at_its_place(plain, ["nowhere.at-all"])
+
+
+@pytest.mark.parametrize(("sign", "noise", "least"), [(1.0, 0.0, 1.0), (-1.0, 0.1, 0.95)])
+def test_the_sign_of_a_course_is_free(sign: float, noise: float, least: float) -> None:
+    """A law may fall with what drives it; where there is no course there is no likeness."""
+    time = np.linspace(0.0, 10.0, 50)
+    driver = np.sin(time)
+    clock, same = driver_of(driver_told(time, driver))
+    course = sign * driver + noise * np.random.default_rng(0).standard_normal(50)
+    assert likeness(time, course, clock, same) >= least - 1e-12
+    assert 0.0 == likeness(time, np.full(50, np.nan), clock, same)
