@@ -394,7 +394,7 @@ def _grown(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     digits.
     """
     quarter = sympy.Rational(1, 4)
-    positive = inner.map(lambda e: (e**2 if e.free_symbols else sympy.Abs(e)) + quarter)
+    positive = inner.map(lambda e: (e**2 if e.free_symbols else Absolute(e)) + quarter)
     return st.one_of(
         st.tuples(inner, inner).map(lambda p: p[0] + p[1]),
         st.tuples(inner, inner).map(lambda p: p[0] - p[1]),
