@@ -13,7 +13,7 @@ from pathlib import Path
 
 from runtime.mismatch.compete import Contestant, entered
 from runtime.mismatch.dynamic.fit import Fitted as FittedStores
-from runtime.mismatch.dynamic.search import MOST, _pieces
+from runtime.mismatch.dynamic.nameless import curves
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.free_form import _parts, _varying
@@ -57,19 +57,8 @@ def in_its_tank(
     searcher: Searcher, plain: FittedStores, places: Collection[str]
 ) -> FittedStores | None:
     """The best model of a plant that stores, with a free curve at one of some places."""
-    bench = searcher.bench
-    assert bench.ruleset.dynamics is not None
-    states = (s.id for s in bench.ruleset.dynamics.states)
-    drivers = (*states, *bench.balances(()).inputs)[:MOST]
-    curves = {d: _pieces(searcher, plain, d) for d in drivers}
-    spots = [s for s in bench.workshop.spots if f"{s.module}.{s.place}" in places]
-    tasks = [
-        (plain, (bench.workshop.free_form(s.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
-        for s in spots
-        if s.kind in ("balance", "definition")
-        for d, n in curves.items()
-        if n > 0
-    ]
+    spots = [s for s in searcher.bench.workshop.spots if f"{s.module}.{s.place}" in places]
+    tasks = curves(searcher, [plain], spots)
     drawn = searcher.refined(searcher.ranked(tasks, plain)[:TRIED], plain)
     return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
 

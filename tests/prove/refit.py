@@ -21,6 +21,7 @@ from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.compete import Contestant, contest, entered
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.doubt import doubted
+from runtime.mismatch.dynamic.kin import begun_alike
 from runtime.mismatch.dynamic.price import needed as needed_of_stores
 from runtime.mismatch.dynamic.record import record_of
 from runtime.mismatch.dynamic.search import search as search_stores
@@ -178,7 +179,7 @@ def _dynamic(
         if len(told.joined) == 1 and told.joined[0].onset is not None:
             # What was told may have begun at the right time.
             ids = {f.ids for f in ways}
-            ways = [f for f in searcher.begun_alike([told], ways, plain) if f.ids in ids]
+            ways = [f for f in begun_alike(searcher, [told], ways, plain) if f.ids in ids]
         true = max(ways, key=lambda f: searcher.gain(f, plain), default=true)
     # As far as what was told, which was exchanged and fitted again.
     true = searcher.polished(true)

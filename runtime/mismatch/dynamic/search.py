@@ -13,14 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.mismatch.candidate import Candidate
-from runtime.mismatch.dynamic.beam import BEAM, Task, distinct, swaps_of, tasks_of
+from runtime.mismatch.dynamic.beam import BEAM, distinct, swaps_of, tasks_of
 from runtime.mismatch.dynamic.bench import Bench
 from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
 from runtime.mismatch.dynamic.hiding import hiding_pairs
+from runtime.mismatch.dynamic.kin import begun_alike, with_kin
+from runtime.mismatch.dynamic.nameless import or_nameless
 from runtime.mismatch.dynamic.price import needed
 from runtime.mismatch.dynamic.searcher import HOPEFUL, Searcher
-from runtime.mismatch.price import SURPASSED
 
 DEEPEST = 3
 """Explanations at most: any course is explained by enough of them."""
@@ -44,18 +45,6 @@ STEP = 1.0
 
 WHITE = 1.3
 """Errors that stay as they are for fewer samples than this have no structure to explain."""
-
-MOST = 12
-"""Readings and states that a term without physics may follow."""
-
-PIECES = (3, 2, 1)
-"""Pieces of a curve over one of them: as many as its values tell apart."""
-
-APART = 0.05
-"""Share of the range of its values by which ends of pieces differ at least."""
-
-DRAWN = 4
-"""Curves that are fitted to the end."""
 
 Progress = Callable[[str], None]
 
@@ -99,38 +88,10 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
             return Found(plain, plain, judged, len(candidates), {})
         singles = searcher.ranked(tasks_of([plain], candidates), plain)
     alone = {f.ids[0]: searcher.gain(f, plain) for f in singles}
-    levels: list[tuple[Fitted, ...]] = [(plain,)]
     single = tuple(c for c in candidates if not c.members)
     tell("looking at pairs that hide each other")
     hiding = _hiding(searcher, plain, singles, single)
-    for depth in range(1, DEEPEST + 1):
-        ranked = singles
-        if depth > 1:
-            tell(f"trying {len(single)} explanations on {len(levels[-1])} models, depth {depth}")
-            ranked = searcher.ranked(tasks_of(levels[-1], single), plain)
-        refined = searcher.refined(_carried(searcher, ranked, plain), plain)
-        refined = searcher.with_kin(refined, single, plain)
-        if depth == 1:
-            refined = searcher.begun_alike(refined, singles, plain)
-            singles = _each_once(searcher, [*refined, *singles], plain)
-        if depth == 2:
-            refined = _ordered(searcher, [*refined, *hiding], plain)
-        beam = _carried(searcher, refined, plain)
-        if depth > 1 and beam and not _is_white(beam[0]):
-            tell("exchanging single explanations")
-            swapped = [t for model in beam[:SWAPPED] for t in swaps_of(model, single)]
-            more = distinct(searcher.ranked(swapped, plain))[:SWAPPED]
-            every = _ordered(searcher, [*beam, *searcher.refined(more, plain)], plain)
-            beam = _carried(searcher, every, plain)
-        if not beam:
-            break
-        levels.append(tuple(beam if depth == 1 else _carried(searcher, beam, plain, NARROWED)))
-        if _is_white(beam[0]):
-            break
-        if depth > 1 and searcher.standing(beam[0], plain) < STEP:
-            break
-        if depth > 2 and _stands_still(searcher, levels, plain):
-            break
+    levels, singles = _grown(searcher, plain, singles, hiding, single, tell)
     # What is not needed is left out afterwards: of two that hide each other neither is, alone.
     best = _likeliest(searcher, itertools.chain(*levels, hiding), plain)
     turned = searcher.turned(best)
@@ -138,8 +99,47 @@ def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
     singles = _each_once(searcher, [*alike, *singles], plain)
     best = _likeliest(searcher, (best, *turned), plain)
     tell("trying terms without physics")
-    best = _or_nameless(searcher, best, bare, len(candidates))
+    best = or_nameless(searcher, best, bare, len(candidates))
     return Found(plain, best, judged, len(candidates), alone, tuple(singles))
+
+
+def _grown(
+    searcher: Searcher,
+    plain: Fitted,
+    singles: list[Fitted],
+    hiding: Sequence[Fitted],
+    candidates: Sequence[Candidate],
+    tell: Progress,
+) -> tuple[list[tuple[Fitted, ...]], list[Fitted]]:
+    """Models of ever more explanations, each level from the last; single ones, fitted further."""
+    levels: list[tuple[Fitted, ...]] = [(plain,)]
+    for depth in range(1, DEEPEST + 1):
+        ranked = singles
+        if depth > 1:
+            tell(
+                f"trying {len(candidates)} explanations on {len(levels[-1])} models, depth {depth}"
+            )
+            ranked = searcher.ranked(tasks_of(levels[-1], candidates), plain)
+        refined = searcher.refined(_carried(searcher, ranked, plain), plain)
+        refined = with_kin(searcher, refined, candidates, plain)
+        if depth == 1:
+            refined = begun_alike(searcher, refined, singles, plain)
+            singles = _each_once(searcher, [*refined, *singles], plain)
+        if depth == 2:
+            refined = _ordered(searcher, [*refined, *hiding], plain)
+        beam = _carried(searcher, refined, plain)
+        if depth > 1 and beam and not _is_white(beam[0]):
+            tell("exchanging single explanations")
+            swapped = [t for model in beam[:SWAPPED] for t in swaps_of(model, candidates)]
+            more = distinct(searcher.ranked(swapped, plain))[:SWAPPED]
+            every = _ordered(searcher, [*beam, *searcher.refined(more, plain)], plain)
+            beam = _carried(searcher, every, plain)
+        if not beam:
+            break
+        levels.append(tuple(beam if depth == 1 else _carried(searcher, beam, plain, NARROWED)))
+        if _is_white(beam[0]) or (depth > 1 and _stands_still(searcher, levels, plain)):
+            break
+    return levels, singles
 
 
 def _hiding(
@@ -196,50 +196,12 @@ def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]
     return None
 
 
-def _or_nameless(searcher: Searcher, named: Fitted, bare: Sequence[Fitted], tried: int) -> Fitted:
-    """A place that follows a state or an input in a way that nobody can name, if that says more.
-
-    A curve pays for each of its values, and for being free: where names are right it is behind.
-    Several names that come near stand for something that no entry says. `bare` are optima of the
-    plain model, the best first: a curve may show beside another of them only.
-    """
-    bench, plain = searcher.bench, bare[0]
-    assert bench.ruleset.dynamics is not None
-    states = (s.id for s in bench.ruleset.dynamics.states)
-    drivers = (*states, *bench.balances(()).inputs)[:MOST]
-    pieces = {driver: _pieces(searcher, plain, driver) for driver in drivers}
-    tasks: list[Task] = [
-        (model, (bench.workshop.free_form(spot.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
-        for model in bare
-        for spot in bench.workshop.spots
-        if spot.kind in ("balance", "definition")
-        for d, n in pieces.items()
-        if n > 0
-    ]
-    drawn = searcher.refined(searcher.ranked(tasks, plain)[:DRAWN], plain)
-    best = max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
-    known = searcher.gain(named, plain)
-    enough = needed(len(tasks)) + (SURPASSED * known if known > needed(tried) else 0.0)
-    return best if best is not None and searcher.gain(best, plain) > enough else named
-
-
-def _pieces(searcher: Searcher, plain: Fitted, driver: str) -> int:
-    """Pieces of a curve over a state or an input; 0 where it stays as it is."""
-    course = searcher.bench.trajectory(plain.ids, plain.values, driver, plain.inputs)
-    span = float(np.nanmax(course) - np.nanmin(course))
-    for count in PIECES:
-        knots = np.nanquantile(course, np.linspace(0.0, 1.0, count + 1))
-        if span > 0.0 and float(np.min(np.diff(knots))) > APART * span:
-            return count
-    return 0
-
-
 def _is_white(fitted: Fitted) -> bool:
     """Nothing is left to explain."""
     return all(noise.memory < WHITE for noise in fitted.noise.values())
 
 
 def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
-    """The last explanation was not worth its price."""
+    """The last explanation was not worth its price; of two, both may be needed at once."""
     now, before = (searcher.standing(level[0], plain) for level in (levels[-1], levels[-2]))
-    return now < before + STEP
+    return now < STEP or (len(levels) > 3 and now < before + STEP)

@@ -35,9 +35,6 @@ PROMISING = 10
 """Trials on each model with explanations that are fitted further than that; on the plain one all
 are, as what is told in the end is mostly told there."""
 
-ALIGNED = 12
-"""Faults that are tried from the onset of the best of them."""
-
 SHARE = 0.7
 """How far random starts are from the last optimum, in stated uncertainties."""
 
@@ -55,7 +52,7 @@ class Searcher:
     """Fits trials, several at a time."""
 
     def __init__(self, bench: Bench, judged: Judged, workers: int) -> None:
-        self.bench, self.judged, self._workers = bench, judged, workers
+        self.bench, self.judged, self.workers = bench, judged, workers
         self.samples = {n: int(k.sum()) for n, k in judged.known.items()}
 
     def plain(self) -> Fitted:
@@ -143,7 +140,7 @@ class Searcher:
         judged = replace(self.judged, noise=noise)
         if on is not None:
             judged = replace(judged, slow=on.slow, drift=on.drift)
-        return fitter, judged, [fitter.vector({**known, **s}) for s in self._starts(on, new)]
+        return fitter, judged, [fitter.vector({**known, **s}) for s in self.starts(on, new)]
 
     def glance(self, on: Fitted, joined: tuple[Candidate, ...]) -> float:
         """What a trial promises to gain: two steps of the model made linear, from near its null."""
@@ -181,7 +178,7 @@ class Searcher:
         before = -fitter.cost(fitter.vector(on.values), judged, judged.basis())
         before -= price_of(on, self.news(on))
         least = before + HOPEFUL * needed(len(candidates))
-        with ThreadPoolExecutor(self._workers) as pool:
+        with ThreadPoolExecutor(self.workers) as pool:
             seen = pool.map(lambda c: self.glance(on, (*on.joined, c)), candidates)
             return any(glance > least for glance in seen)
 
@@ -207,7 +204,7 @@ class Searcher:
         by_model: dict[tuple[str, ...], list[Task]] = {}
         for task in tasks:
             by_model.setdefault(task[0].ids, []).append(task)
-        with ThreadPoolExecutor(self._workers) as pool:
+        with ThreadPoolExecutor(self.workers) as pool:
             promising: list[Task] = []
             for ids, members in by_model.items():
                 if ids:
@@ -228,73 +225,9 @@ class Searcher:
         free = [f for f in (*ended, *tried[BEAM:]) if not f.pressed]
         return sorted(free, key=lambda f: -self.standing(f, plain))
 
-    def begun_alike(
-        self, refined: Sequence[Fitted], singles: Sequence[Fitted], plain: Fitted
-    ) -> list[Fitted]:
-        """Refined models, and faults with the onset of the best of them where that is better.
-
-        What begins begins once, and a fit that starts elsewhere may not find the way there. Beside
-        other parameters of the plant it may be another time.
-        """
-        begun = [f for f in refined if f.joined[0].onset is not None]
-        if not begun:
-            return list(refined)
-        known = {f.ids: f for f in refined}
-        best = max(begun, key=lambda f: self.gain(f, plain))
-        since = best.values[_onset(best)]
-        faults = [f for f in singles if f.joined[0].onset is not None and f.ids != best.ids]
-
-        def moved(fault: Fitted) -> Fitted:
-            fault = known.get(fault.ids, fault)
-            later = replace(fault, values={**fault.values, _onset(fault): since})
-            there = self._as_kin(best, best.joined[0], fault.joined[0])
-            return max((self.polished(later), there), key=lambda f: self.gain(f, plain))
-
-        with ThreadPoolExecutor(self._workers) as pool:
-            for found in pool.map(moved, faults[:ALIGNED]):
-                before = known.get(found.ids, plain)
-                if not found.pressed and self.gain(found, plain) > self.gain(before, plain):
-                    known[found.ids] = found
-        return sorted(known.values(), key=lambda f: -self.standing(f, plain))
-
-    def with_kin(
-        self, models: Sequence[Fitted], candidates: Sequence[Candidate], plain: Fitted
-    ) -> list[Fitted]:
-        """Models, and each with one explanation exchanged for its kin, begun where it stands.
-
-        A law that holds another as a special case can be no worse; yet begun from afar it may not
-        find the way there.
-        """
-        known = {frozenset(m.ids) for m in models}
-        tasks = {
-            frozenset((*rest, c.id)): (m, left, c)
-            for m in models
-            for left in m.joined
-            for rest in [[i for i in m.ids if i != left.id]]
-            for c in candidates
-            if c.id not in m.ids and _are_kin(left, c)
-        }
-        todo = [task for ids, task in tasks.items() if ids not in known]
-        with ThreadPoolExecutor(self._workers) as pool:
-            found = [f for f in pool.map(lambda t: self._as_kin(*t), todo) if not f.pressed]
-        return sorted((*models, *found), key=lambda f: -self.standing(f, plain))
-
-    def _as_kin(self, model: Fitted, left: Candidate, kin: Candidate) -> Fitted:
-        """A model with one explanation exchanged, fitted from the values that both have."""
-        joined = tuple(kin if c is left else c for c in model.joined)
-        gone = {u.id for u in left.unknowns}
-        shared = {u.name: model.values[u.id] for u in left.unknowns}
-        values = {n: v for n, v in model.values.items() if n not in gone}
-        values |= {u.id: shared[u.name] for u in kin.unknowns if u.name in shared}
-        bare = replace(model, joined=joined, values=values)
-        starts = [{**s, **values} for s in self._starts(model, [kin])]
-        different = [s for i, s in enumerate(starts) if s not in starts[:i]]
-        found = [self.polished(replace(bare, values=s)) for s in different]
-        return max(found, key=lambda f: self.standing(f, model))
-
     def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
         """Models fitted to the end, best first."""
-        with ThreadPoolExecutor(self._workers) as pool:
+        with ThreadPoolExecutor(self.workers) as pool:
             fitted = [f for f in pool.map(self.polished, models) if not f.pressed]
         return sorted(fitted, key=lambda f: -self.standing(f, plain))
 
@@ -347,8 +280,8 @@ class Searcher:
         ids, inputs = (on.ids, on.inputs) if on is not None else ((), self.bench.record.inputs)
         return self.bench.trajectory(ids, values, name, inputs)
 
-    def _starts(self, on: Fitted | None, new: Sequence[Candidate]) -> list[Mapping[str, float]]:
-        """Every combination of the starts of new unknowns."""
+    def starts(self, on: Fitted | None, new: Sequence[Candidate]) -> list[Mapping[str, float]]:
+        """Every combination of the starts of new unknowns, by id."""
         names, options = [], []
         for unknown in (u for c in new for u in c.unknowns if not u.fixed):
             names.append(unknown.id)
@@ -369,21 +302,6 @@ class Searcher:
         return Fitted(
             (), values, fitter.free, noise, errors, 0.0, empty, judged.slow, inputs, drift
         )
-
-
-def _are_kin(one: Candidate, other: Candidate) -> bool:
-    """Do two laws of one place share all values that one of them has, two at least?"""
-    names = [{u.name for u in c.unknowns if not u.fixed} for c in (one, other)]
-    shared = names[0] & names[1]
-    here = (one.module, one.place) == (other.module, other.place)
-    return here and shared in names and len(shared) > 1
-
-
-def _onset(fault: Fitted) -> str:
-    """Name of the time at which it begins."""
-    onset = fault.joined[0].onset
-    assert onset is not None
-    return onset.id
 
 
 def _near_null(fitter: Fitter, on: Fitted | None, starts: Sequence[Array]) -> list[Array]:

@@ -11,6 +11,7 @@ from runtime.mismatch.dynamic.analyse import fitted_to_all
 from runtime.mismatch.dynamic.doubt import doubted
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
+from runtime.mismatch.dynamic.kin import begun_alike
 from runtime.mismatch.dynamic.search import search
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
@@ -119,7 +120,7 @@ def test_faults_begin_when_the_best_of_them_does() -> None:
     plain = searcher.plain()
     best, lost = (searcher.trial(plain, (place.candidate(f),)) for f in (first, second))
     lost = replace(lost, values={**lost.values, f"{second}.since": 1600.0, f"{second}.x": 0.01})
-    found = {f.ids: f for f in searcher.begun_alike([best], [best, lost], plain)}
+    found = {f.ids: f for f in begun_alike(searcher, [best], [best, lost], plain)}
     assert found[second,].values[f"{second}.since"] == pytest.approx(SINCE, abs=20.0)
     assert found[first,] is best
 

@@ -9,6 +9,7 @@ import numpy as np
 from runtime.mismatch.dynamic.drift import drift_of, no_drift
 from runtime.mismatch.dynamic.fit import Fitted, Judged
 from runtime.mismatch.dynamic.hiding import hiding_pairs
+from runtime.mismatch.dynamic.kin import with_kin
 from runtime.mismatch.dynamic.noise import Noise
 from runtime.mismatch.dynamic.search import _carried
 from runtime.mismatch.dynamic.searcher import Searcher
@@ -52,7 +53,7 @@ def test_a_law_is_begun_from_its_special_case() -> None:
     searcher, plain = begun((OVERFLOW,), RIM)
     lost = searcher.polished(searcher.trial(plain, (searcher.bench.candidate(LOST),)))
     single = [c for c in searcher.bench.candidates if not c.members]
-    found = {f.ids: f for f in searcher.with_kin([lost], single, plain)}
+    found = {f.ids: f for f in with_kin(searcher, [lost], single, plain)}
     assert {(LOST,), (OVERFLOW,)} == set(found)
     caught = found[OVERFLOW,]
     assert searcher.gain(caught, plain) > searcher.gain(lost, plain) + 10.0

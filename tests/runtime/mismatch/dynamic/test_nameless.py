@@ -11,8 +11,8 @@ from runtime.mismatch.dynamic.analyse import _nameless
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Judged
 from runtime.mismatch.dynamic.locate import Suspect
+from runtime.mismatch.dynamic.nameless import or_nameless
 from runtime.mismatch.dynamic.noise import Noise
-from runtime.mismatch.dynamic.search import _or_nameless
 from runtime.mismatch.dynamic.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import NOISE, OVERFLOW, RIM, TRUE, bench, made, voltage
 
@@ -46,7 +46,7 @@ def test_a_flow_that_no_entry_names_follows_what_it_follows() -> None:
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
     plain = searcher.plain()
     searcher = Searcher(place, replace(searcher.judged, noise=plain.noise), 2)
-    found = _or_nameless(searcher, plain, [plain], len(place.candidates))
+    found = or_nameless(searcher, plain, [plain], len(place.candidates))
     (law,) = found.joined
     assert ("free", {"pump.u"}) == (law.sort, set(law.drivers.values()))
     assert law.module in ("upper", "lower")
@@ -61,4 +61,4 @@ def test_a_right_name_stays() -> None:
     searcher = Searcher(place, replace(searcher.judged, noise=plain.noise), 2)
     named = searcher.polished(searcher.trial(plain, (place.candidate(OVERFLOW),)))
     assert searcher.gain(named, plain) > 50.0
-    assert named is _or_nameless(searcher, named, [plain], len(place.candidates))
+    assert named is or_nameless(searcher, named, [plain], len(place.candidates))
