@@ -74,6 +74,8 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
 def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
     with _progress(aside) as told:
         found = answers(recordings_folder(), work, options.only, options.jobs, told)
+    if options.only and not found[0]:
+        return _ended(aside, 2, f"--only {options.only}: no recording that is here has this name")
     tell_real(out, *found)
     if options.json:
         forms = {answer.case: answer.form for answer in found[0]}

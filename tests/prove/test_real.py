@@ -102,3 +102,13 @@ def test_there_is_no_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     """Said before long work."""
     assert 2 == main(["--real", f"--report={tmp_path / 'page.html'}"])
     assert "--report: there is no page of real recordings" in capsys.readouterr().err
+
+
+def test_a_name_that_no_recording_has_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An empty table would look like an answer."""
+    (tmp_path / "there").mkdir()
+    monkeypatch.setenv("RULEC_RECORDINGS", str(tmp_path / "there"))
+    assert 2 == main(["--real", "--only=nowhere", f"--keep={tmp_path / 'work'}"])
+    assert "--only nowhere: no recording that is here has this name" in capsys.readouterr().err
