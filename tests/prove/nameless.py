@@ -27,7 +27,7 @@ from tests.prove.aligned import driver_of, likeness
 from tests.prove.campaign import DRIVER
 
 TRIED = 3
-"""Courses and curves of each place that are fitted to the end, by their linear gain."""
+"""Curves in tanks that are fitted to the end, the best as they were first tried."""
 
 
 def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]:
