@@ -11,32 +11,37 @@ from runtime.mismatch.fit import Fitted, student_weights
 from runtime.mismatch.knots import FEWEST, KNOTS, clipped, knotted, levels_of
 from runtime.mismatch.locate import Suspect, spot_column, suspects
 from runtime.mismatch.periods import degree_course
+from runtime.mismatch.price import FLICKERING, RARITY
 from runtime.mismatch.screen import Trial
 from runtime.mismatch.setting import HIDDEN, Course, Span
 from runtime.mismatch.wander import spot_of, wandering
 from runtime.plan import Array
 
-WANDERS = 2.0
-"""What a parameter must explain more than an error that adds to the law, in log likelihood."""
-
-LOOKED_AT = 2
-"""Most suspect places at which such a course is tried."""
+LOOKED_AT = 3
+"""Places at which such a course is tried."""
 
 
 def hidden_trials(fitted: Fitted) -> list[Trial]:
-    """An error with a course that is free in time, at the most suspect places."""
-    data = fitted.rows.system.data
-    if data.of_rows:
+    """A course that is free in time, where it explains most: of an error, and of a parameter.
+
+    Which of a law's parameters wanders shows before any fit; that none does, and something adds to
+    the law, does not: the more a course curves the law, the less one linear step says of both.
+    """
+    if fitted.rows.system.data.of_rows:
         return []
     taken = fitted.setting.spots
-    places = [s for s in suspects(fitted) if s.spot.id not in taken]
+    places = _likeliest(fitted, [s for s in suspects(fitted) if s.spot.id not in taken])
     found = []
     for place in places[:LOOKED_AT]:
-        ways = [place, *(w for w in wandering(fitted, place.spot) if w.spot.id not in taken)]
-        told = [_told(fitted, way) for way in ways]
-        best = max(range(len(ways)), key=lambda i: told[i] - (WANDERS if i else 0.0))
-        found.append(_trial(fitted, ways[best]))
+        own = [w for w in wandering(fitted, place.spot) if w.spot.id not in taken]
+        found += [_trial(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
     return found
+
+
+def _likeliest(fitted: Fitted, ways: list[Suspect]) -> list[Suspect]:
+    """Where a course explains most first; a law sooner than a reading, as it is priced."""
+    price = {"signal": FLICKERING + RARITY["sensor"]}
+    return sorted(ways, key=lambda way: price.get(way.spot.kind, 0.0) - _told(fitted, way))
 
 
 def _told(fitted: Fitted, suspect: Suspect) -> float:

@@ -12,7 +12,7 @@ from runtime.mismatch.exchange import exchanged, weighed
 from runtime.mismatch.fit import fit
 from runtime.mismatch.hidden import hidden_trials
 from runtime.mismatch.pairs import torn_pairs
-from runtime.mismatch.price import NEEDED, net_gain, odds_of
+from runtime.mismatch.price import NEEDED, gain_in_sample, net_gain, odds_of
 from runtime.mismatch.revise import instead, needless, recut, retempered
 from runtime.mismatch.rows import Rows
 from runtime.mismatch.screen import Trial, screen, with_open_references
@@ -48,13 +48,15 @@ def search(rows: Rows, progress: Progress) -> Search:
     progress("refitting the plain model")
     plain = contest(retempered(fit(rows, Setting(), data.open)), None)
     named = _or_begun_with_two(plain, _one_by_one(plain, plain, (), 0, progress), progress)
+    if not named.accepted or any(r.trial.candidate.sort == HIDDEN for r in named.accepted):
+        return named
     # Several names may together imitate one driver that nobody recorded.
     hidden = best_of([refit(plain.fitted, t) for t in hidden_trials(plain.fitted)], plain)
-    if hidden is None or any(r.trial.candidate.sort == HIDDEN for r in named.accepted):
+    if hidden is None:
         return named
-    unnamed = any(_is_free(r) for r in named.accepted)
-    ahead = net_gain(hidden, plain) - net_gain(named.best, plain)
-    if ahead < (0.0 if unnamed else NEEDED):
+    ahead = gain_in_sample(hidden, plain) - gain_in_sample(named.best, plain)
+    one = len(named.accepted) == 1 and not _is_free(named.accepted[0])
+    if ahead < (NEEDED if one else 0.0):
         return named
     progress("a driver that nobody recorded explains more than all names")
     first = recorded(hidden, plain, [], ())

@@ -46,7 +46,7 @@ def contested(refitted: Sequence[Refit], now: Contestant) -> list[Contestant]:
 
 
 def best_of(refitted: Sequence[Refit], now: Contestant) -> Contestant | None:
-    return max((contest(*r) for r in refitted), key=lambda c: net_gain(c, now), default=None)
+    return max((contest(*r) for r in refitted), key=lambda c: gain_in_sample(c, now), default=None)
 
 
 def first_to_win(

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.compete import refit
+from runtime.mismatch.compete import contest, refit
 from runtime.mismatch.fit import fit
 from runtime.mismatch.hidden import described, hidden_trials, reconstruct
 from runtime.mismatch.setting import Setting
+from runtime.mismatch.winner import best_of
 from runtime.plan import Array
 from tests.runtime.mismatch.made import alone, rows_at
 from tests.runtime.mismatch.warm import run
@@ -80,10 +81,11 @@ def test_what_drives_a_slip_shows_in_its_parameter() -> None:
     unrecorded = replace(run(), values={n: v for n, v in run().values.items() if n != "A.T"})
     rows = rows_at(alone(), unrecorded)
     plain = fit(rows, Setting(), rows.system.data.open)
-    first = hidden_trials(plain)[0]
-    assert first.candidate.id.startswith("parameter:A.C")
-    assert first.candidate.place == "Q_geo"
-    fitted, _ = refit(plain, first)
-    found = reconstruct(fitted, first.candidate.id)
+    best = best_of([refit(plain, trial) for trial in hidden_trials(plain)], contest(plain, None))
+    assert best is not None
+    (wandering,) = best.fitted.setting.joined
+    assert wandering.id.startswith("parameter:A.C")
+    assert wandering.place == "Q_geo"
+    found = reconstruct(best.fitted, wandering.id)
     warm = np.interp(found.time, run().time, run().values["A.T"])
     assert abs(np.corrcoef(found.course, warm)[0, 1]) > 0.9
