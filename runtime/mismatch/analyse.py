@@ -11,7 +11,7 @@ import numpy as np
 from runtime.mismatch.candidate import Spot, Workshop
 from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.fit import Fitted
-from runtime.mismatch.hidden import Reconstruction, described, reconstruct
+from runtime.mismatch.hidden import Reconstruction, described, likeness, reconstruct
 from runtime.mismatch.interval import confounded
 from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, variables_of
 from runtime.mismatch.predict import Predictor, predictors_for
@@ -23,11 +23,11 @@ from runtime.mismatch.search import Search, search
 from runtime.mismatch.setting import Setting
 from runtime.mismatch.settle import Repair, repair_of, with_sensors_as_they_are
 from runtime.mismatch.system import System
-from runtime.mismatch.tell import findings_of, location_of, term_of
+from runtime.mismatch.tell import findings_of, location_of, shares_of, term_of
 from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.plan import Array
 from runtime.recording import Recording
-from runtime.report.text import counted, listed
+from runtime.report.text import counted, fixed, listed
 from runtime.ruleset import Ruleset
 
 FEWEST = 12
@@ -98,16 +98,16 @@ def analyse(
     return _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
 
 
-def _hidden(found: Search) -> Reconstruction | None:
-    """The first driver that nobody recorded."""
-    spots = found.best.fitted.setting.spots
-    return reconstruct(found.best.fitted, spots[0]) if spots else None
+def _hidden(found: Search) -> tuple[Reconstruction, ...]:
+    """Places that follow a driver that nobody recorded, the first that was found first."""
+    fitted = found.best.fitted
+    return tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
 
 
 def _predictors(
     system: System,
     findings: Sequence[Finding],
-    hidden: Reconstruction | None,
+    hidden: Sequence[Reconstruction],
     models: Models,
 ) -> list[Predictor]:
     """The readings in whose units errors are told: for each finding that which shows it best.
@@ -123,9 +123,7 @@ def _predictors(
             spot = spots.get((finding.module, finding.place))
             drivers = frozenset(candidate.drivers.values())
             places.append((candidate.observers, drivers, spot.unit if spot else ""))
-    if hidden is not None:
-        spot = hidden.spot
-        places.append((spot.observers, frozenset(), spot.unit))
+    places += [(h.spot.observers, frozenset(), h.spot.unit) for h in hidden]
     places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
     found: dict[str, Predictor] = {}
     for place in places:
@@ -143,7 +141,7 @@ def _answer(
     predictors: Sequence[Predictor],
     proofs: Sequence[Proof],
     repair: Repair,
-    hidden: Reconstruction | None,
+    hidden: Sequence[Reconstruction],
     begin: float,
 ) -> Mismatch:
     fitted = found.best.fitted
@@ -153,10 +151,10 @@ def _answer(
     failing = tuple(impossible(recording, ruleset))
     findings = (*findings, *failing)
     locations = (*locations, *(failed_at(f) for f in failing))
-    driver = _driver(system, hidden) if hidden is not None else None
-    if hidden is not None:
-        locations = (*locations, _location(fitted, hidden, 1.0 - sum(f.closed for f in findings)))
-    verdict = verdict_of(findings, hidden is not None)
+    driver = _driver(system, hidden) if hidden else None
+    shares = shares_of(found.accepted)
+    locations = (*locations, *(_location(fitted, h, shares[h.spot.id]) for h in hidden))
+    verdict = verdict_of(findings, bool(hidden))
     return Mismatch(
         ruleset.plant,
         ruleset.title,
@@ -188,17 +186,21 @@ def _answer(
     )
 
 
-def _driver(system: System, hidden: Reconstruction) -> HiddenDriver:
+def _driver(system: System, found: Sequence[Reconstruction]) -> HiddenDriver:
+    hidden, *others = found
     spot = hidden.spot
     lacking = [
         m for m in system.workshop.missing if (m.module, m.place) == (spot.module, spot.place)
     ]
     lacking = lacking or [m for m in system.workshop.missing if m.module == spot.module]
-    # A parameter is a place by its id, `parameter:A.C2`.
-    what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
     text = (
-        f"what drives {what} {spot.module}.{spot.place} is not recorded; "
+        f"what drives {_what(spot)} is not recorded; "
         f"its course: {described(hidden.time, hidden.course)}"
+    )
+    text += "".join(
+        f"; {_what(other.spot)} changes too, and its course correlates with this one by "
+        f"{fixed(likeness(hidden, other), 2)}"
+        for other in others
     )
     return HiddenDriver(
         spot.module,
@@ -210,6 +212,12 @@ def _driver(system: System, hidden: Reconstruction) -> HiddenDriver:
         tuple(dict.fromkeys(m.title for m in lacking)),
         lacking[0].sensor if lacking else "",
     )
+
+
+def _what(spot: Spot) -> str:
+    # A parameter is a place by its id, `parameter:A.C2`.
+    what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
+    return f"{what} {spot.module}.{spot.place}"
 
 
 def _location(fitted: Fitted, hidden: Reconstruction, share: float) -> Location:

@@ -144,6 +144,14 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     return Reconstruction(spot, system.data.time[known], smooth)
 
 
+def likeness(first: Reconstruction, second: Reconstruction) -> float:
+    """Correlation of two courses, over the time of the first."""
+    along = np.interp(first.time, second.time, second.course)
+    if np.ptp(along) == 0 or np.ptp(first.course) == 0:
+        return 0.0
+    return float(np.corrcoef(first.course, along)[0, 1])
+
+
 def _smoothed(values: Array, weight: Array, width: int) -> Array:
     kernel = np.hanning(2 * max(width, 1) + 3)[1:-1]
     top = np.convolve(values * weight, kernel, mode="same")

@@ -69,7 +69,7 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
     The best single explanation of two that are left out may be neither of them. All that follows
     then mends what it does wrong, and each is needed beside the others.
     """
-    if len(found.accepted) < MANY:
+    if sum(r.trial.candidate.sort != HIDDEN for r in found.accepted) < MANY:
         return found
     progress("looking for two explanations that say the same as all of these")
     candidates = plain.fitted.rows.system.workshop.candidates

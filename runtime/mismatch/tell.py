@@ -24,10 +24,16 @@ TOLD = 0.02
 
 def findings_of(best: Contestant, accepted: tuple[Accepted, ...]) -> tuple[Finding, ...]:
     """What was accepted and has a name, in the order of what it explains."""
-    total = sum(r.gain for r in accepted) or 1.0
     named = (r for r in accepted if r.trial.candidate.sort != HIDDEN)
-    found = [_finding(best, record, record.gain / total) for record in named]
+    shares = shares_of(accepted)
+    found = [_finding(best, record, shares[record.trial.candidate.id]) for record in named]
     return tuple(sorted(found, key=lambda f: -f.closed))
+
+
+def shares_of(accepted: tuple[Accepted, ...]) -> dict[str, float]:
+    """What each explanation has of the gain of all."""
+    total = sum(r.gain for r in accepted) or 1.0
+    return {r.trial.candidate.id: r.gain / total for r in accepted}
 
 
 def _finding(best: Contestant, record: Accepted, share: float) -> Finding:

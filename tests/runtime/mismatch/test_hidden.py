@@ -13,8 +13,17 @@ from runtime.mismatch.hidden import described, hidden_trials, reconstruct
 from runtime.mismatch.setting import Setting
 from runtime.mismatch.winner import best_of
 from runtime.plan import Array
-from tests.runtime.mismatch.made import alone, rows_at
-from tests.runtime.mismatch.warm import run
+from tests.runtime.mismatch.made import (
+    USUAL,
+    alone,
+    compared,
+    recorded,
+    rows_at,
+    tour,
+    warming,
+    without,
+)
+from tests.runtime.mismatch.warm import SAMPLES, SLIP, TRUE, run
 
 TIME = np.arange(0.0, 3600.0, 10.0)
 PHASE = TIME / TIME[-1]
@@ -89,3 +98,18 @@ def test_what_drives_a_slip_shows_in_its_parameter() -> None:
     found = reconstruct(best.fitted, wandering.id)
     warm = np.interp(found.time, run().time, run().values["A.T"])
     assert abs(np.corrcoef(found.course, warm)[0, 1]) > 0.9
+
+
+def test_one_driver_behind_two_laws_is_told_at_both() -> None:
+    """A temperature nobody recorded moves friction and slip: two courses that are alike."""
+    built = {SLIP: TRUE[SLIP], "A.friction-temperature@P_law": {"b": 0.02, "T0": USUAL}}
+    given = {**tour(alone()[0], SAMPLES), "A.T": warming(SAMPLES)}
+    found = compared(alone(), without(recorded(alone(), given, built), "A.T"))
+    assert found.verdict == "unnamed"
+    assert not found.findings
+    assert [where.place for where in found.locations] == ["P_law", "Q_geo"]
+    assert sum(where.share for where in found.locations) == pytest.approx(1.0)
+    assert found.hidden is not None
+    assert "in A.Q_geo changes too, and its course correlates with this one by −0.9" in (
+        found.hidden.text
+    )
