@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from runtime.report.text import counted, number
+from runtime.report.text import counted, listed, number
 from tests.prove.real import Answer
 
 COVERAGE = 2.0
@@ -81,8 +81,11 @@ def found_lines(form: Mapping[str, Any]) -> Iterator[str]:
     if not form["effects"]:
         yield from (f"? at {p['module']}.{p['place']}" for p in form["locations"])
     if form["hidden_driver"]:
-        hidden = form["hidden_driver"]
-        yield f"unrecorded driver at {hidden['module']}.{hidden['place']}"
+        named = {(e["module"], e["place"]) for e in form["effects"]}
+        hidden = (form["hidden_driver"]["module"], form["hidden_driver"]["place"])
+        places = ((p["module"], p["place"]) for p in form["locations"])
+        follow = dict.fromkeys([hidden, *(place for place in places if place not in named)])
+        yield f"unrecorded driver at {listed([f'{m}.{p}' for m, p in follow])}"
     for note in form["notes"]:
         if note.startswith(REST):
             yield f"not explained: {note.removeprefix(REST).partition(';')[0]}"
