@@ -92,8 +92,10 @@ def analyse(
     tell("opening the held-out blocks")
     settled = with_sensors_as_they_are(found.best.fitted)
     models = models_of(settled)
-    predictors = _predictors(system, findings, hidden, models)
-    proofs = [prove(p, models) for p in predictors]
+    opened = [(p, prove(p, models)) for p in _predictors(system, findings, hidden, models)]
+    # A fault may hold all samples of a reading that are held out: nothing is proven there.
+    opened = [o for o in opened if o[1].fit.heldout.points] or opened
+    predictors, proofs = [p for p, _ in opened], [proof for _, proof in opened]
     repair = repair_of(settled)
     return _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
 

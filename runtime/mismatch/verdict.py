@@ -46,7 +46,9 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
     if verdict == "none":
         return "Nothing is missing: what recalibration leaves is noise."
     if verdict == "unnamed":
-        most = max(locations, key=lambda place: place.share, default=None)
+        named = {(f.module, f.place) for f in told}
+        nameless = [at for at in locations if (at.module, at.place) not in named]
+        most = max(nameless or locations, key=lambda place: place.share, default=None)
         where = f"{most.module}.{most.place}" if most else "the plant"
         return (
             f"Something is missing at {where} that no known effect, fault or sensor error explains."

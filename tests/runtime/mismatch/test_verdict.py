@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from runtime.mismatch.candidate import Missing
-from runtime.mismatch.result import Alternative, Errors, Estimate, Finding, Fit
+from runtime.mismatch.result import Alternative, Errors, Estimate, Finding, Fit, Location
 from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.mismatch.wording import quantity
 from tests.runtime.mismatches import UNNAMED, WARM
@@ -57,6 +57,14 @@ def test_verdict_and_headline(
     """Physics decides before faults and sensors; a free form is no name."""
     assert verdict == verdict_of(findings, left)
     assert headline_of(verdict, findings, ()).startswith(headline)
+
+
+def test_what_has_no_name_is_told_at_its_own_place() -> None:
+    """Not where something beside it has one, were it larger."""
+    large = Location(UNSURE.module, UNSURE.place, "", 0.8, (), ())
+    small = replace(large, module="B", place="Q_imp", share=0.2)
+    assert "missing at B.Q_imp that no" in headline_of("unnamed", (UNSURE,), (large, small))
+    assert f"missing at A.{UNSURE.place} that no" in headline_of("unnamed", (UNSURE,), (large,))
 
 
 @pytest.mark.parametrize(
