@@ -28,6 +28,9 @@ ROUNDS = 3
 JOININGS = 20
 """Steps in which recording and data sheet are joined at most."""
 
+SETTLED = 1e-6
+"""Relative change of a misfit below which it stands; no result shows that many digits."""
+
 
 class CalibrationRefused(Exception):
     """The recording cannot calibrate this plant; the message says why and what to do."""
@@ -158,6 +161,7 @@ def _fit_observer(
         slopes = _input_slopes(plan, model, observer, local)
         return _Near(
             off,
+            jacobian,
             at - inverse @ jacobian.T @ off,
             inverse,
             -(inverse @ jacobian.T),
@@ -175,7 +179,7 @@ def _fit_observer(
     total = float(np.sum((readings.flow[kept] - readings.flow[kept].mean()) ** 2))
     summary = ObserverFit(
         observer,
-        _spread(joined.off, len(free)),
+        _own_misfit(joined, best, sheet, readings, kept),
         1.0 - float(np.sum(joined.off**2)) / total if total else 0.0,
         len(kept),
         len(rows) - len(kept),
@@ -195,10 +199,12 @@ def _fit_observer(
 class _Near:
     """Least squares near some values, scaled: where they lead, and how they came about.
 
-    `off` shape (points,); `best` shape (n,); `sensitivity` is d(best)/d(flow error), (n, points).
+    `off` shape (points,), with slopes `jacobian` (points, n); `best` shape (n,); `sensitivity` is
+    d(best)/d(flow error), (n, points).
     """
 
     off: Array
+    jacobian: Array
     best: Array
     inverse: Array
     sensitivity: Array
@@ -207,7 +213,7 @@ class _Near:
     def covariance(self, noise: float, rows: np.ndarray, readings: Readings) -> Array:
         """Scatter, and what the errors of the calibrating sensors do."""
         covariance = noise**2 * self.inverse
-        for name in [*readings.systematic, readings.flow_name]:
+        for name in _calibrating(readings):
             shift = _shift(self.sensitivity, self.slopes, rows, name, readings)
             covariance = covariance + np.outer(shift, shift)
         return covariance
@@ -230,6 +236,35 @@ def _joined(
             break
     found = near(at)
     return at, found, sheet.weight(covariance(found)) if len(at) else np.zeros((0, 0))
+
+
+def _own_misfit(
+    near: _Near, at: Array, sheet: Sheet, readings: Readings, rows: np.ndarray
+) -> float:
+    """Scatter, m3/s, that neither the parameters nor the calibrating sensors' errors explain.
+
+    A bench meter that reads 5 W high moves all points alike. Where the data sheet holds the
+    parameter that could follow, the points lie beside the law by the meter's error; it says
+    nothing of how well the law holds. Parameters and errors of the sensors are therefore fitted
+    together, within their uncertainties.
+
+    Source: Bayesian linear regression with conjugate priors; freedom is the trace of what is left
+    free (Hastie, Tibshirani, Friedman, Elements of Statistical Learning, 7.6).
+    """
+    errors = [_error(near.slopes, rows, name, readings) for name in _calibrating(readings)]
+    slopes = np.column_stack([near.jacobian, *errors])
+    precision = np.concatenate([sheet.precision, np.ones(len(errors))])
+    centre = np.concatenate([sheet.values - at, np.zeros(len(errors))])
+    squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
+    for _ in range(JOININGS if misfit else 0):
+        before, variance = misfit, misfit**2
+        posterior = np.linalg.pinv(squares / variance + np.diag(precision), hermitian=True)
+        change = posterior @ (precision * centre - slopes.T @ near.off / variance)
+        freedom = len(rows) - float(np.trace(posterior @ squares)) / variance
+        misfit = float(np.linalg.norm(near.off + slopes @ change) / np.sqrt(max(freedom, 1.0)))
+        if np.isclose(before, misfit, rtol=SETTLED, atol=0.0):
+            break
+    return misfit
 
 
 def _spread(off: Array, count: int) -> float:
@@ -347,12 +382,17 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
         end = place + len(part.values)
         covariance[place:end, place:end] = part.statistical
         place = end
-    for name in [*readings.systematic, readings.flow_name]:
+    for name in _calibrating(readings):
         shift = np.concatenate(
             [_shift(p.sensitivity, p.slopes, p.rows, name, readings) for p in parts]
         )
         covariance += np.outer(shift, shift)
     return covariance
+
+
+def _calibrating(readings: Readings) -> list[str]:
+    """Names of all sensors that a calibration rests on."""
+    return [*readings.systematic, readings.flow_name]
 
 
 def _shift(
@@ -363,14 +403,18 @@ def _shift(
     readings: Readings,
 ) -> Array:
     """Change of the parameters if one sensor is one standard deviation off all the time."""
-    if name == readings.flow_name:
-        change: Array = -readings.flow_systematic[rows]
-    elif name in slopes:
-        change = slopes[name] * readings.systematic[name][rows]
-    else:
-        return np.zeros(len(sensitivity))
-    shift: Array = sensitivity @ change
+    shift: Array = sensitivity @ _error(slopes, rows, name, readings)
     return shift
+
+
+def _error(slopes: Mapping[str, Array], rows: np.ndarray, name: str, readings: Readings) -> Array:
+    """How far points move off the law, m3/s, if one sensor is one standard deviation off."""
+    off: Array = np.zeros(len(rows))
+    if name == readings.flow_name:
+        off = -readings.flow_systematic[rows]
+    elif name in slopes:
+        off = slopes[name] * readings.systematic[name][rows]
+    return off
 
 
 def _range(

@@ -126,6 +126,16 @@ def test_a_data_sheet_without_uncertainty_says_nothing(tmp_path: Path) -> None:
     assert found["A"]["parameters"]["C2"]["value"] == pytest.approx(2.0, rel=1e-3)
 
 
+def test_the_error_of_a_bench_meter_is_no_misfit(tmp_path: Path) -> None:
+    """A power meter 10 W high, its bound, where a data sheet knows the power at rest to 0.5 W: all
+    points lie beside the law, none scatters about it."""
+    readings = record(calibration_run(abc()), NOISE_FREE).readings
+    readings = {**readings, "A.P_el [W]": readings["A.P_el [W]"] + 10.0}
+    write_csv(tmp_path / "r.csv", readings, digits=12)
+    misfit = _calibrate(tmp_path / "r.csv", tmp_path)["A"]["misfit"]
+    assert 0.5 > misfit["power"]["value"]
+
+
 def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:
     """A tenth of the points with a wrong flow does not bend the fit."""
     readings = record(calibration_run(abc()), NOISE_FREE).readings
