@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from runtime.baseline import Baselines, remembered, times_of
-from runtime.hypothesis import HypothesisTest, Outcome
+from runtime.hypothesis import HypothesisTest, Outcome, Scales
 from runtime.isolate import COVERAGE, Isolation, accepted, shares
 from runtime.observe import Observed
 from runtime.plan import Array
@@ -31,7 +31,7 @@ PLAUSIBLE = 0.02
 """Probability in some stretch from which on a fault is a candidate for a pair."""
 
 BACKWARD = 3
-"""Faults tried as having been there during the baseline."""
+"""Faults tried as being there at other times: those that explain most to first order."""
 
 KNOWN = np.log(10.0)
 """Advantage of a pair that holds a fault found just before: a known fault rarely goes by itself."""
@@ -83,7 +83,7 @@ def combine(
 
     `observed` is not shifted by baselines; `known` are faults found just before the run.
     """
-    points, valid = _spread(observed, members)
+    points, valid = spread_evenly(observed, members)
     learned = _usable_baseline(observed, baselines.states[baselines.at[members[0]]].learned, valid)
     stack = np.concatenate([learned, points])
     basis = residual_basis(ruleset, valid)
@@ -122,7 +122,9 @@ def _hypothesis(fit: _Fit, probability: float, rank: int) -> Hypothesis:
     )
 
 
-def _spread(observed: Observed, members: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def spread_evenly(
+    observed: Observed, members: Sequence[int] | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Some stretches of a run, spread evenly, that share their usable observers."""
     chosen = np.asarray(members)
     patterns, group, counts = np.unique(
@@ -145,23 +147,26 @@ def _thinned(points: np.ndarray) -> np.ndarray:
 
 
 def stacked_covariance(
-    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray, scale: Array | None
+    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray, scales: Scales | None
 ) -> Array:
     """Covariance of the residuals of several points, shape (1, points * rank, points * rank).
 
-    `scale` are factors on the errors of each usable observer, shape (observers, points).
+    `scales` are factors on the errors of each usable observer.
     """
     rank = len(basis)
-    scaled = [basis] * len(points) if scale is None else [basis * part for part in scale.T]
+    noise, lasting = (
+        [basis] * len(points) if part is None else [basis * own for own in part.T]
+        for part in ((None, None) if scales is None else (scales.noise, scales.lasting))
+    )
     gradients = np.vstack(
-        [b @ observed.shared[valid, :, k] for b, k in zip(scaled, points, strict=True)]
+        [b @ observed.shared[valid, :, k] for b, k in zip(lasting, points, strict=True)]
     )
     time = np.repeat(times_of(observed)[points], rank)
     covariance = gradients @ gradients.T * remembered(time[:, None] - time)
     for row, point in enumerate(points):
         own = observed.noise[point][np.ix_(valid, valid)]
         block = slice(row * rank, (row + 1) * rank)
-        covariance[block, block] += scaled[row] @ own @ scaled[row].T
+        covariance[block, block] += noise[row] @ own @ noise[row].T
     result: Array = covariance[None]
     return result
 
@@ -194,13 +199,10 @@ def _backward(test: HypothesisTest, when: str) -> Iterator[_Fit]:
     """The single faults that, present at other times, would explain most to first order."""
     explained = np.zeros(len(test.ruleset.faults))
     for i, fault in enumerate(test.ruleset.faults):
-        first = test.first_order(fault)
-        if first is None or not first.slope.any():
-            continue
-        chi = test.chi_square.of(first.flows)
-        pull = -float(first.slope[:, 0] @ chi.slope[:, 0])
-        information = float(chi.information(first.slope[:, None])[0, 0, 0])
-        explained[i] = max(pull, 0.0) ** 2 / information
+        towards = test.towards(fault)
+        if towards is not None and towards[1][0] > 0.0:
+            pull, information = (float(part[0]) for part in towards)
+            explained[i] = max(pull, 0.0) ** 2 / information
     for i in np.argsort(-explained, kind="stable")[:BACKWARD]:
         outcome = test.run((test.ruleset.faults[i],)) if explained[i] > 0 else None
         if outcome is not None:

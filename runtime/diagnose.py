@@ -10,7 +10,7 @@ from runtime.findings import Finding, Period, findings_of
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.seen import see_stretches
-from runtime.stationary import SHORTEST, find_stretches, noise_at_work
+from runtime.stationary import SHORTEST, settle
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,7 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     """
     if ruleset.dynamics is not None:
         return _of_stores(recording, ruleset, mode)
-    noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
+    stretches, noise = settle(recording, ruleset)
     notes = list(recording.notes)
     notes += [f"{name} is not in the recording" for name in recording.missing]
     if not len(stretches):

@@ -45,6 +45,15 @@ class Outcome:
 
 
 @dataclass(frozen=True)
+class Scales:
+    """Factors on the errors of each usable flow, shape (flows, points), where faults are undone:
+    on what is new at every point, and on what lasts."""
+
+    noise: Array
+    lasting: Array
+
+
+@dataclass(frozen=True)
 class FirstOrder:
     """What a small degree of a fault does: touched flows (places) and their slopes by the degree,
     shape (touched, n), 0 where the residuals do not see it."""
@@ -100,7 +109,7 @@ class HypothesisTest:
     Each point is a problem of its own. If `present` is given, shape (points,), all points together
     are one problem with the same degrees wherever the faults are present (1) and none elsewhere
     (0). `spread` gives the covariance of each problem, shape (problems, rank, rank), as measured
-    or for factors by which the errors of each usable flow are scaled, shape (flows, points).
+    or with the errors of each usable flow scaled.
     """
 
     ruleset: Ruleset
@@ -108,7 +117,7 @@ class HypothesisTest:
     valid: np.ndarray
     basis: Array
     members: np.ndarray
-    spread: Callable[[Array | None], Array]
+    spread: Callable[[Scales | None], Array]
     present: Array | None = None
 
     def residuals(self) -> Array:
@@ -134,6 +143,17 @@ class HypothesisTest:
         visible = size > NEGLIGIBLE * (own if self.present is None else np.max(own, keepdims=True))
         return FirstOrder(flows, np.where(visible, slope, 0.0))
 
+    def towards(self, fault: FaultSpec) -> tuple[Array, Array] | None:
+        """How much a small degree lowers half of chi-square per degree, and the information on the
+        degree, both shape (n,); None where the fault touches no usable observer."""
+        first = self.first_order(fault)
+        if first is None:
+            return None
+        chi = self.chi_square.of(first.flows)
+        information: Array = chi.information(first.slope[:, None])[0, 0]
+        pull: Array = -np.einsum("in,in->n", first.slope, chi.slope)
+        return pull, information
+
     def run(self, faults: Faults, starts: Iterable[Array] | None = None) -> Outcome | None:
         """Fit the degrees of a hypothesis; None where it touches no usable observer.
 
@@ -146,10 +166,9 @@ class HypothesisTest:
         begin = _single(faults) if starts is None else np.array([s[0] for s in starts]).T
         start = self._best_start(undoing, pure, begin)
         best = self._fit(undoing, pure, self._state(undoing, pure, start))
-        if not all(f.in_sensor for f in faults):
-            # What a fault takes from a flow or adds to it, it takes from its errors as well.
-            pure = self._chi_square(self._scale(undoing, best.degree)).of(flows)
-            best = self._fit(undoing, pure, best.judged_by(pure))
+        # What a fault takes from a flow or adds to it, it takes from its errors as well.
+        pure = self._chi_square(self._scales(undoing, best.degree)).of(flows)
+        best = self._fit(undoing, pure, best.judged_by(pure))
         # Degree and uncertainty are those of the pure law; only the question whether the law
         # fits at all is asked with its tolerance.
         widened = pure.tolerating(self._tolerance(undoing, best.degree))
@@ -164,21 +183,28 @@ class HypothesisTest:
         distance = np.where(usable, left, np.inf) if len(faults) > 1 else left
         return Outcome(best.degree.T, u.T, distance, evidence)
 
-    def _chi_square(self, scale: Array | None) -> ChiSquare:
+    def _chi_square(self, scale: Scales | None) -> ChiSquare:
         return chi_square(inverse_of(self.spread(scale)), self.residuals(), self._lifted)
+
+    def _scales(self, undoing: Undoing, degree: Array) -> Scales:
+        """Factors by which undoing the faults scales the errors of each usable flow.
+
+        Noise is that of the readings as they are: undoing scales it. A systematic error is that of
+        a sound sensor: a reading that a fault scales takes it along, and undone it is as before.
+        """
+        outside = np.array([[0.0 if f.in_sensor else 1.0] for f in undoing.faults])
+        return Scales(self._scale(undoing, degree), self._scale(undoing, degree * outside))
 
     def _scale(self, undoing: Undoing, degree: Array) -> Array:
         """Undone over measured flow of each usable observer, shape (usable, points).
 
         So the errors of an estimate scale where a law acts as a factor, and nearly so elsewhere.
-        A reading that a fault scales takes its errors along: undone, they are as before.
         """
-        outside = np.array([[0.0 if f.in_sensor else 1.0] for f in undoing.faults])
         column = np.cumsum(self.valid) - 1
         places = [int(column[self.ruleset.observer_index[o]]) for o in undoing.touched]
         scale = np.ones_like(self._flows)
         with np.errstate(divide="ignore", invalid="ignore"):
-            moved = undoing.moved(self._everywhere(degree * outside))
+            moved = undoing.moved(self._everywhere(degree))
             scale[places] += moved / self._flows[places]
         return np.where(np.isfinite(scale), np.clip(scale, -FACTOR, FACTOR), 1.0)
 

@@ -15,7 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from runtime.hypothesis import HypothesisTest
+from runtime.hypothesis import HypothesisTest, Scales
 from runtime.observe import Observed
 from runtime.pairs import PairFits, fit_pairs
 from runtime.plan import Array
@@ -117,15 +117,22 @@ def test_of(
 ) -> HypothesisTest:
     """Test of points on their own, with the covariance they have."""
 
-    def spread(scale: Array | None) -> Array:
-        if scale is None:
+    def spread(scales: Scales | None) -> Array:
+        if scales is None:
             return covariance_of(basis, observed.covariance, valid, members)
-        own = observed.covariance[members][:, valid][:, :, valid]
-        factors = scale.T
-        scaled: Array = basis @ (own * factors[:, :, None] * factors[:, None, :]) @ basis.T
-        return scaled
+        noise = observed.noise[members][:, valid][:, :, valid]
+        lasting = observed.covariance[members][:, valid][:, :, valid] - noise
+        own = _scaled(noise, scales.noise) + _scaled(lasting, scales.lasting)
+        result: Array = basis @ own @ basis.T
+        return result
 
     return HypothesisTest(ruleset, observed, valid, basis, members, spread)
+
+
+def _scaled(covariance: Array, factors: Array) -> Array:
+    """Covariances, shape (n, flows, flows), of flows times factors, shape (flows, n)."""
+    scaled: Array = covariance * factors.T[:, :, None] * factors.T[:, None, :]
+    return scaled
 
 
 def _judge_group(test: HypothesisTest, result: Isolation) -> None:
@@ -138,13 +145,10 @@ def _judge_group(test: HypothesisTest, result: Isolation) -> None:
     # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
     # estimates can show: a test in the direction of a fault sees smaller ones.
     deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
-    effects = [(i, test.first_order(fault)) for i, fault in enumerate(faults)]
-    visible = [(i, first) for i, first in effects if first is not None]
+    effects = [(i, test.towards(fault)) for i, fault in enumerate(faults)]
+    visible = [(i, *towards) for i, towards in effects if towards is not None]
     strongest = quantile(chance / (2 * max(len(visible), 1)))
-    for i, first in visible:
-        chi = test.chi_square.of(first.flows)
-        information = chi.information(first.slope[:, None])[0, 0]
-        pull = -np.einsum("in,in->n", first.slope, chi.slope)
+    for i, pull, information in visible:
         with np.errstate(divide="ignore", invalid="ignore"):
             floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
             deviating |= pull * floor > strongest

@@ -16,6 +16,7 @@ from runtime.recording import Recording
 from runtime.redundancy import Block, blocks_of
 from runtime.ruleset import Ruleset
 from runtime.stationary import Stretches
+from runtime.throughout import throughout
 
 BATCH = 16_384
 """Samples judged at a time, so that memory stays flat."""
@@ -57,12 +58,21 @@ def see_block(ruleset: Ruleset, whole: Observed, block: Block, mode: str) -> See
     plain = within(whole, block)
     if mode == PAPER:
         # The paper knows no baseline.
-        nothing = Baselines((nothing_learned(plain),), np.zeros(len(plain), dtype=int))
         paper = _by_paper(ruleset, plain, isolate(ruleset, plain))
-        return Seen(block, plain, plain, nothing, paper, combined=False)
+        return Seen(block, plain, plain, _nothing(plain), paper, combined=False)
     baselines = learn(ruleset, plain)
     compared = against(ruleset, plain, baselines)
-    return Seen(block, plain, compared, baselines, isolate(ruleset, compared), combined=True)
+    isolation = isolate(ruleset, compared)
+    lasting = throughout(ruleset, plain, isolation)
+    if lasting is None:
+        return Seen(block, plain, compared, baselines, isolation, combined=True)
+    # What was learned from these stretches is the fault.
+    return Seen(block, plain, plain, _nothing(plain), lasting, combined=True)
+
+
+def _nothing(observed: Observed) -> Baselines:
+    """No baseline at all."""
+    return Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
 
 
 def see_samples(

@@ -46,6 +46,16 @@ SETTLED = 4.0
 """A reading has settled when it differs from the next few by this many times its noise, or less,
 its drift apart."""
 
+SECOND = 6.0**0.5
+"""Standard deviation of a second difference of white noise over that of the noise."""
+
+ENOUGH = 8
+"""Second differences from which noise is estimated: about what a stretch of PERSISTENCE samples
+before a fault and one behind it give. The root mean square of 8 is known to a third."""
+
+OUTLYING = 3.5
+"""Standard deviations beyond which a difference is no noise: one normal difference in 2000."""
+
 GAP = 3.0
 """A pause longer than this many sampling intervals ends a stretch."""
 
@@ -73,7 +83,48 @@ def noise_of(values: Array) -> float:
     absolute values into a standard deviation of normal noise.
     """
     second = np.diff(values[np.isfinite(values)], 2)
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if len(second) else 0.0
+    return _typical(second) / SECOND if len(second) else 0.0
+
+
+def _typical(differences: Array) -> float:
+    """Standard deviation of normal values around zero, from their median: half may be anything."""
+    return float(1.4826 * np.median(np.abs(differences)))
+
+
+def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
+    """Settled stretches, and the noise of every reading within them, SI.
+
+    Between stretches readings move; in a short recording that is half of what looks like noise.
+    """
+    noise = noise_at_work(recording, ruleset)
+    stretches = find_stretches(recording, ruleset, noise)
+    return stretches, _noise_within(recording, stretches, noise)
+
+
+def _noise_within(
+    recording: Recording, stretches: Stretches, before: Mapping[str, float]
+) -> dict[str, float]:
+    """Noise from the second differences that lie within a stretch.
+
+    What lies far out is left out; of the rest the root mean square is taken, which scatters less
+    than the median. Where too few are left, what was known `before` stands.
+
+    Source: Rousseeuw and Leroy, Robust Regression and Outlier Detection (1987), 1.2: one-step
+    reweighted scale.
+    """
+    changes = np.zeros(len(recording) + 1, dtype=int)
+    np.add.at(changes, stretches.first, 1)
+    np.add.at(changes, stretches.last, -1)
+    settled, starts = np.cumsum(changes)[:-1] > 0, changes[:-1] > 0
+    middle = settled[:-2] & settled[1:-1] & settled[2:] & ~starts[1:-1] & ~starts[2:]
+    found = dict(before)
+    for name, values in recording.values.items():
+        second = np.diff(values, 2)[middle]
+        second = second[np.isfinite(second)]
+        if len(second) >= ENOUGH:
+            inside = np.abs(second) <= OUTLYING * _typical(second)
+            found[name] = float(np.sqrt(np.mean(second[inside] ** 2))) / SECOND
+    return found
 
 
 def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:

@@ -12,7 +12,7 @@ from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.seen import Seen, see_samples, see_stretches
-from runtime.stationary import find_stretches, noise_at_work
+from runtime.stationary import settle
 from runtime.verdict import verdict_at
 
 QUIET = ("ok", "cannot judge")
@@ -41,8 +41,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         from runtime.dynamic.trace import trace_stores
 
         return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
-    noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
+    stretches, noise = settle(recording, ruleset)
     words = ["moving"] * len(recording)
     degree = np.zeros((len(ruleset.faults), len(recording)))
     half = np.zeros_like(degree)

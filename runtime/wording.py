@@ -177,6 +177,11 @@ def context(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
             f"compared with {finding.baseline} fault-free {part}{plural} of this recording: what "
             "was off there as well counts as an error of sensors or calibration"
         )
+    elif finding.evidence and all(e.verdict == "0" for e in finding.evidence if e.expected != "0"):
+        yield (
+            "no operating point shows it alone; all of them together do: an error within the "
+            "sensors' bounds would be the same at each"
+        )
     for name in finding.together:
         yield f"only together with {name} does this explain the readings"
 

@@ -22,7 +22,7 @@ from runtime.plan import Array
 from runtime.point_table import NOTE, each_row, is_point_table
 from runtime.recording import read_recording
 from runtime.ruleset import Ruleset
-from runtime.stationary import find_stretches, noise_at_work, systematic_u
+from runtime.stationary import settle, systematic_u
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,9 +32,11 @@ def run(options: argparse.Namespace) -> int:
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     recording = read_recording(Path(options.recording), ruleset)
-    noise = noise_at_work(recording, ruleset)
     table = is_point_table(recording, ruleset)
-    stretches = each_row(recording) if table else find_stretches(recording, ruleset, noise)
+    stretches, noise = settle(recording, ruleset)
+    if table:
+        # What differs from row to row is the operating point; the noise of a row is not known.
+        stretches, noise = each_row(recording), dict.fromkeys(noise, 0.0)
     if not len(stretches):
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
     points = points_of_stretches(recording, ruleset, stretches, noise)
@@ -81,11 +83,11 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
         model = models.types[module.type.key]
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
-        name, flow, shared = flows[module.name]
+        name, flow, shared, new = flows[module.name]
         if not np.isfinite(flow).any():  # it stood all the time: what it was remains
             continue
-        values, systematic = _local(models, ruleset, points, module)
-        readings = Readings(values, systematic, flow, shared, name)
+        values, systematic, noise = _local(models, ruleset, points, module)
+        readings = Readings(values, systematic, {**noise, name: new}, flow, shared, name)
         fits.append(fit_module(module, model, readings))
     if not fits:
         raise CalibrationRefused(
@@ -97,13 +99,13 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
 
 def _reference_flows(
     models: Models, ruleset: Ruleset, points: Points
-) -> dict[str, tuple[str, Array, Array]]:
-    """True flow of each module: name of its source, values, and shared standard uncertainty.
+) -> dict[str, tuple[str, Array, Array, Array]]:
+    """True flow of each module: name of its source, values, shared standard uncertainty, and noise.
 
     From its own flow meter, else by continuity from the flow meters of other modules.
     """
     network = models.residuals.network
-    own: dict[str, tuple[str, Array, Array]] = {}
+    own: dict[str, tuple[str, Array, Array, Array]] = {}
     for module in network.plant.modules.values():
         meter = _flow_meter(module)
         if meter is None or f"{module.name}.{meter}" not in points.values:
@@ -113,13 +115,14 @@ def _reference_flows(
         if signal.minimum is not None:
             flow[~(flow >= signal.minimum)] = np.nan
         shared = np.broadcast_to(systematic_u(signal, flow), flow.shape)
-        own[module.name] = (signal.id, flow, shared)
+        own[module.name] = (signal.id, flow, shared, points.statistical(signal.id))
     result = dict(own)
     for name, fixed in flows_by_continuity(network.graph, own).items():
         terms = fixed.terms
         flow = np.sum([sign * own[m][1] for m, sign in terms.items()], axis=0)
         shared = np.sqrt(np.sum([own[m][2] ** 2 for m in terms], axis=0))
-        result[name] = (" + ".join(own[m][0] for m in terms), flow, shared)
+        new = np.sqrt(np.sum([own[m][3] ** 2 for m in terms], axis=0))
+        result[name] = (" + ".join(own[m][0] for m in terms), flow, shared, new)
     return result
 
 
@@ -134,10 +137,12 @@ def _flow_meter(module: Module) -> str | None:
 
 def _local(
     models: Models, ruleset: Ruleset, points: Points, module: Module
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Readings under the local names of a module, below-minimum ones blanked."""
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
+    """Readings under the local names of a module, below-minimum ones blanked; their shared
+    standard uncertainties, and their noise."""
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
+    noise: dict[str, Array] = {}
     for name in module.type.signals:
         signal = ruleset.signal_by_id[f"{module.name}.{name}"]
         if signal.id not in points.values:
@@ -147,6 +152,7 @@ def _local(
             readings[~(readings >= signal.minimum)] = np.nan
         values[name] = readings
         systematic[name] = np.broadcast_to(systematic_u(signal, readings), readings.shape)
+        noise[name] = points.statistical(signal.id)
     n = len(next(iter(points.values.values())))
     missing = np.full(n, np.nan)
     for name in module.type.gathers:
@@ -157,7 +163,9 @@ def _local(
         systematic[GATHERED + name] = np.broadcast_to(
             np.sqrt(sum((s**2 for s in shared), np.zeros(1))), (n,)
         )
-    return values, systematic
+        new = [points.statistical(i) for i in ids if i in points.values]
+        noise[GATHERED + name] = np.sqrt(sum((s**2 for s in new), np.zeros(n)))
+    return values, systematic, noise
 
 
 def _file(models: Models, fits: list[ModuleFit]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from runtime.recording import Recording
 from runtime.report.thin import COLUMNS
 from runtime.ruleset import THRESHOLD, ResidualSpec, Ruleset
 from runtime.seen import Seen, residuals_seen, see_samples, see_stretches
-from runtime.stationary import SHORTEST, find_stretches, noise_at_work
+from runtime.stationary import SHORTEST, settle
 from runtime.trace import Trace
 from runtime.wording import l_per_h, worst_first
 
@@ -176,8 +176,7 @@ def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
 def _batches(recording: Recording, diagnosis: Diagnosis) -> Iterator[tuple[np.ndarray, list[Seen]]]:
     """All samples, seen as the diagnosis saw their stretches."""
     ruleset = diagnosis.ruleset
-    noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
+    stretches, noise = settle(recording, ruleset)
     if len(stretches):
         known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode)
         every = np.arange(len(recording))

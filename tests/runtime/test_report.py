@@ -17,7 +17,7 @@ from runtime.recording import read_recording
 from runtime.report.series import detail
 from runtime.ruleset import THRESHOLD, Ruleset
 from runtime.seen import residuals_seen, see_samples, see_stretches
-from runtime.stationary import find_stretches, noise_at_work
+from runtime.stationary import settle
 from runtime.trace import trace
 from runtime.wording import titled
 from tests.conftest import ROOT, compiled, recordings_folder
@@ -131,8 +131,7 @@ def test_matrix_marks_the_rows_found(leaking: Judged) -> None:
 def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
     """All samples as read, and residuals with their limits against the baseline, l/h."""
     recording, ruleset = judged.recording, judged.diagnosis.ruleset
-    noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
+    stretches, noise = settle(recording, ruleset)
     known = see_stretches(recording, ruleset, stretches, noise, "default")
     every = np.arange(len(recording))
     [(_, seen)] = see_samples(recording, ruleset, noise, stretches, known, every)
@@ -192,7 +191,7 @@ def test_caption_without_baseline_has_one_distance(abc: Ruleset) -> None:
     recording = read_recording(EXAMPLES / "leakage_A.csv", abc)
     diagnosis = diagnose(recording, abc, "paper")
     judged = Judged(recording, diagnosis, trace(recording, abc, "paper"), None)
-    noise = noise_at_work(recording, abc)
+    _, noise = settle(recording, abc)
     observed = observe(abc, points_of_samples(recording, abc, noise))
     row = [r.id for r in abc.residuals].index("A.pump-plant")
     distance = np.mean(observed.residuals[row, 51:60]) * 3.6e6
