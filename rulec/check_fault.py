@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sympy
 
+from rulec.check_length import check_law
 from rulec.knowledge import FaultType, Variant
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document
@@ -50,7 +51,7 @@ def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic
             message = f"the law of a fault speaks of g and x only, not of '{name}'"
             hint = "g: what should be there, x: the degree"
             found.append(Diagnostic(spot, "KB061", message, hint))
-    if len(found) > before:
+    if len(found) > before or not check_law(document, path, expression, found):
         return expression
     missing = sorted({"g", "x"} - {name for name, _ in expression.names()})
     if missing:

@@ -9,6 +9,7 @@ from math import sqrt
 
 import numpy as np
 
+from rulec.check_length import check_lengths
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.dimension import dimension
 from rulec.language.document import Document
@@ -44,6 +45,8 @@ class _FluidReader:
         fluid = Fluid(
             data["fluid"], data["title"], lowest, highest, coefficients, definitions, properties
         )
+        if len(self.found) == before:
+            check_lengths(self.document, _named(fluid), (), self.found)
         if len(self.found) == before:
             self._check_used(fluid)
             self._check_positive(fluid)
@@ -148,6 +151,12 @@ class _FluidReader:
                     message = f"at {T:.4g} K this gives {value:.3g}, but a {path[0]} is positive"
                     self._report(place, "KB067", message, "is a sign wrong, or a unit?")
                     return
+
+
+def _named(fluid: Fluid) -> Iterator[tuple[str, tuple[str, ...], Expression]]:
+    """All equations in order: what each is known by, its place, itself."""
+    for path, expression in _equations(fluid):
+        yield path[-2], path, expression
 
 
 def _equations(fluid: Fluid) -> Iterator[tuple[tuple[str, ...], Expression]]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rulec.check_length import check_lengths
 from rulec.check_states import StateReader
 from rulec.knowledge import FaultType, SensorClass
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
@@ -67,6 +68,8 @@ class _ModuleReader:
         stated = dict(of_states.equations(states, readings))
         for path, expression in stated.items():
             self._check_names(expression, known, path)
+        if len(self.found) == before and not self.reserved:
+            self._check_lengths(definitions, observers, stated)
         if len(self.found) == before and not self.reserved:
             self._check_constants(definitions, observers)
             self._check_used(signals, parameters, expressions, observers, stated.values())
@@ -235,6 +238,23 @@ class _ModuleReader:
     ) -> Iterable[Expression]:
         yield from definitions.values()
         yield from (o.expression for o in observers.values())
+
+    def _check_lengths(
+        self,
+        definitions: Mapping[str, Definition],
+        observers: Mapping[str, Observer],
+        stated: Mapping[tuple[str | int, ...], Expression],
+    ) -> None:
+        """Refuse definitions that multiply, before anything is built of them."""
+        check_lengths(
+            self.document,
+            ((d.name, ("definitions", d.name, "is"), d.expression) for d in definitions.values()),
+            [
+                *((("observers", o.name, "Q"), o.expression) for o in observers.values()),
+                *stated.items(),
+            ],
+            self.found,
+        )
 
     def _check_constants(
         self, definitions: Mapping[str, Definition], observers: Mapping[str, Observer]

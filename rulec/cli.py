@@ -12,6 +12,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 _COMMANDS = {
     "check": "validate knowledge and plant files",
@@ -56,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        print("rulec: interrupted", file=sys.stderr)
+        _say("rulec: interrupted")
         return 130
     except BrokenPipeError:
         # The reader of a pipe has gone (`rulec ... | head`): no message, and no flush at exit.
@@ -66,8 +67,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         message = _message(error)
         if message is None:
             raise
-        print(message, file=sys.stderr)
+        _say(message)
         return 1
+
+
+def _say(message: str) -> None:
+    """A message for standard error; it may quote whatever stands in a file."""
+    from runtime.terminal import say_aside
+
+    say_aside(message)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Quotes wrong arguments as text: a script may have handed over anything."""
+
+    def error(self, message: str) -> NoReturn:
+        from runtime.terminal import one_line
+
+        super().error(one_line(message))
 
 
 def _message(error: Exception) -> str | None:
@@ -78,15 +95,17 @@ def _message(error: Exception) -> str | None:
 
         assert isinstance(error, Refused)
         return render_all(error.diagnostics)
+    from runtime.terminal import one_line
+
     if kind in _REFUSALS:
-        return f"rulec: {error}"
+        return one_line(f"rulec: {error}")
     if isinstance(error, OSError):
-        return f"rulec: {error.filename or 'file'}: {error.strerror}"
+        return one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
     return None
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="rulec",
         description="Fault diagnosis for modular hydraulic plants, compiled from module files.",
         epilog="PLANT is a folder with a plant.yaml, or the file itself. "

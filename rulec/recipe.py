@@ -118,6 +118,7 @@ class _Writer:
 
 _NAMES = {
     Absolute: "abs",
+    sympy.Abs: "abs",
     Signum: "sign",
     sympy.exp: "exp",
     sympy.log: "log",

@@ -138,7 +138,10 @@ def _update(before: Baseline, said: _Said) -> Baseline | None:
     crossed = before.covariance @ shared.T
     total = said.noise + shared @ crossed
     off = residuals - shared @ before.mean
-    solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
+    try:
+        solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
+    except np.linalg.LinAlgError:  # readings so far off that their errors drown in rounding
+        return None
     if off @ solved[:, 0] > chi_square_limit(len(off), CALM):
         return None
     gain = np.linalg.slogdet(total)[1] - said.log_determinant

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
 from runtime.diagnose import Diagnosis
 from runtime.findings import Finding, Period
 from runtime.ruleset import Ruleset
+from runtime.terminal import styled
 from runtime.wording import (
     SHOWN,
     STATUS,
@@ -36,22 +36,18 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     symbol, meaning = STATUS[diagnosis.status]
     colour = _COLOURS[diagnosis.status]
     share = 100 * diagnosis.judged / max(diagnosis.samples, 1)
-    out.print(
-        f"\n[bold {colour}]{symbol} {diagnosis.status} {meaning}[/]  "
-        f"{escape(diagnosis.ruleset.title)}"
-    )
+    verdict = f"{symbol} {diagnosis.status} {meaning}"
+    out.print(styled("\n[bold {}]{}[/]  {}", colour, verdict, diagnosis.ruleset.title))
     settled = "" if diagnosis.ruleset.dynamics is not None else "settled and "
-    out.print(
-        f"[dim]{diagnosis.samples} samples, {share:.0f} % of them {settled}judged, "
-        f"mode {diagnosis.mode}[/]"
-    )
+    judged = f"{diagnosis.samples} samples, {share:.0f} % of them {settled}judged"
+    out.print(styled("[dim]{}, mode {}[/]", judged, diagnosis.mode))
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
         out.print(_tree(diagnosis, finding))
     _periods(out, "Unknown", "yellow", diagnosis.unknown)
     _periods(out, "Not judged", "dim", diagnosis.not_judged)
     for note in diagnosis.notes[:SHOWN]:
-        out.print(f"[dim]note: {escape(note)}[/]")
+        out.print(styled("[dim]note: {}[/]", note))
 
 
 def _summary(out: Console, diagnosis: Diagnosis) -> None:
@@ -84,8 +80,8 @@ def _row(table: Table, findings: list[Finding]) -> None:
         when = f"{len(findings)} times, {when}"
     sure = sum(f.probability for f in findings) / len(findings)
     table.add_row(
-        f"[{colour}]{symbol} {first.fault.status}[/]",
-        f"[bold]{first.fault.id}[/]",
+        styled("[{}]{} {}[/]", colour, symbol, first.fault.status),
+        styled("[bold]{}[/]", first.fault.id),
         degree,
         bounds,
         when,
@@ -97,13 +93,12 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     """Finding, what to do, residuals, estimates, readings, rules, doubt, sources."""
     ruleset = diagnosis.ruleset
     symbol, colour = STATUS[finding.fault.status][0], _COLOURS[finding.fault.status]
-    title = f"{symbol} {escape(headline(ruleset, finding))}"
-    tree = Tree(f"\n[bold {colour}]{title}[/]", guide_style="dim")
-    tree.add(
-        f"degree [bold]{finding.degree:.3f}[/] ({finding.lower:.3f} to {finding.upper:.3f}, 95 %): "
-        f"{escape(finding.fault.meaning)}; seen from {finding.since:g} s to {finding.until:g} s"
-    )
-    tree.add(f"do: {escape(finding.fault.action)}")
+    title = styled("\n[bold {}]{} {}[/]", colour, symbol, headline(ruleset, finding))
+    tree = Tree(title, guide_style="dim")
+    bounds = f"({finding.lower:.3f} to {finding.upper:.3f}, 95 %)"
+    about = f"{finding.fault.meaning}; seen from {finding.since:g} s to {finding.until:g} s"
+    tree.add(styled("degree [bold]{}[/] {}: {}", f"{finding.degree:.3f}", bounds, about))
+    tree.add(f"do: {finding.fault.action}")
     unit = flow_unit(ruleset)
     flow = "" if ruleset.dynamics is not None else f" ({unit.name})"
     why = tree.add(f"because {ground(ruleset)}{flow}")
@@ -112,20 +107,18 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     rows = "estimates and the readings behind them"
     if ruleset.dynamics is not None:
         rows = f"typical readings there: {readings_of(ruleset, finding)}"
-    flows = why.add(escape(rows))
+    flows = why.add(rows)
     for e in behind:
-        flows.add(
-            f"{escape(e.equation)} = [bold]{unit.factor * e.flow:.1f}[/] "
-            f"±{unit.factor * e.half:.1f} {unit.name}  "
-            f"[dim]{escape(', '.join(e.readings))}[/]"
-        )
+        value, half = f"{unit.factor * e.flow:.1f}", f"±{unit.factor * e.half:.1f} {unit.name}"
+        told = "{} = [bold]{}[/] {}  [dim]{}[/]"
+        flows.add(styled(told, e.equation, value, half, ", ".join(e.readings)))
     for text in context(ruleset, finding):
-        why.add(escape(text))
+        why.add(text)
     _doubt(diagnosis, finding, tree)
     rules = tree.add("rules and sources" if ruleset.cells_of_fault[finding.fault.id] else "source")
     for cell in ruleset.cells_of_fault[finding.fault.id][:SHOWN]:
-        rules.add(f"[dim]{escape(cell.equation)}[/]")
-    rules.add(f"[dim]{escape(finding.fault.origin)}[/]")
+        rules.add(styled("[dim]{}[/]", cell.equation))
+    rules.add(styled("[dim]{}[/]", finding.fault.origin))
     return tree
 
 
@@ -145,7 +138,7 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
             row.limit if e.verdict != "invalid" else "-",
             e.verdict,
             e.expected,
-            f"[{_AGREEMENT.get(kind, 'dim')}]{words}[/]",
+            styled("[{}]{}[/]", _AGREEMENT.get(kind, "dim"), words),
         )
     return table
 
@@ -153,9 +146,9 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
 def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
     """What else fits, and what would tell the causes apart."""
     if finding.alternatives:
-        doubt = tree.add(f"[yellow]also possible:[/] {causes(finding.alternatives)}")
+        doubt = tree.add(styled("[yellow]also possible:[/] {}", causes(finding.alternatives)))
         for text in advice(diagnosis.ruleset, finding):
-            doubt.add(escape(text))
+            doubt.add(text)
     elif diagnosis.mode == "paper":
         tree.add("paper mode names the fault with the largest degree and weighs no other")
     elif not finding.remote:
@@ -170,10 +163,10 @@ def _periods(out: Console, title: str, style: str, periods: tuple[Period, ...]) 
     kinds: dict[str, list[Period]] = {}
     for period in periods:
         kinds.setdefault(period.text, []).append(period)
-    out.print(f"\n[bold {style}]{title}[/]")
+    out.print(styled("\n[bold {}]{}[/]", style, title))
     for text, members in list(kinds.items())[:SHOWN]:
         spans = ", ".join(f"{p.since:g}-{p.until:g} s" for p in members[:4])
         more = f" and {len(members) - 4} more" if len(members) > 4 else ""
-        out.print(f"[{style}]  {spans}{more}: {escape(text)}[/]")
+        out.print(styled("[{}]  {}{}: {}[/]", style, spans, more, text))
     if len(kinds) > SHOWN:
-        out.print(f"[dim]  and {len(kinds) - SHOWN} other remarks (--json has all)[/]")
+        out.print(styled("[dim]  and {} other remarks (--json has all)[/]", len(kinds) - SHOWN))

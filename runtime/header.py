@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
+from runtime.csv_cell import as_meant
 from runtime.csv_table import RecordingRefused
 from runtime.reading_unit import fitting, parse_unit
 from runtime.ruleset import Ruleset, SignalSpec
 from runtime.time_column import NAMES
-
-_TITLE = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*(\[(?P<unit>[^\[\]]*)\])?\s*")
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,8 @@ def assign(
         foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
     signals = ruleset.signal_by_id
     source: dict[str, str] = {}
-    for index, title in enumerate(t.strip() for t in titles):
-        match = _TITLE.fullmatch(title)
-        name, unit = (match["name"], match["unit"] or "") if match else (title, "")
+    for index, title in enumerate(as_meant(t.strip()) for t in titles):
+        name, unit = parts_of(title)
         named = title != "" and title == ruleset.time_column
         if named or (header.time < 0 and name.lower() in NAMES):
             header.time, header.time_title, header.time_unit = index, title, unit.strip()
@@ -72,6 +69,22 @@ def assign(
     if header.time < 0:
         expected = ruleset.time_column or "time [s]"
         raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'")
+
+
+def parts_of(title: str) -> tuple[str, str]:
+    """Name and unit of a column; a title of another form is a name as a whole.
+
+    >>> parts_of("A.dp [bar]"), parts_of("A.dp"), parts_of("a[b]c")
+    (('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
+    """
+    name, bracket, rest = title.partition("[")
+    name = name.strip()
+    if not bracket and "]" not in title:
+        return name, ""
+    unit, closed, behind = rest.partition("]")
+    if not (name and bracket and closed) or behind.strip() or set("[]") & {*name, *unit}:
+        return title, ""
+    return name, unit
 
 
 def _conversion(

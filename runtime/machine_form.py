@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from runtime.csv_cell import row_of
 from runtime.diagnose import Diagnosis
 from runtime.findings import Finding, Period
 from runtime.ruleset import Ruleset
@@ -65,7 +66,7 @@ def trace_csv(trace: Trace, ruleset: Ruleset) -> str:
     header = ["time [s]", "verdict"]
     for fault in ruleset.faults:
         header += [fault.id, f"{fault.id} lower", f"{fault.id} upper"]
-    lines = [",".join(header)]
+    lines = [row_of(header)]
     for i, (time, verdict) in enumerate(zip(trace.time, trace.verdict, strict=True)):
         row = [f"{time:.10g}", verdict]
         for j in range(len(ruleset.faults)):

@@ -30,7 +30,7 @@ def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
     try:
         tree = ast.parse(_NEGATIVE.sub(r"**-\1", text.replace("^", "**")), mode="eval").body
         factor, dimension = _walk(tree, units)
-    except (SyntaxError, ValueError, RecursionError, MemoryError, OverflowError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError, ArithmeticError):
         return None
     return UnitSpec(factor, 0.0, tuple(float(d) for d in dimension))
 

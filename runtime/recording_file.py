@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,15 @@ import numpy as np
 from runtime.csv_table import Column, RecordingRefused, read_table
 from runtime.header import Header, Target, assign
 from runtime.plan import Array
-from runtime.ruleset import Ruleset
+from runtime.ruleset import Ruleset, SignalSpec
 from runtime.time_column import read_times
 
 ABSURD = 1e15
 """Beyond this (SI) a number is a fill value of some program, not a reading."""
+
+BEYOND = 1e6
+"""Times the reference reading and the range of its sensor beyond which a reading is none. Assumed:
+no sensor spans six decades above what its plant runs at, and sums of squares stay exact below."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +72,21 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     time, dated = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
     values = {}
     for column, target in zip(table.columns, header.targets, strict=True):
-        values[target.signal] = _readings(path, column, target, notes)
+        most = _largest(ruleset.signal_by_id[target.signal])
+        values[target.signal] = _readings(path, column, target, most, notes)
     comma = any("," in column.decimals for column in table.columns)
     return RecordingFile(path, header, time, values, dated, comma)
 
 
-def _readings(path: Path, column: Column, target: Target, notes: list[str]) -> Array:
+def _largest(signal: SignalSpec) -> float:
+    """What a reading can be at most, SI."""
+    ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
+    known = [abs(end) for end in ends if end is not None and isfinite(end)]
+    scale = max(known, default=0.0)
+    return min(ABSURD, BEYOND * scale) if scale else ABSURD
+
+
+def _readings(path: Path, column: Column, target: Target, most: float, notes: list[str]) -> Array:
     """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
     if column.words:
         assert column.first is not None
@@ -83,7 +97,7 @@ def _readings(path: Path, column: Column, target: Target, notes: list[str]) -> A
         )
     with np.errstate(over="ignore"):
         values = column.numbers() * target.factor + target.offset
-    absurd = np.abs(values) > ABSURD
+    absurd = np.abs(values) > most
     if absurd.any():
         count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
         notes.append(

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from math import isnan
 from typing import TextIO
 
+from runtime.csv_cell import as_meant, defused
 from runtime.csv_table import whole_rows
 from runtime.plan import Array
 from runtime.recording_file import RecordingFile
@@ -37,14 +38,14 @@ def rewrite(
         title, factor, offset = column_of(name, ruleset)
         replaced[len(header)] = cells((values[name] - offset) / factor, file.comma)
         header.append(title)
-    writer.writerow(header)
+    writer.writerow(defused(as_meant(title)) for title in header)
     room = [""] * len(added(file, values))
     columns = zip(*replaced.values(), strict=True) if replaced else None
     for row in rows:
         row += room
         for index, cell in zip(replaced, next(columns) if columns else (), strict=True):
             row[index] = cell
-        writer.writerow(row)
+        writer.writerow(defused(cell) for cell in row)
 
 
 def added(file: RecordingFile, values: Iterable[str]) -> list[str]:

@@ -70,6 +70,7 @@ def _date(cell: str) -> float:
         text = f"{year}-{month:0>2}-{day:0>2}" + text[day_first.end() :]
     try:
         date = datetime.fromisoformat(text)
-    except ValueError:
+        date = date if date.tzinfo else date.replace(tzinfo=UTC)
+        return date.astimezone(UTC).timestamp()
+    except (ValueError, OverflowError):  # no date, or in UTC one before the year 1
         return float("nan")
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

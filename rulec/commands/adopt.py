@@ -6,15 +6,16 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
 from rulec.adopt import Adoption, adopt
-from rulec.commands.output import console, write_text
+from rulec.commands.output import console
 from rulec.pipeline import compile_plant
 from rulec.read import read_plant
 from rulec.repair import AdoptRefused, read_repair
 from rulec.workshop import open_workshop
 from rulec.write_plant import plant_files
+from runtime.terminal import styled
+from runtime.write_file import write_text
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,10 +42,10 @@ def _tell(out: Console, target: Path, adoption: Adoption) -> None:
     for candidate in adoption.taken:
         kind = adoption.instances[candidate.module].type
         what = f"{candidate.module}: {candidate.title}, in {kind.name} version {kind.version}"
-        out.print(f"[green]✓[/] {escape(what)}")
-        out.print(f"  {candidate.equation}", markup=False, soft_wrap=True)
+        out.print(styled("[green]✓[/] {}", what))
+        out.print(f"  {candidate.equation}", soft_wrap=True)
     for name, reason in adoption.left:
-        out.print(f"[yellow]![/] {escape(f'not adopted: {name}: {reason}')}")
+        out.print(styled("[yellow]![/] not adopted: {}: {}", name, reason))
     if not adoption.taken:
         out.print("values only: no equation was changed")
-    out.print(f"[green]✓[/] {escape(str(target))}: a plant like any other")
+    out.print(styled("[green]✓[/] {}: a plant like any other", target))

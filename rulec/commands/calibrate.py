@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from rich.table import Table
 
-from rulec.commands.output import console, write_json, write_text
+from rulec.commands.output import console, write_json
 from rulec.continuity import flows_by_continuity
 from rulec.differentiate import GATHERED, Models
 from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
@@ -23,6 +23,8 @@ from runtime.point_table import NOTE, each_row, is_point_table
 from runtime.recording import read_recording
 from runtime.ruleset import Ruleset
 from runtime.stationary import settle, systematic_u
+from runtime.terminal import styled
+from runtime.write_file import write_text
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     if table:
         out.print(f"note: {NOTE}")
     what = "operating points" if table else "settled stretches"
-    out.print(f"[green]✓[/] {options.output}: from {len(stretches)} {what}")
+    out.print(styled("[green]✓[/] {}: from {} {}", options.output, len(stretches), what))
     write_json(options, data)
     return 0
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.markup import escape
-
 from rulec.check_knowledge import check_knowledge
 from rulec.check_plant import check
 from rulec.commands.output import console
@@ -15,6 +13,7 @@ from rulec.language.document import Document
 from rulec.link import link
 from rulec.put_balances import dynamics_of
 from rulec.read import Sources, read_files, read_plant
+from runtime.terminal import styled
 
 _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 
@@ -24,9 +23,9 @@ def run(options: argparse.Namespace) -> int:
     found = collect([Path(p) for p in options.paths])
     out = console(options)
     if found:
-        out.print(render_all(found), markup=False, emoji=False, soft_wrap=True)
+        out.print(render_all(found), soft_wrap=True)
         return 1
-    out.print(f"[green]✓[/] {escape(', '.join(options.paths))}: no mistakes", emoji=False)
+    out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(options.paths)))
     return 0
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rulec.commands.output import console, write_text
+from rulec.commands.output import console
 from rulec.pipeline import compile_plant
+from runtime.terminal import styled
+from runtime.write_file import write_text
 
 
 def run(options: argparse.Namespace) -> int:
@@ -15,10 +17,12 @@ def run(options: argparse.Namespace) -> int:
     target = Path(options.output or f"{ruleset.plant}.ruleset.json")
     write_text(target, ruleset.to_json())
     out = console(options)
-    out.print(
-        f"[green]✓[/] {target}: {len(ruleset.modules)} modules, {len(ruleset.residuals)} "
-        f"residuals, {len(ruleset.faults)} faults, {len(ruleset.cells)} rules"
+    counts = (
+        f"{len(ruleset.modules)} modules, {len(ruleset.residuals)} residuals, "
+        f"{len(ruleset.faults)} faults, {len(ruleset.cells)} rules"
     )
+    out.print(styled("[green]✓[/] {}: {}", target, counts))
     for name in ruleset.unobserved:
-        out.print(f"[yellow]![/] {name} leaves no trace in any residual; it needs a further sensor")
+        told = "[yellow]![/] {} leaves no trace in any residual; it needs a further sensor"
+        out.print(styled(told, name))
     return 0

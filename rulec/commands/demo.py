@@ -22,11 +22,11 @@ def run(options: argparse.Namespace) -> int:
         plant = plant.relative_to(Path.cwd())
     recording = _example(plant / "examples")
     out.rule("1. compile: from module files to a fault-symptom matrix")
-    out.print(f"$ rulec matrix {plant}", markup=False)
+    out.print(f"$ rulec matrix {plant}")
     ruleset = compile_plant(plant)
     show(out, ruleset)
     out.rule("2. diagnose: a simulated recording with a fault that grows in steps")
-    out.print(f"$ rulec diagnose {plant} {recording}", markup=False)
+    out.print(f"$ rulec diagnose {plant} {recording}")
     explain(out, diagnose(read_recording(recording, ruleset), ruleset))
     return 0
 

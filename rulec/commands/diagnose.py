@@ -8,9 +8,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from rulec.commands.output import console, write_json, write_text
+from rulec.commands.output import console, write_json
 from runtime.diagnose import diagnose
 from runtime.explain import explain
 from runtime.machine_form import diagnosis_form, trace_csv
@@ -19,7 +18,9 @@ from runtime.report.page import report
 from runtime.report.truth import read_truth
 from runtime.ruleset import Ruleset
 from runtime.ruleset_file import read_ruleset
+from runtime.terminal import styled
 from runtime.trace import trace
+from runtime.write_file import write_text
 
 
 def run(options: argparse.Namespace) -> int:
@@ -36,15 +37,16 @@ def run(options: argparse.Namespace) -> int:
             result = trace(recording, ruleset, options.mode)
     if options.trace:
         write_text(Path(options.trace), trace_csv(result, ruleset))
-        out.print(f"[dim]one row per sample: {options.trace}[/]")
+        out.print(styled("[dim]one row per sample: {}[/]", options.trace))
     if options.report:
         with _waiting(out, "drawing the report"):
             name = Path(options.recording).resolve().name
             page = report(recording, diagnosis, result, name, truth)
         write_text(Path(options.report), page)
-        out.print(f"[dim]report: {escape(options.report)}[/]")
+        out.print(styled("[dim]report: {}[/]", options.report))
     elif truth is not None:
-        out.print("[dim]note: only a report (--report FILE.html) compares with the truth[/]")
+        note = "[dim]note: only a report (--report FILE.html) compares with the truth[/]"
+        out.print(styled(note))
     write_json(options, diagnosis_form(diagnosis))
     return 0
 

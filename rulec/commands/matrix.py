@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from rulec.commands.output import console, write_json
 from rulec.pipeline import compile_plant
 from runtime.ruleset import Cell, Ruleset
+from runtime.terminal import styled
 
 if TYPE_CHECKING:
     from runtime.dynamic.signature import Signature
@@ -83,13 +85,12 @@ def _show_stores(out: Console, stores: Signature) -> None:
     table.add_column("fault", no_wrap=True)
     for reading in stores.readings:
         table.add_column(reading, justify="center")
-    marks = {1: "[green]+[/]", -1: "[red]-[/]", 0: "[dim]·[/]"}
+    marks = {1: styled("[green]+[/]"), -1: styled("[red]-[/]"), 0: styled("[dim]·[/]")}
     for fault, signs in zip(stores.faults, stores.signs, strict=True):
         table.add_row(fault, *(marks[s] for s in signs))
     out.print(table)
-    out.print(
-        "[dim]+ the reading stands higher than the balances foretell, - lower, · as they do[/]"
-    )
+    legend = "+ the reading stands higher than the balances foretell, - lower, · as they do"
+    out.print(styled("[dim]{}[/]", legend))
     for group in stores.alike:
         out.print(f"  {', '.join(group)}: act alike on all readings")
 
@@ -108,7 +109,7 @@ def _dense(ruleset: Ruleset, value: Any, absent: Any = 0) -> list[list[Any]]:
 def show(out: Console, ruleset: Ruleset) -> None:
     """Draw the matrix: sign and smallest detectable degree of each cell."""
     what = "reading" if ruleset.dynamics is not None else "residual"
-    out.print(f"\n[bold]{ruleset.title}[/]: how each fault moves each {what}\n")
+    out.print(styled("\n[bold]{}[/]: how each fault moves each {}\n", ruleset.title, what))
     stores = _of_stores(ruleset)
     if stores:
         _show_stores(out, stores)
@@ -119,13 +120,14 @@ def show(out: Console, ruleset: Ruleset) -> None:
     fitting = max(3, (out.width - longest - 2) // NARROW)
     for start in range(0, len(residuals), fitting):
         out.print(_table(ruleset, residuals[start : start + fitting]))
-    out.print(
-        "[dim]+ residual rises, - residual falls, · no effect; below the sign the smallest degree "
-        "that leaves the residual's threshold at the reference point[/]"
+    legend = (
+        "+ residual rises, - residual falls, · no effect; below the sign the smallest degree "
+        "that leaves the residual's threshold at the reference point"
     )
+    out.print(styled("[dim]{}[/]", legend))
     _show_ambiguous(out, ruleset)
     for name in ruleset.unobserved:
-        out.print(f"[yellow]![/] {name}: no residual sees it")
+        out.print(styled("[yellow]![/] {}: no residual sees it", name))
 
 
 def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
@@ -140,11 +142,11 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
     return table
 
 
-def _mark(cell: Cell | None) -> str:
+def _mark(cell: Cell | None) -> Text:
     if cell is None:
-        return "[dim]·[/]"
-    sign = "[green]+[/]" if cell.sign > 0 else "[red]-[/]"
-    return f"{sign}\n[dim]{_short(cell.detectable)}[/]"
+        return styled("[dim]·[/]")
+    colour, sign = ("green", "+") if cell.sign > 0 else ("red", "-")
+    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, _short(cell.detectable))
 
 
 def _short(degree: float) -> str:
@@ -162,10 +164,11 @@ def _show_ambiguous(out: Console, ruleset: Ruleset) -> None:
     for kind, (title, why, between) in _KINDS.items():
         groups = [g for g in ruleset.ambiguous if g.kind == kind]
         if groups:
-            out.print(f"\n[bold]{title}[/] ({why})")
+            out.print(styled("\n[bold]{}[/] ({})", title, why))
         for group in groups:
             out.print(f"  {between.join(group.faults)}: {group.advice}")
     costs = {(s.module, s.signal): s.cost for g in ruleset.ambiguous for s in g.sensors}
     if costs:
         each = ", ".join(f"{m}.{s} {cost:g}" for (m, s), cost in costs.items())
-        out.print(f"\n[bold]Sensors that would help[/], with their relative cost: {each}")
+        told = "\n[bold]Sensors that would help[/], with their relative cost: {}"
+        out.print(styled(told, each))

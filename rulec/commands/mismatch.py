@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 
-from rulec.commands.output import console, without_folder, write_json, write_text
+from rulec.commands.output import console, without_folder, write_json
 from rulec.workshop import open_workshop
 from runtime.mismatch.analyse import analyse
 from runtime.mismatch.machine_form import hidden_csv, mismatch_form
@@ -21,6 +21,8 @@ from runtime.mismatch.result import Mismatch, MismatchRefused
 from runtime.mismatch.series import series_csv
 from runtime.mismatch.story import tell
 from runtime.recording import Recording, read_recording
+from runtime.terminal import one_line, say_aside, styled
+from runtime.write_file import write_text
 
 Periods = tuple[tuple[float, float], ...]
 
@@ -31,18 +33,17 @@ def run(options: argparse.Namespace) -> int:
         heldout = periods_of(options.heldout)
         _check(options)
     except ValueError as mistake:
-        aside = Console(stderr=True, highlight=False)
-        aside.print(f"rulec mismatch: {mistake}", markup=False, soft_wrap=True)
+        say_aside(f"rulec mismatch: {mistake}")
         return 2
     out = console(options)
     found = _compare(out, options, heldout)
     tell(out, found)
     if options.report:
         write_text(Path(options.report), report(found))
-        out.print(f"[dim]report: {escape(options.report)}[/]")
+        out.print(styled("[dim]report: {}[/]", options.report))
     if options.series:
         write_text(Path(options.series), series_csv(found.series))
-        out.print(f"[dim]courses of the models: {escape(options.series)}[/]")
+        out.print(styled("[dim]courses of the models: {}[/]", options.series))
     hidden = _write_hidden(out, options, found)
     write_json(options, mismatch_form(found, Path(options.plant).resolve().as_posix(), hidden))
     return 0
@@ -125,7 +126,7 @@ def _progress(out: Console) -> Iterator[Callable[[str], None]]:
         yield lambda text: None
         return
     with out.status("") as status:
-        yield lambda text: status.update(escape(text))
+        yield lambda text: status.update(Text(one_line(text)))
 
 
 def _write_hidden(out: Console, options: argparse.Namespace, found: Mismatch) -> str | None:
@@ -135,5 +136,5 @@ def _write_hidden(out: Console, options: argparse.Namespace, found: Mismatch) ->
     target = Path(options.json)
     series = target.with_name(f"{target.stem}.hidden.csv")
     write_text(series, hidden_csv(found.hidden))
-    out.print(f"[dim]course of what is not recorded: {escape(str(series))}[/]")
+    out.print(styled("[dim]course of what is not recorded: {}[/]", series))
     return series.name

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Console
+from runtime.terminal import say_aside
 
 SOURCE = Path(__file__).parents[2]
 SUITE = "tests.prove"
@@ -23,11 +23,9 @@ SUITE = "tests.prove"
 def run(options: argparse.Namespace) -> int:
     """Start the suite with the same options."""
     if not (SOURCE / "tests" / "prove" / "__main__.py").exists():
-        aside = Console(stderr=True, highlight=False)
-        aside.print(
+        say_aside(
             "rulec prove: the suite is part of the project's source tree, not of the installed "
-            "package; clone the project and run it there",
-            soft_wrap=True,
+            "package; clone the project and run it there"
         )
         return 1
     path = os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))

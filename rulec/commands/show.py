@@ -41,14 +41,14 @@ def run(options: argparse.Namespace) -> int:
             if asked
             else f"there is no pass '{options.step}'; {did_you_mean(options.step, names)}\n"
         )
-        out.print(text + "passes in order: " + ", ".join(names), markup=False)
+        out.print(text + "passes in order: " + ", ".join(names))
         return 0 if asked else 2
     if options.step == match_effects.__name__:
         result: Any = open_workshop(Path(options.plant))[1].matches
     else:
         result = run_passes(Path(options.plant), up_to(options.step))
     for line in _LINES[type(result)](result):
-        out.print(line, markup=False, soft_wrap=True)
+        out.print(line, soft_wrap=True)
     return 0
 
 

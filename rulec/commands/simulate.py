@@ -8,22 +8,22 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from rulec.commands.diagnose import load
-from rulec.commands.output import console, written
+from rulec.commands.output import console
 from runtime.predict import Prediction, predict
 from runtime.prediction import Injected
 from runtime.recording_file import RecordingFile, files_of, read_file
 from runtime.rewrite import rewrite
 from runtime.ruleset import Ruleset
+from runtime.terminal import say_aside, styled
+from runtime.write_file import written
 
 SHOWN = 6
 
 
 def run(options: argparse.Namespace) -> int:
     """Predict, write, say what is in it and what is not."""
-    aside = Console(stderr=True, highlight=False)
     source, target = Path(options.inputs), Path(options.output)
     try:
         injected = [parse_fault(text) for text in options.fault]
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
         if options.noise is not None and options.noise < 0:
             raise ValueError(f"--noise {options.noise}: give a number from 0 on")
     except ValueError as mistake:
-        aside.print(f"rulec simulate: {mistake}", markup=False, soft_wrap=True)
+        say_aside(f"rulec simulate: {mistake}")
         return 2
     ruleset = load(Path(options.plant))
     notes: list[str] = []
@@ -39,9 +39,9 @@ def run(options: argparse.Namespace) -> int:
     prediction = predict(ruleset, files, injected, options.noise)
     _write(ruleset, files, prediction, target, source.is_dir())
     for note in dict.fromkeys([*notes, *prediction.notes]):
-        aside.print(f"note: {note}", markup=False, soft_wrap=True)
+        say_aside(f"note: {note}")
     out = console(options)
-    out.print(f"[green]✓[/] {_summary(prediction, target)}", soft_wrap=True)
+    out.print(styled("[green]✓[/] {}", _summary(prediction, target)), soft_wrap=True)
     return 0
 
 

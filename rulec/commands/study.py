@@ -29,6 +29,7 @@ from runtime.study.points import Points, operating_points
 from runtime.study.pool import run_groups
 from runtime.study.summary import percent, rows_of, sentences
 from runtime.study.tally import Cell, Tally, tally
+from runtime.terminal import styled, terminal
 
 Draw = Callable[[np.random.Generator], Plan]
 
@@ -38,7 +39,7 @@ START = 1.0
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, judge, count, and say what it means."""
-    aside = Console(stderr=True, highlight=False)
+    aside = terminal(aside=True)
     try:
         settings, jobs = settings_of(options)
     except ValueError as mistake:
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     def draw(random: np.random.Generator) -> Plan:
         return true_plan(models, faults, random)
 
-    aside.print(_announced(ruleset, points, settings, jobs, draw), markup=False, soft_wrap=True)
+    aside.print(_announced(ruleset, points, settings, jobs, draw), soft_wrap=True)
     with Progress(console=aside, transient=True) as progress:
         bar = progress.add_task("judging", total=sum(size_of(ruleset, points, settings)))
 
@@ -80,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _misused(aside: Console, mistake: str) -> int:
-    aside.print(f"rulec study: {mistake}", markup=False, soft_wrap=True)
+    aside.print(f"rulec study: {mistake}", soft_wrap=True)
     return 2
 
 
@@ -146,23 +147,24 @@ def show(
     counts: Tally,
 ) -> None:
     """The findings in words, then a table per module type."""
-    out.print(f"\n[bold]{ruleset.title}[/]: what its diagnosis can do\n")
+    out.print(styled("\n[bold]{}[/]: what its diagnosis can do\n", ruleset.title))
     for sentence in sentences(counts):
-        out.print(f"- {sentence}", markup=False)
+        out.print(f"- {sentence}")
     held = [name for name in points.given if not ruleset.signal_by_id[name].is_input]
     if held:
-        out.print(f"- No equation determines {', '.join(held)}: varied like inputs.", markup=False)
+        out.print(f"- No equation determines {', '.join(held)}: varied like inputs.")
     for kind in dict.fromkeys(types.values()):
         rows = {k: cells for k, cells in rows_of(counts).items() if k.type == kind}
         if rows:
             members = ", ".join(name for name, type_ in types.items() if type_ == kind)
-            out.print(f"\n[bold]{kind}[/] ({members})")
+            out.print(styled("\n[bold]{}[/] ({})", kind, members))
             out.print(_table(list(rows.values())))
-    out.print(
-        "[dim]found: something is said to be wrong. named: the true fault comes first; listed: it "
+    legend = (
+        "found: something is said to be wrong. named: the true fault comes first; listed: it "
         "comes first or is an alternative. Degree where named: mean absolute error, mean error, "
-        "and how often the bounds hold the true one.[/]"
+        "and how often the bounds hold the true one."
     )
+    out.print(styled("[dim]{}[/]", legend))
 
 
 def _table(rows: list[list[Cell]]) -> Table:

@@ -27,6 +27,12 @@ MAX_SIZE = 1e60
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _CONTROL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_STEERING = re.compile(
+    "[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""Controls (C0, C1), turns of reading direction and halves of characters: an escape in double
+quotes can write them, and a terminal would obey them."""
+
 _WORDS: dict[str, bool | None] = {"null": None, "Null": None, "NULL": None, "~": None, "": None}
 _WORDS |= {"true": True, "True": True, "TRUE": True}
 _WORDS |= {"false": False, "False": False, "FALSE": False}
@@ -213,12 +219,20 @@ class _Builder:
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*path, i)) for i, item in enumerate(node.value)]
+        self._refuse_steering(node)
         value = node.value if node.style else _scalar(node.value)
         if isinstance(value, int | float) and value and not 1 / MAX_SIZE <= abs(value) <= MAX_SIZE:
             message = f"no value in a plant can be {node.value[:40]}"
             hint = f"0, or a number of size {1 / MAX_SIZE:.0e} to {MAX_SIZE:.0e}"
             self.found.append(Diagnostic(self.values[path], "KB013", message, hint))
         return value
+
+    def _refuse_steering(self, node: Any) -> None:
+        steering = _STEERING.search(node.value)
+        if steering:
+            message = f"this text holds the control character U+{ord(steering[0]):04X}"
+            place = _at(self.name, node.start_mark, _length(node))
+            self.found.append(Diagnostic(place, "KB014", message, "write what can be read only"))
 
     def _mapping(self, node: Any, path: Path_) -> dict[str, Any]:
         result: dict[str, Any] = {}
@@ -228,6 +242,7 @@ class _Builder:
                 hint = "text that starts with { or [ needs quotes"
                 self.found.append(Diagnostic(place, "KB011", "a key must be plain text", hint))
                 continue
+            self._refuse_steering(key_node)
             key = key_node.value
             where = (*path, key)
             if key in result:

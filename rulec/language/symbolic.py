@@ -145,4 +145,6 @@ def to_sympy(
                 return known[function](*(walk(a) for a in args))
         raise AssertionError(ast.dump(node))
 
-    return walk(expression.tree)
+    # sympy itself makes a size of the root of a square; its derivatives are none of a plan's.
+    result = walk(expression.tree)
+    return result.replace(sympy.Abs, Absolute) if result.has(sympy.Abs) else result

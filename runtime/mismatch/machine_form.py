@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from runtime.csv_cell import row_of
 from runtime.mismatch.result import (
     Errors,
     Finding,
@@ -58,7 +59,7 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
 
 def hidden_csv(hidden: HiddenDriver) -> str:
     """Course of a hidden driver; a cell is empty where it is unknown."""
-    lines = [f"time [s],course [{hidden.unit}]"]
+    lines = [row_of(("time [s]", f"course [{hidden.unit}]"))]
     for time, value in zip(hidden.time, hidden.course, strict=True):
         lines.append(f"{time:.10g},{f'{value:.6g}' if math.isfinite(value) else ''}")
     return "\n".join(lines) + "\n"

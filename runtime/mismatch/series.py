@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from runtime.csv_cell import row_of
 from runtime.mismatch.result import Course, Series
 from runtime.plan import Array
 from runtime.ruleset import SignalSpec
@@ -43,7 +44,7 @@ def series_csv(series: Series | None) -> str:
             head.append(f"{course.signal} {name} [{course.unit}]")
             columns.append([_cell(value) for value in getattr(course, name)])
     rows = zip(*columns, strict=True)
-    return "\n".join([",".join(head), *(",".join(row) for row in rows)]) + "\n"
+    return "\n".join([row_of(head), *(",".join(row) for row in rows)]) + "\n"
 
 
 def heldout_spans(time: Array, heldout: Sequence[bool] | np.ndarray) -> list[tuple[float, float]]:

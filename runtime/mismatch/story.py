@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from rich.bar import Bar
 from rich.console import Console, RenderableType
-from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
@@ -36,6 +35,7 @@ from runtime.mismatch.wording import (
     where,
 )
 from runtime.report.text import counted, listed, number, period
+from runtime.terminal import one_line, styled
 
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
 
@@ -50,10 +50,10 @@ COURSE = 60
 def tell(out: Console, mismatch: Mismatch) -> None:
     """Print the whole story."""
     colour = _COLOURS[letter(mismatch)]
-    verdict = f"[bold {colour}]{symbol(mismatch)} {escape(meaning(mismatch))}[/]"
-    out.print(f"\n{verdict}\n[dim]{escape(mismatch.title)}, {escape(mismatch.recording)}[/]")
+    out.print(styled("\n[bold {}]{} {}[/]", colour, symbol(mismatch), meaning(mismatch)))
+    out.print(styled("[dim]{}, {}[/]", mismatch.title, mismatch.recording))
     if mismatch.headline:
-        out.print(f"\n[bold]{escape(mismatch.headline)}[/]")
+        _heading(out, mismatch.headline)
     _facts(out, _findings(mismatch))
     if mismatch.hidden is not None:
         _heading(out, "What drives it is not recorded")
@@ -68,16 +68,16 @@ def tell(out: Console, mismatch: Mismatch) -> None:
 
 
 def _heading(out: Console, title: str) -> None:
-    out.print(f"\n[bold]{title}[/]")
+    out.print(styled("\n[bold]{}[/]", title))
 
 
 def _facts(out: Console, rows: Iterable[tuple[str, str]]) -> None:
-    """Terms and what is to be said of them; texts are escaped here and nowhere else."""
+    """Terms and what is to be said of them."""
     table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
     table.add_column(style="dim", min_width=9, no_wrap=True)
     table.add_column(overflow="fold")
     for term, text in rows:
-        table.add_row(escape(term), escape(text))
+        table.add_row(one_line(term), one_line(text))
     if table.row_count:
         out.print(_inset(table))
 
@@ -145,7 +145,8 @@ def _hidden(hidden: HiddenDriver) -> Iterator[tuple[str, str]]:
 
 def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     """Errors of the models with bars, what they prove, and the rivals that lost."""
-    _heading(out, f"Proof: error of {escape(fit.signal)} [dim]({escape(fit.unit)}, rms)[/]")
+    proven = styled("\n[bold]Proof: error of {} [dim]({}, rms)[/][/]", fit.signal, fit.unit)
+    out.print(proven)
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("", "fitted", "held out", ""):
         justify = "left" if not title else "right"
@@ -197,8 +198,8 @@ def _parameters(findings: Iterable[Finding]) -> Table:
     for finding in findings:
         for label, e in labelled(finding):
             value, u = value_and_u(e)
-            unit = "" if e.unit == "1" else escape(e.unit)
-            table.add_row(escape(label), value, u, interval(e), unit)
+            unit = "" if e.unit == "1" else e.unit
+            table.add_row(label, value, u, interval(e), unit)
     return table
 
 
@@ -214,9 +215,9 @@ def _small_print(out: Console, mismatch: Mismatch) -> None:
     if mismatch.tried:
         parts.append(f"{counted(mismatch.tried, 'candidate')} tried")
     parts.append(f"{number(mismatch.seconds, 2)} s")
-    out.print(f"\n[dim]{escape('; '.join(p for p in parts if p))}[/]")
+    out.print(styled("\n[dim]{}[/]", "; ".join(p for p in parts if p)))
     for note in mismatch.notes[:SHOWN]:
-        out.print(f"[dim]note: {escape(note)}[/]")
+        out.print(styled("[dim]note: {}[/]", note))
     if len(mismatch.notes) > SHOWN:
         left = len(mismatch.notes) - SHOWN
-        out.print(f"[dim]and {counted(left, 'other note')} (--json has all)[/]")
+        out.print(styled("[dim]and {} (--json has all)[/]", counted(left, "other note")))

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from rulec.commands.matrix import machine_form
 from runtime.diagnose import Diagnosis, diagnose
@@ -20,6 +19,7 @@ from runtime.machine_form import diagnosis_form, trace_csv
 from runtime.recording import Recording
 from runtime.report.page import report
 from runtime.ruleset_file import read_ruleset
+from runtime.terminal import Terminal
 from runtime.trace import trace
 from tests.runtime.tanks import made, plant
 
@@ -111,7 +111,7 @@ def test_evidence_is_in_the_unit_of_the_reading() -> None:
     assert ("tank1.l", "-", "-") == (first.residual, first.verdict, first.expected)
     assert ("tank2.l", "0", "0") == (second.residual, second.verdict, second.expected)
     assert first.value < -first.threshold < 0.0
-    out = Console(record=True, width=200, file=io.StringIO())
+    out = Terminal(record=True, width=200, file=io.StringIO())
     explain(out, said)
     assert " mm" in out.export_text()
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from runtime.mismatch.machine_form import hidden_csv, mismatch_form
 from runtime.mismatch.result import Errors, Fit, Mismatch, Period, Region, Rival
 from runtime.mismatch.sparkline import sparkline
 from runtime.mismatch.story import tell
 from runtime.mismatch.wording import region_words, rivals_words, value_and_u
+from runtime.terminal import Terminal
 from tests.runtime.mismatches import (
     ALL,
     FAULT,
@@ -34,7 +34,7 @@ HOSTILE = "[bold]x[/bold] [/] [red] \\"
 def story(mismatch: Mismatch, width: int = 80) -> str:
     """What a terminal of some width shows."""
     out = io.StringIO()
-    tell(Console(file=out, width=width, highlight=False, color_system=None), mismatch)
+    tell(Terminal(file=out, width=width, color_system=None), mismatch)
     return out.getvalue().replace("\xa0", " ")
 
 
