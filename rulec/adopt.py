@@ -70,6 +70,7 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
     """Work out the new types of all modules; raises `AdoptRefused` where the plant has changed."""
     by_id = {c.id: c for c in workshop.candidates}
     free = {s.id for s in workshop.spots}
+    _refuse_strangers(workshop, repair)
     readings = Gathering(network)
     taken: list[Candidate] = []
     left: list[tuple[str, str]] = []
@@ -99,6 +100,16 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
     named = _named(instances, network.plant)
     changed = {a.type.name: a for a in named.values() if a.changed}
     return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
+
+
+def _refuse_strangers(workshop: PlantWorkshop, repair: Repair) -> None:
+    """What the plant has no parameter for was not found on it."""
+    known = {*workshop.parameters.ids, *(s.id for s in workshop.spots)}
+    known |= {u.id for c in workshop.candidates for u in c.unknowns}
+    for name in repair.parameters:
+        if name.partition("#")[0] not in known:
+            message = f"'{name}' is no parameter of this plant; has it changed since?"
+            raise AdoptRefused(f"{message} Run rulec mismatch again")
 
 
 def _why_not(candidate: Candidate, readings: Gathering) -> str:

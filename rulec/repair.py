@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.json_file import Damaged, read_json
 from runtime.plan import Array
 
 
@@ -48,15 +48,16 @@ class Repair:
 def read_repair(file: Path) -> Repair:
     """Read the machine form of a mismatch; raises `AdoptRefused` where it says nothing to adopt."""
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError:
-        raise AdoptRefused(f"{file}: this is not JSON; write it with rulec mismatch") from None
+        data = read_json(file)
+    except Damaged as error:
+        message = f"{file}: this is not JSON ({error}); write it with rulec mismatch"
+        raise AdoptRefused(message) from None
     part = data.get("repair") if isinstance(data, dict) else None
     if not isinstance(part, dict):
         raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")
     try:
-        return _repair(file, str(data.get("recording", "")), part)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        return _repair(file, _in_one_line(data.get("recording", "")), part)
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         message = f"{file}: the repair in this file is broken ({type(error).__name__}: {error})"
         raise AdoptRefused(f"{message}; write it again with rulec mismatch") from None
 
@@ -80,6 +81,11 @@ def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
         {str(k): _number(v) for k, v in (part.get("misfit") or {}).items()},
         {str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()},
     )
+
+
+def _in_one_line(name: Any) -> str:
+    """A file's name as it may stand in a comment; what cannot be read is left out."""
+    return "".join(c for c in str(name)[:200] if c.isprintable())
 
 
 def _joined(entry: Mapping[str, Any]) -> Joined:

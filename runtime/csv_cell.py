@@ -35,8 +35,8 @@ def as_meant(cell: str) -> str:
 def row_of(cells: Iterable[str]) -> str:
     """Names as one row of a file with commas; quoted where they hold one.
 
-    >>> row_of(["time [s]", "=x", "a,b"])
-    'time [s],\'=x,"a,b"'
+    >>> print(row_of(["time [s]", "=x", "a,b"]))
+    time [s],'=x,"a,b"
     """
     return ",".join(_quoted(defused(cell)) for cell in cells)
 

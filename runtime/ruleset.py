@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from runtime.json_file import DIGEST, digest_of
 from runtime.plan import Plan
 
 FORMAT_VERSION = 3
@@ -340,7 +341,8 @@ class Ruleset:
 
     def to_json(self) -> str:
         """The ruleset as text; the same ruleset always gives the same bytes."""
-        return _write(_fields(self))
+        data = _fields(self)
+        return _write({**data, DIGEST: digest_of(data, _fields)})
 
 
 def _write(data: dict[str, Any]) -> str:

@@ -1,15 +1,19 @@
-"""Read a ruleset file, and refuse what is none, of another version, or damaged."""
+"""Read a ruleset file, and refuse what is none, of another version, or damaged.
+
+A ruleset decides what an operator is told, so it is taken as it was compiled or not at all: its
+digest shows every change. Types and references are checked as well, whoever made the digest.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import types
 import typing
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from runtime.json_file import DIGEST, Damaged, digest_of, read_json
 from runtime.plan import OPERATIONS, UNARY, Plan
 from runtime.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 
@@ -21,23 +25,35 @@ class RulesetRefused(Exception):
 def read_ruleset(path: Path) -> Ruleset:
     """Read a ruleset file; raises `RulesetRefused` if it is none, or of another version."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RulesetRefused(f"{path}: cannot be read as a ruleset ({error})") from None
+        data = read_json(path)
+    except OSError as error:
+        raise RulesetRefused(f"{path}: cannot be read ({error.strerror})") from None
+    except Damaged as error:
+        raise RulesetRefused(f"{path}: this is no ruleset ({error})") from None
+    _refuse_version(data, str(path))
+    if data.get(DIGEST) != digest_of(data):
+        raise RulesetRefused(
+            f"{path}: this ruleset was changed or damaged after it was compiled; compile again "
+            "(changes belong into the plant's files)"
+        )
     return parse_ruleset(data, str(path))
+
+
+def _refuse_version(data: Any, name: str) -> None:
+    version = data.get("format_version") if isinstance(data, dict) else None
+    if version != FORMAT_VERSION:
+        raise RulesetRefused(
+            f"{name}: format version {str(version)[:30]}, but this runtime reads version "
+            f"{FORMAT_VERSION}; compile the plant again"
+        )
 
 
 def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
     """Build a ruleset from its JSON data."""
-    version = data.get("format_version") if isinstance(data, dict) else None
-    if version != FORMAT_VERSION:
-        raise RulesetRefused(
-            f"{name}: format version {version!r}, but this runtime reads version "
-            f"{FORMAT_VERSION}; compile the plant again"
-        )
+    _refuse_version(data, name)
     try:
         ruleset: Ruleset = _build(Ruleset, data)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except Damaged as error:
         raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
     _verify(ruleset.plan, name)
     _verify(ruleset.undo, name)
@@ -147,20 +163,39 @@ def _build(kind: Any, data: Any) -> Any:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
         hints = _hints(kind)
+        _expect(data, dict, "a group")
         given = {n: h for n, h in hints.items() if n in data or n not in _optional(kind)}
+        missing = [name for name in given if name not in data]
+        if missing:
+            raise Damaged(f"no '{missing[0]}'")
         return kind(**{name: _build(hint, data[name]) for name, hint in given.items()})  # type: ignore[operator]
     if origin is tuple:
+        _expect(data, list, "a list")
         if arguments[-1] is Ellipsis:
             return tuple(_build(arguments[0], item) for item in data)
-        return tuple(data)
+        if len(data) != len(arguments):
+            raise Damaged(f"{len(data)} entries where {len(arguments)} belong")
+        return tuple(_build(a, item) for a, item in zip(arguments, data, strict=True))
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return {str(k): _build(arguments[1], v) for k, v in data.items()}
+        _expect(data, dict, "a group")
+        return {k: _build(arguments[1], v) for k, v in data.items()}
     if origin in (types.UnionType, typing.Union):
-        whole = next((a for a in arguments if dataclasses.is_dataclass(a)), None)
-        return data if whole is None or data is None else _build(whole, data)
+        whole = next(a for a in arguments if a is not types.NoneType)
+        return None if data is None else _build(whole, data)
     if kind is float:
+        _expect(data, (int, float), "a number")
         return float(data)
+    if kind in _WORDS:
+        _expect(data, kind, _WORDS[kind])
     return data
+
+
+_WORDS: dict[Any, str] = {str: "text", int: "a whole number", bool: "true or false"}
+
+
+def _expect(data: Any, kind: Any, what: str) -> None:
+    if not isinstance(data, kind) or (isinstance(data, bool) and kind is not bool):
+        raise Damaged(f"{str(data)[:30]!r} where {what} belongs")
 
 
 _HINTS: dict[Any, dict[str, Any]] = {}

@@ -25,6 +25,7 @@ CONTRACT = {
     "runtime.plan",
     "runtime.mismatch.candidate",
     "runtime.dynamic.balances",
+    "runtime.json_file",
 }
 """What the compiler writes; `runtime.tangent` differentiates its plans at the reference point."""
 FILES = sorted(

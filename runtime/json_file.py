@@ -1,0 +1,65 @@
+"""JSON that somebody may have changed by hand or sent: read without surprises."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+DIGITS = 20
+"""Digits of a whole number at most. Origin: a double holds 17."""
+
+DIGEST = "digest"
+"""Key that holds the digest of all else in a file."""
+
+
+class Damaged(ValueError):
+    """The file is no JSON that this tool writes; the message says what is wrong."""
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file; raises `Damaged`, or OSError where it cannot be opened."""
+    try:
+        return parse_json(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise Damaged("it is not UTF-8") from None
+
+
+def parse_json(text: str) -> Any:
+    """Content of a JSON text; numbers are finite, and nesting has an end."""
+    try:
+        return json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+    except RecursionError:
+        raise Damaged("it is nested too deep") from None
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise Damaged(f"it is not JSON: {error.msg} at {where}") from None
+
+
+def _whole(text: str) -> int:
+    if len(text) > DIGITS:
+        raise Damaged(f"it holds a number of {len(text)} digits")
+    return int(text)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise Damaged(f"it holds {text[:30]}, which is no number")
+    return number
+
+
+def digest_of(data: Any, default: Callable[[Any], Any] | None = None) -> str:
+    """SHA-256 over JSON data in one canonical form: keys in order, no blanks, ASCII.
+
+    The entry `DIGEST` of the data is left out, so a file can hold its own.
+
+    >>> digest_of({"a": 1, "b": [2.0]}) == digest_of({"b": [2.0], "digest": "x", "a": 1})
+    True
+    """
+    plain = {k: v for k, v in data.items() if k != DIGEST}
+    text = json.dumps(plain, sort_keys=True, separators=(",", ":"), default=default)
+    return hashlib.sha256(text.encode()).hexdigest()
