@@ -101,10 +101,7 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
     columns = None
     if "columns" in plant.data:
         columns = _read_attached(plant, file, "columns", ("columns",), found)
-    calibrations = [
-        _read_attached(plant, file, "calibration", ("calibration", i), found)
-        for i in range(len(plant.data.get("calibration", ())))
-    ]
+    calibrations = _read_calibrations(plant, file, found)
     adjacency = _read_adjacency(plant, file, found)
     if not found and "units" not in by_kind:
         found.append(_no_units(kb))
@@ -247,6 +244,24 @@ def _read_attached(
         found.append(Diagnostic(place, "KB001", message, hint))
         return None
     return _read(file.parent / name, kind, found, place)
+
+
+def _read_calibrations(
+    plant: Document, file: Path, found: list[Diagnostic]
+) -> list[Document | None]:
+    """Read each calibration that the plant names; one that is named twice is not read at all."""
+    named: dict[str, int] = {}
+    for i, name in enumerate(plant.data.get("calibration", ())):
+        first = named.setdefault(os.path.realpath(file.parent / name), i)
+        if first != i:
+            message, place = f"'{name}' is named twice", plant.place("calibration", i)
+            second = plant.place("calibration", first)
+            found.append(Diagnostic(place, "KB015", message, "name each file once", second))
+            return []
+    return [
+        _read_attached(plant, file, "calibration", ("calibration", i), found)
+        for i in named.values()
+    ]
 
 
 def _read_adjacency(plant: Document, file: Path, found: list[Diagnostic]) -> tuple[str, str] | None:

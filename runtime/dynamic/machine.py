@@ -19,7 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from runtime.dynamic.code_cache import can_be_kept
+
 try:
+    KEPT = can_be_kept(__file__)
     from numba import njit as compiled
 except ImportError:  # an operator's station may do without numba: slow, but the same numbers
 
@@ -60,7 +63,7 @@ TINY = 1e-14
 HUGE = 1e150
 
 
-@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def evaluate(
     first: int,
     codes: np.ndarray,
@@ -142,7 +145,7 @@ def evaluate(
                 slopes[out, k] = da * slopes[a, k]
 
 
-@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
     """Solve a small system for all columns, both in place (Gauss, with pivots)."""
     n, width = right_side.shape
@@ -177,7 +180,7 @@ def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
             right_side[i, c] = total / lead
 
 
-@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _give(
     values: np.ndarray,
     slots: np.ndarray,
@@ -194,7 +197,7 @@ def _give(
         values[slots[j]] = u
 
 
-@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _follow(
     values: np.ndarray,
     slopes: np.ndarray,
@@ -235,7 +238,7 @@ def _follow(
             slopes[slot, c] = followed - steep * slopes[delay, c]
 
 
-@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def _aim(
     values: np.ndarray,
     slopes: np.ndarray,
@@ -258,7 +261,7 @@ def _aim(
             past_slopes[node, j, c] += weight * (moved + slopes[after, c] * values[rate])
 
 
-@compiled(cache=True, nogil=True, fastmath=False, error_model="numpy")
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
 def integrate(
     first: int,
     codes: np.ndarray,
