@@ -57,7 +57,7 @@ def read_repair(file: Path) -> Repair:
         raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")
     try:
         return _repair(file, _in_one_line(data.get("recording", "")), part)
-    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         message = f"{file}: the repair in this file is broken ({type(error).__name__}: {error})"
         raise AdoptRefused(f"{message}; write it again with rulec mismatch") from None
 

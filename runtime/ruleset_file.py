@@ -83,6 +83,11 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
     for kind, name in _references(ruleset):
         if name not in known[kind]:
             yield f"no {kind} '{name}'"
+    if "s" not in ruleset.units:
+        yield "no unit 's'"
+    factors = [p.factor for p in (*ruleset.signals, *ruleset.columns)]
+    if 0.0 in [*factors, *(unit.factor for unit in ruleset.units.values())]:
+        yield "a unit of size 0"
     yield from _disordered(ruleset.simulation)
 
 

@@ -8,6 +8,7 @@ nothing is left behind.
 
 from __future__ import annotations
 
+import errno
 import gzip
 import io
 import os
@@ -42,7 +43,7 @@ def written(path: Path) -> Iterator[TextIO]:
     try:
         through = _is_through(path)
         if not through and path.is_dir() and not path.is_symlink():
-            raise IsADirectoryError(21, "this is a folder; give the name of a file")
+            raise IsADirectoryError(errno.EISDIR, "this is a folder; give the name of a file")
         part = None if through else path.with_name(f".rulec-{secrets.token_hex(8)}.part")
         with ExitStack() as stack:
             file: Any = stack.enter_context(_opened(part or path, through))
@@ -70,6 +71,8 @@ def _is_through(path: Path) -> bool:
         kind = os.stat(path).st_mode
     except OSError:
         return False
+    except ValueError as error:
+        raise OSError(errno.EINVAL, str(error), str(path)) from None
     if not stat.S_ISREG(kind) and not stat.S_ISDIR(kind):
         return True
     folder = os.path.realpath(path.parent)

@@ -1,7 +1,8 @@
 """Where the compiled integrator is kept: compiling it takes 18 s, and no start should pay twice.
 
-numba keeps it beside the source or in the user's cache folder. Where neither can be written, as in
-an installation of another user without a home, a folder of this user among the temporary files does.
+numba keeps it beside the source or in the user's cache folder. Where neither can be written, as
+in an installation of another user without a home, a folder of this user among the temporary files
+does.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""What nobody should be able to do to this tool by handing it a file."""
