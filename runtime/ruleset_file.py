@@ -85,7 +85,8 @@ def _dangling(ruleset: Ruleset) -> Iterator[str]:
             yield f"no {kind} '{name}'"
     if "s" not in ruleset.units:
         yield "no unit 's'"
-    factors = [p.factor for p in (*ruleset.signals, *ruleset.columns)]
+    factors = [signal.factor for signal in ruleset.signals]
+    factors += [column.factor for column in ruleset.columns]
     if 0.0 in [*factors, *(unit.factor for unit in ruleset.units.values())]:
         yield "a unit of size 0"
     yield from _disordered(ruleset.simulation)

@@ -25,11 +25,16 @@ def test_failure_leaves_the_old_file_and_nothing_else(
     file = tmp_path / "out.csv"
     file.write_text("old")
     kind = error if isinstance(error, type) else type(error)
-    with pytest.raises(kind), written(file) as out:
-        out.write("new")
-        raise error
+    with pytest.raises(kind):
+        fail(file, error)
     assert [file] == list(tmp_path.iterdir())
     assert "old" == file.read_text()
+
+
+def fail(file: Path, error: BaseException | type[BaseException]) -> None:
+    with written(file) as out:
+        out.write("new")
+        raise error
 
 
 def test_full_disk_is_told_of_the_file_that_was_asked_for(tmp_path: Path) -> None:

@@ -24,7 +24,8 @@ signals:
   n:
     {{quantity: rotational speed, unit: rpm, sensor: converter-speed, input: true, reference: 900}}
   dp:
-    {{quantity: pressure difference, unit: bar, sensor: piezoresistive, reference: 2, range: [0, 9]}}
+    {{quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 9],
+    reference: 2}}
 parameters:
   V:  {{value: 10, unit: ml/rev, u: 0.1, source: "{source}"}}
   q:  {{value: 100, unit: l/h/bar, u: 1, source: own}}
