@@ -44,6 +44,7 @@ class Adviser:
         self._linear = linearise(signatures)
         self._faults: dict[str, list[str]] = {}
         self._module_of: dict[str, str] = {}
+        self._variants = {h.id: h.fault.variant for h in signatures.assembly.hypotheses}
         self._reached: dict[str, set[str]] = {}
         for h in signatures.assembly.hypotheses:
             self._faults.setdefault(h.module, []).append(h.id)
@@ -55,7 +56,7 @@ class Adviser:
         self._candidates: dict[str, tuple[Sensor, ...]] = {}
 
     def degrees(self, faults: Sequence[str]) -> tuple[float, ...]:
-        """Degree from which on each fault is told from all others of the group; inf if never.
+        """Degree, as a share, from which on each fault is told from all others; inf if never.
 
         Empty where no junction joins the modules of the group.
         """
@@ -75,6 +76,25 @@ class Adviser:
                     pair = (faults[i], faults[j])
                     if self._key([self._module_of[f] for f in pair]) == key:
                         yield pair
+
+    def unit(self, fault: str) -> str:
+        """The unit of a degree behind its number; nothing where it is a share."""
+        unit = self._variants[fault].unit
+        return f" {unit}" if unit else ""
+
+    def in_unit(self, fault: str, share: float) -> float:
+        """The degree of a fault that is such a share."""
+        return share * self._variants[fault].scale
+
+    def size(self, fault: str, share: float) -> str:
+        """The same in words."""
+        return f"{self.in_unit(fault, share):.2g}{self.unit(fault)}"
+
+    def sizes(self, faults: Sequence[str], share: float) -> str:
+        """One degree for all faults, or that of each where they are not all shares."""
+        if not any(self.unit(fault) for fault in faults):
+            return f"{share:.2g}"
+        return " and ".join(f"{self.size(fault, share)} ({fault})" for fault in faults)
 
     def _together(self, key: frozenset[int | str], hood: Neighbourhood) -> list[list[str]]:
         """Faults whose pairs are looked at: all, but at a wide junction those of one module."""

@@ -122,22 +122,27 @@ def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) ->
     degrees = adviser.degrees(names)
     far = not degrees or max(degrees) <= SMALL
     advice = None if far else adviser.advise(names)
-    parts = [_telling(shown, *names)] if kind == "nested" else []
+    parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
     if any(np.isfinite(degrees)) and not (far and parts):
-        each = " and ".join(_from(n, x) for n, x in zip(names, degrees, strict=True))
+        each = " and ".join(_from(adviser, n, x) for n, x in zip(names, degrees, strict=True))
         parts.append(f"{'' if parts else 'told apart '}safely, by all residuals, from {each} on")
     if advice is not None:
         more = " and ".join(s.title for s in advice.sensors)
         does = "would do so from" if parts else "would tell them apart from a degree of"
-        parts.append(f"{more} {does} {advice.degree:.2g} on")
+        parts.append(f"{more} {does} {adviser.sizes(names, advice.degree)} on")
     elif not far:
         parts.append("no further reading there would; compare several operating points")
     sensors = advice.sensors if advice is not None else ()
-    return Group(names, kind, "; ".join(parts), degrees, sensors)
+    shown_degrees = tuple(adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
+    return Group(names, kind, "; ".join(parts), shown_degrees, sensors)
 
 
-def _from(fault: str, degree: float) -> str:
-    return f"{degree:.2g} ({fault})" if np.isfinite(degree) else f"no degree ({fault})"
+def _from(adviser: Adviser, fault: str, degree: float) -> str:
+    return (
+        f"{adviser.size(fault, degree)} ({fault})"
+        if np.isfinite(degree)
+        else f"no degree ({fault})"
+    )
 
 
 def _by_detectability(rules: Rules) -> Shown:
@@ -148,8 +153,8 @@ def _by_detectability(rules: Rules) -> Shown:
     return {fault: sorted(cells) for fault, cells in table.items()}
 
 
-def _telling(shown: Shown, inner: str, outer: str) -> str:
+def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> str:
     """The residual that only the outer fault moves, and from which degree on it shows it."""
     common = {residual for _, residual in shown[inner]}
     degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
-    return f"{residual} tells them apart from a degree of {degree:.2g} on"
+    return f"{residual} tells them apart from a degree of {degree:.2g}{adviser.unit(outer)} on"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sympy
 
 from rulec.check_length import check_law
+from rulec.degree_unit import UNIT
 from rulec.knowledge import FaultType, Variant
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document
@@ -46,10 +47,12 @@ def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic
     expression = read_expression(document, path, found)
     place = document.place(*path)
     for name, column in (*expression.names(), *expression.gathered(), *expression.properties()):
+        if name == UNIT and document.data["acts_on"] == "signal":
+            continue
         if name not in ("g", "x"):
             spot = within(place, column, len(name), expression.text)
             message = f"the law of a fault speaks of g and x only, not of '{name}'"
-            hint = "g: what should be there, x: the degree"
+            hint = "g: what should be there, x: the degree; of a signal also unit: one of its units"
             found.append(Diagnostic(spot, "KB061", message, hint))
     if len(found) > before or not check_law(document, path, expression, found):
         return expression
@@ -60,7 +63,7 @@ def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic
         return expression
     g, x, value = sympy.symbols("g x value", real=True)
     try:
-        law = to_sympy(expression, {"g": g, "x": x})
+        law = to_sympy(expression, {"g": g, "x": x, UNIT: sympy.S.One})
     except ValueError:  # sympy: min and max of something that may not be real
         law = sympy.nan
     if invert(law, g, value) is None or invert(law, x, value) is None:

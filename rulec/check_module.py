@@ -10,6 +10,7 @@ from typing import Any
 
 from rulec.check_length import check_lengths
 from rulec.check_states import StateReader
+from rulec.degree_unit import adds, has_no_zero, scales_from_zero
 from rulec.knowledge import FaultType, SensorClass
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
@@ -372,12 +373,33 @@ class _ModuleReader:
                 message = f"'{name}' acts on a {kind}; '{target}' is none of this module"
                 self._report(spot, "KB048", message, hint)
                 continue
+            signal = signals.get(target) if fault.acts_on == "signal" else None
+            if signal is not None and self._has_no_sense(fault, signal, text, spot):
+                continue
             use = FaultUse(name, target, place)
             if use in uses:
                 self._report(place, "KB049", f"'{text}' stands twice", "keep one")
                 continue
             uses.append(use)
         return tuple(uses)
+
+    def _has_no_sense(self, fault: FaultType, signal: Signal, text: str, spot: Place) -> bool:
+        """Report a share of a reading without a zero, or a size within a range nobody stated."""
+        if signal.quantity not in self.units.quantities:
+            return False
+        if scales_from_zero(fault) and has_no_zero(signal, self.units):
+            others = [f"{f.name}({signal.name})" for f in self.faults.values() if adds(f)]
+            message = (
+                f"{text}: a share of a {signal.quantity} means nothing, as its zero is arbitrary"
+            )
+            self._report(spot, "KB120", message, f"write {' or '.join(others)}" if others else "")
+            return True
+        if adds(fault) and not signal.full_scale:
+            message = f"{text}: how far off '{signal.name}' can be is not known without its range"
+            hint = f"add 'range: [..., ...]' to the signal, in {signal.unit.text}"
+            self._report(spot, "KB122", message, hint)
+            return True
+        return False
 
 
 def _si(unit: Unit, value: float | None) -> float | None:

@@ -56,6 +56,9 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
 
 _SECOND = Dimension.of({"s": 1})
 
+LEAST_SCALE = 1e-12
+"""No reading: the reciprocal of the largest scale that columns.schema.json lets pass."""
+
 
 @dataclass
 class _PlantReader:
@@ -352,6 +355,7 @@ class _PlantReader:
         for key, part in document.data["columns"].items():
             path = ("columns", key)
             unit = read_unit(document, (*path, "unit"), self.knowledge.units, self.found)
+            scale, shift = self._conversion(document, path, part)
             if key == "time":
                 time_column = part["from"]
                 if unit.dimension.fits(_SECOND) and unit.factor != 1:
@@ -370,8 +374,24 @@ class _PlantReader:
                 self._report(document.key(*path), "KB085", message, did_you_mean(key, known))
                 continue
             self._check_unit(document, (*path, "unit"), unit, signals[signal].unit, "KB086")
-            result.append(Column(key, part["from"], unit.factor, unit.offset))
+            offset = shift * unit.factor + unit.offset
+            result.append(Column(key, part["from"], scale * unit.factor, offset))
         return tuple(result), time_column
+
+    def _conversion(
+        self, document: Document, path: Path_, part: Mapping[str, Any]
+    ) -> tuple[float, float]:
+        """Scale and offset by which a number becomes a reading in the unit stated."""
+        scale, offset = float(part.get("scale", 1)), float(part.get("offset", 0))
+        if path[-1] == "time" and (scale, offset) != (1.0, 0.0):
+            key, hint = "scale" if "scale" in part else "offset", "convert the column"
+            message = "time is read as it stands in the file, without scale and offset"
+            self._report(document.place(*path, key), "KB121", message, hint)
+        elif abs(scale) < LEAST_SCALE:
+            message = f"with a scale of {scale:g} every number would be the same reading"
+            hint = "reading = number*scale + offset, in the unit stated"
+            self._report(document.place(*path, "scale"), "KB121", message, hint)
+        return scale, offset
 
     def _check_unit(
         self, document: Document, path: Path_, unit: Unit, wanted: Unit, code: str

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 
 import sympy
 
+from rulec.degree_unit import for_signal
 from rulec.derive_residuals import Residuals
 from rulec.fluid import closed_forms
 from rulec.knowledge import FaultType, Knowledge, Variant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
-from rulec.module_type import FaultUse, ModuleType
+from rulec.module_type import FaultUse, ModuleType, Signal
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -263,14 +264,14 @@ def _faults(
     symbols: Mapping[str, sympy.Symbol],
     observers: Mapping[str, sympy.Expr],
 ) -> Iterator[TypeFault]:
-    for use, variant, name in fault_names(kind.faults, knowledge):
+    for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         fault = knowledge.faults[use.fault]
         affects = _affected(kind, fault, use.target, symbols, observers)
         yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
 
 
 def fault_names(
-    declared: Iterable[FaultUse], knowledge: Knowledge
+    declared: Iterable[FaultUse], knowledge: Knowledge, signals: Mapping[str, Signal]
 ) -> Iterator[tuple[FaultUse, Variant, str]]:
     """Every variant of the faults of a module type with its local id."""
     uses = [(use, knowledge.faults[use.fault]) for use in declared]
@@ -282,7 +283,8 @@ def fault_names(
         if fault.acts_on == "signal" and [u.target for u, _ in uses].count(use.target) > 1:
             stem = f"{use.target}.{fault.name}"
         for variant in fault.variants:
-            yield use, variant, f"{stem}.{variant.name}" if variant.name else stem
+            own = for_signal(variant, signals.get(use.target), knowledge.units)
+            yield use, own, f"{stem}.{variant.name}" if variant.name else stem
 
 
 def _affected(

@@ -169,6 +169,7 @@ def _spec(
         scales,
         fault.acts_on == "signal",
         _origin(fault.origin),
+        variant.unit,
     )
 
 

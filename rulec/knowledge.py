@@ -39,7 +39,10 @@ class SensorClass:
 
 @dataclass(frozen=True)
 class Variant:
-    """One direction of a fault: `law` gives what is there from what should be there."""
+    """One direction of a fault: `law` gives what is there from what should be there.
+
+    `unit` is that of the degree, and empty where it is a share.
+    """
 
     name: str
     title: str
@@ -47,6 +50,12 @@ class Variant:
     lowest: float
     highest: float
     meaning: str
+    unit: str = ""
+
+    @property
+    def scale(self) -> float:
+        """Degrees over this are shares: of what the fault acts on, or of the sensor's range."""
+        return self.highest if self.unit else 1.0
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ class Linearised:
     gradients : per observer d(estimate)/d(input) times the input's standard uncertainty, m3/s.
     flows : per observer its estimate, m3/s.
     uncertainties : standard uncertainty of each reading, in its unit.
-    effects : per fault d(estimate)/d(degree) of the observers it makes wrong, m3/s.
-    shifts : per fault of a reading, d(reading)/d(degree), in the unit of the reading.
+    effects : per fault d(estimate)/d(degree, as a share) of the observers it makes wrong, m3/s.
+    shifts : per fault of a reading, d(reading)/d(degree, as a share), in the unit of the reading.
     targets : per fault of a reading, the reading.
     """
 
@@ -78,7 +78,8 @@ def linearise(signatures: Signatures) -> Linearised:
 
 
 class _Excess:
-    """What is there too much per unit of a fault's degree; every law is evaluated once."""
+    """What is there too much per unit of a fault's degree, as a share; every law is evaluated
+    once."""
 
     def __init__(self, signatures: Signatures, values: Mapping[str, float]) -> None:
         places: dict[sympy.Expr, dict[str, float]] = {}
@@ -92,7 +93,8 @@ class _Excess:
 
     def of(self, hypothesis: Hypothesis, place: str) -> float:
         """At an observer or a target."""
-        return self._known[hypothesis.fault.rule.onset][place]
+        known = self._known[hypothesis.fault.rule.onset][place]
+        return known * hypothesis.fault.variant.scale
 
 
 def _at(onset: sympy.Expr, scaled: Mapping[str, float]) -> dict[str, float]:

@@ -51,9 +51,11 @@ def beginning(law: Expression, degree: str = "x") -> Expression:
 
 def degree_unknown(id_: str, variant: Variant) -> Unknown:
     """The degree of a fault, to be searched for."""
-    start = min(TRIED, variant.highest / 2)
+    # A size is tried as a share of the range of its sensor.
+    start = TRIED * variant.highest if variant.unit else min(TRIED, variant.highest / 2)
+    shown = Unit(variant.unit, 1.0, NONE) if variant.unit else PERCENT
     return Unknown(
-        id_, "x", variant.meaning, PERCENT.text, PERCENT.factor, 0.0, 0.0,
+        id_, "x", variant.meaning, shown.text, shown.factor, 0.0, 0.0,
         float(variant.lowest), float(variant.highest), (start,), (), None, False,
     )  # fmt: skip
 

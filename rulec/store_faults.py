@@ -16,7 +16,7 @@ from rulec.fault_laws import doing, undoing
 from rulec.knowledge import FaultType, Knowledge, Variant
 from rulec.language.expression import Expression
 from rulec.language.units import NONE, Unit
-from rulec.module_type import ENDS, OUTFLOW, FaultUse, Parameter
+from rulec.module_type import ENDS, OUTFLOW, FaultUse, ModuleType, Parameter
 from rulec.plant import Module
 
 ORDER = ("definition", "observer", "signal", "reading", "end")
@@ -44,9 +44,9 @@ class StoreFault:
 def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
     """All faults of a module, as changes of its type."""
     kind, still = module.type, module.type.settled()
-    named = dict(_named(kind.faults, knowledge))
+    named = dict(_named(kind, knowledge))
     # What both know has the name that the settled equations give it.
-    named |= dict(_named(still.faults, knowledge))
+    named |= dict(_named(still, knowledge))
     result = []
     for (use, variant), name in named.items():
         fault, id_ = knowledge.faults[use.fault], f"{module.name}.{name}"
@@ -60,9 +60,9 @@ def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
 
 
 def _named(
-    uses: tuple[FaultUse, ...], knowledge: Knowledge
+    kind: ModuleType, knowledge: Knowledge
 ) -> Iterator[tuple[tuple[FaultUse, Variant], str]]:
-    for use, variant, name in fault_names(uses, knowledge):
+    for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         yield (use, variant), name
 
 

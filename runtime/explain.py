@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.tree import Tree
 
+from runtime.degree import degree_in_figures
 from runtime.diagnose import Diagnosis
 from runtime.findings import Finding, Period
 from runtime.ruleset import Ruleset
@@ -73,8 +74,10 @@ def _row(table: Table, findings: list[Finding]) -> None:
     first = findings[0]
     symbol, colour = STATUS[first.fault.status][0], _COLOURS[first.fault.status]
     low, high = min(f.degree for f in findings), max(f.degree for f in findings)
-    degree = f"{low:.3f}" if high - low < 5e-4 else f"{low:.3f}-{high:.3f}"
-    bounds = f"{min(f.lower for f in findings):.3f}-{max(f.upper for f in findings):.3f}"
+    alike = high - low < 5e-4 * first.fault.scale
+    degree = degree_in_figures(first.fault, low, None if alike else high)
+    lower, upper = min(f.lower for f in findings), max(f.upper for f in findings)
+    bounds = degree_in_figures(first.fault, lower, upper)
     when = f"{first.since:g}-{max(f.until for f in findings):g} s"
     if len(findings) > 1:
         when = f"{len(findings)} times, {when}"
@@ -95,9 +98,12 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     symbol, colour = STATUS[finding.fault.status][0], _COLOURS[finding.fault.status]
     title = styled("\n[bold {}]{} {}[/]", colour, symbol, headline(ruleset, finding))
     tree = Tree(title, guide_style="dim")
-    bounds = f"({finding.lower:.3f} to {finding.upper:.3f}, 95 %)"
+    degree, *ends = (
+        degree_in_figures(finding.fault, x)
+        for x in (finding.degree, finding.lower, finding.upper)
+    )
     about = f"{finding.fault.meaning}; seen from {finding.since:g} s to {finding.until:g} s"
-    tree.add(styled("degree [bold]{}[/] {}: {}", f"{finding.degree:.3f}", bounds, about))
+    tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     tree.add(f"do: {finding.fault.action}")
     unit = flow_unit(ruleset)
     flow = "" if ruleset.dynamics is not None else f" ({unit.name})"

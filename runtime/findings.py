@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.causes import Cause, causes_of
 from runtime.combine import ENDED, ONSET
+from runtime.degree import degree_in_words
 from runtime.isolate import accepted
 from runtime.observe import Observed
 from runtime.plan import Array
@@ -187,13 +188,8 @@ def _finding(
         _readings(ruleset, seen.observed, strongest),
         _flows(ruleset, seen.observed, strongest),
         len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
-        fault.text.replace("{degree}", percent(cause.degree)),
+        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
     )
-
-
-def percent(degree: float) -> str:
-    """A degree as a share."""
-    return f"{100 * degree:.3g} %"
 
 
 def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tuple[Evidence, ...]:

@@ -327,8 +327,11 @@ def _single(faults: Faults) -> Array:
     """Degrees tried first where none are given, shape (faults, starts): zero and what is in the
     range of the faults."""
     low, top = _range(faults)
+    scale = np.array([[f.scale] for f in faults])
+    low, top = low / scale, top / scale
     tried = STARTS[(STARTS == 0.0) | ((low.min() < STARTS) & (top.max() > STARTS))]
-    return np.broadcast_to(tried, (len(faults), len(tried)))
+    starts: Array = tried * scale
+    return starts
 
 
 def _finite(distance: Array) -> Array:

@@ -34,6 +34,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "degree": finding.degree,
         "lower": finding.lower,
         "upper": finding.upper,
+        **({"unit": finding.fault.unit} if finding.fault.unit else {}),
         "probability": finding.probability,
         "since": finding.since,
         "until": finding.until,

@@ -89,7 +89,9 @@ def _gains(
 ) -> dict[str, Array]:
     """Factors that faults in sensors put on predicted readings, errors and all."""
     known = equations.ruleset.fault_by_id
-    sensors = {n: known[n].scales[0] for n in degrees if known[n].in_sensor}
+    # What is added to a reading leaves the errors of its sensor as they are.
+    scaling = (n for n in degrees if known[n].in_sensor and not known[n].unit)
+    sensors = {n: known[n].scales[0] for n in scaling}
     if not sensors:
         return {}
     others = {name: degree for name, degree in degrees.items() if name not in sensors}

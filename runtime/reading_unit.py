@@ -39,7 +39,7 @@ def _walk(node: ast.expr, units: Mapping[str, UnitSpec]) -> tuple[float, np.ndar
     """Factor and dimension of a tree; ValueError for anything but units and * / **."""
     match node:
         case ast.Constant(value=1):
-            return 1.0, np.zeros(4)
+            return 1.0, _plain(units)
         case ast.Name(id=name) if name in units and not units[name].offset:
             return units[name].factor, np.array(units[name].dimension)
         case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
@@ -50,6 +50,11 @@ def _walk(node: ast.expr, units: Mapping[str, UnitSpec]) -> tuple[float, np.ndar
             power = _power(right)
             return float(f**power), power * d
     raise ValueError("not a unit")
+
+
+def _plain(units: Mapping[str, UnitSpec]) -> np.ndarray:
+    """The dimension of a plain number, with as many exponents as the table has."""
+    return np.zeros(max((len(u.dimension) for u in units.values()), default=0))
 
 
 def _power(node: ast.expr) -> int:

@@ -69,7 +69,7 @@ class ColumnMap:
 
 @dataclass(frozen=True)
 class UnitSpec:
-    """A unit a recording may be written in; `dimension` are exponents of m, kg, s, K."""
+    """A unit a recording may be written in; `dimension` are exponents of m, kg, s, K, A."""
 
     factor: float
     offset: float
@@ -133,6 +133,7 @@ class FaultSpec:
     `affects` lists the observers that it makes wrong, `scales` the signals in what it scales: only
     these may leave the calibrated range because of the fault. `in_sensor` says that the reading
     itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
+    With a `unit` the degree is a size that is added to the reading; else it is a share.
     """
 
     id: str
@@ -150,6 +151,12 @@ class FaultSpec:
     scales: tuple[str, ...]
     in_sensor: bool
     origin: str
+    unit: str = field(default="", metadata=SELDOM)
+
+    @property
+    def scale(self) -> float:
+        """Degrees over this are shares: of what it acts on, or of the range of its sensor."""
+        return self.highest if self.unit else 1.0
 
 
 @dataclass(frozen=True)

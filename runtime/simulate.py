@@ -223,4 +223,5 @@ def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -
         if np.any(np.asarray(value) < fault.lowest) or np.any(np.asarray(value) > fault.highest):
             raise SimulationRefused(
                 f"{name}: its degree lies between {fault.lowest:g} and {fault.highest:g}"
+                f"{' ' if fault.unit else ''}{fault.unit}"
             )

@@ -13,7 +13,8 @@ from rich.text import Text
 
 from rulec.commands.output import console, write_json
 from rulec.pipeline import compile_plant
-from runtime.ruleset import Cell, Ruleset
+from runtime.degree import smallest_degree
+from runtime.ruleset import Cell, FaultSpec, Ruleset
 from runtime.terminal import styled
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def machine_form(ruleset: Ruleset) -> dict[str, Any]:
         "plant": ruleset.plant,
         "residuals": [r.id for r in ruleset.residuals],
         "faults": [f.id for f in ruleset.faults],
+        **({"units": [f.unit or "1" for f in ruleset.faults]} if _any_unit(ruleset) else {}),
         "signs": _dense(ruleset, lambda c: c.sign),
         "gains": _dense(ruleset, lambda c: c.gain),
         "detectable": _dense(ruleset, lambda c: c.detectable, None),
@@ -67,6 +69,10 @@ def machine_form(ruleset: Ruleset) -> dict[str, Any]:
         ],
         "unobserved": list(ruleset.unobserved),
     }
+
+
+def _any_unit(ruleset: Ruleset) -> bool:
+    return any(fault.unit for fault in ruleset.faults)
 
 
 def _of_stores(ruleset: Ruleset) -> Signature | None:
@@ -138,19 +144,15 @@ def _table(ruleset: Ruleset, residuals: list[str]) -> Table:
         table.add_column(f"{module}\n" + name.replace("-", "-\n"), justify="center")
     for fault in ruleset.faults:
         cells = {c.residual: c for c in ruleset.cells_of_fault[fault.id]}
-        table.add_row(fault.id, *(_mark(cells.get(r)) for r in residuals))
+        table.add_row(fault.id, *(_mark(fault, cells.get(r)) for r in residuals))
     return table
 
 
-def _mark(cell: Cell | None) -> Text:
+def _mark(fault: FaultSpec, cell: Cell | None) -> Text:
     if cell is None:
         return styled("[dim]·[/]")
     colour, sign = ("green", "+") if cell.sign > 0 else ("red", "-")
-    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, _short(cell.detectable))
-
-
-def _short(degree: float) -> str:
-    return f"{degree:.2g}" if degree < 10 else ">10"
+    return styled("[{}]{}[/]\n[dim]{}[/]", colour, sign, smallest_degree(fault, cell.detectable))
 
 
 _KINDS = {

@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-BASES = ("m", "kg", "s", "K")
+BASES = ("m", "kg", "s", "K", "A")
 MAX_LENGTH = 60
 MAX_POWER = 6
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """Exponents of m, kg, s and K.
+    """Exponents of m, kg, s, K and A.
 
     `UNKNOWN`, after a mistake that has been reported, fits everything and spreads.
     """
 
-    exponents: tuple[Fraction, ...] = (Fraction(0),) * 4
+    exponents: tuple[Fraction, ...] = (Fraction(0),) * len(BASES)
 
     def fits(self, other: Dimension) -> bool:
         return self == other or UNKNOWN in (self, other)
@@ -81,10 +81,14 @@ class Unit:
 
 @dataclass(frozen=True)
 class UnitTable:
-    """The accepted spellings and the quantities signals may have."""
+    """The accepted spellings and the quantities signals may have.
+
+    The zero of an `interval` quantity is where somebody put it; a share of a reading says nothing.
+    """
 
     units: Mapping[str, Unit]
     quantities: Mapping[str, Dimension]
+    interval: frozenset[str] = frozenset()
 
     def parse(self, text: str) -> Unit:
         """Read a unit, also compound ones such as ``l/h/bar**2``.
@@ -114,6 +118,16 @@ class UnitTable:
         above = [base if e == 1 else f"{base}**{e}" for base, e in powers if e > 0]
         below = [f"/{base}" if e == -1 else f"/{base}**{-e}" for base, e in powers if e < 0]
         return Unit("*".join(above or ["1"]) + "".join(below), 1.0, dimension)
+
+    def difference(self, unit: Unit) -> Unit:
+        """The unit in which two readings differ: kelvin for degrees Celsius."""
+        if not unit.offset:
+            return unit
+        for other in self.units.values():
+            alike = other.dimension == unit.dimension and other.factor == unit.factor
+            if alike and not other.offset:
+                return other
+        return unit
 
     def like(self, dimension: Dimension) -> str:
         """The units of a dimension for a message, or the dimension where none has a name."""
@@ -152,4 +166,5 @@ def unit_table(data: Mapping[str, Any]) -> UnitTable:
         for name, e in data["units"].items()
     }
     quantities = {n: Dimension.of(e["dimension"]) for n, e in data["quantities"].items()}
-    return UnitTable(units, quantities)
+    interval = {n for n, e in data["quantities"].items() if e.get("scale") == "interval"}
+    return UnitTable(units, quantities, frozenset(interval))

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.degree import degree_in_words
 from runtime.dynamic.edges import edge_of
 from runtime.dynamic.evidence import evidence_of
 from runtime.dynamic.judge import Judged
 from runtime.dynamic.misfit import Weighed, weighed
 from runtime.dynamic.spells import PERSISTENCE, Cause, Spell, spells_of
 from runtime.dynamic.windows import FEWEST, KNOWN, NO_READING, Windows, windows_of
-from runtime.findings import Finding, Period, percent
+from runtime.findings import Finding, Period
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 
@@ -127,7 +128,7 @@ def _finding(
         _readings(ruleset, judged[strongest]),
         (),
         judged[strongest].known.windows,
-        fault.text.replace("{degree}", percent(cause.degree)),
+        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
     )
 
 

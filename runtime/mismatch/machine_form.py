@@ -127,6 +127,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "rivals": [{"title": r.title, "gain": r.gain} for r in finding.rivals],
         "periods": [
             {"since": p.since, "until": p.until, "degree": p.degree, "u": p.u}
+            | ({"unit": p.unit} if p.unit else {})
             for p in finding.periods
         ],
         "closed": finding.closed,

@@ -76,12 +76,13 @@ class Rival:
 
 @dataclass(frozen=True)
 class Period:
-    """A fault was there from `since` to `until` (s) at a degree."""
+    """A fault was there from `since` to `until` (s) at a degree: a share, or a size in `unit`."""
 
     since: float
     until: float
     degree: float
     u: float
+    unit: str = ""
 
 
 @dataclass(frozen=True)

@@ -106,8 +106,14 @@ def _periods(fitted: Fitted, candidate: Candidate) -> tuple[Period, ...]:
         for span in course.periods:
             name = course.names()[span.level]
             degree = fitted.setting.values[name]
-            found.append(Period(span.since, span.until, degree, fitted.u(name)))
+            size = unit_of_size(unknowns[course.unknown])
+            found.append(Period(span.since, span.until, degree, fitted.u(name), size))
     return tuple(found)
+
+
+def unit_of_size(degree: Unknown) -> str:
+    """The unit of a degree that is no share."""
+    return "" if degree.unit == "%" else degree.unit
 
 
 def sentence(
@@ -127,6 +133,9 @@ def sentence(
 def _of_periods(periods: tuple[Period, ...]) -> str:
     degrees = [p.degree for p in periods]
     low, high = min(degrees), max(degrees)
+    if periods[0].unit:
+        ends = dict.fromkeys(f"{end:.3g}" for end in (low, high))
+        return f"{' to '.join(ends)} {periods[0].unit}"
     if high - low < 0.005:
         return f"{100.0 * high:.1f} %"
     return f"{100.0 * low:.1f} to {100.0 * high:.1f} %"

@@ -141,7 +141,7 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
     largest = sorted(periods, key=lambda p: -abs(p.degree))[:SPANS]
     for p in sorted(largest, key=lambda p: p.since):
         span = f"{moment(p.since)} to {moment(p.until)}\u00a0s"
-        yield f"{span}: degree {degree(p.degree)} ± {fixed(p.u, 3)}"
+        yield f"{span}: degree {degree(p.degree, p.unit)} ± {degree(p.u, p.unit)}"
     if len(periods) > SPANS:
         yield f"and {counted(len(periods) - SPANS, 'other period')}, none larger"
 

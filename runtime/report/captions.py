@@ -121,7 +121,7 @@ def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
         times = sum(f.fault.id == finding.fault.id for f in findings)
         often = f", the largest of {times} findings" if times > 1 else ""
         parts.append(
-            f"{finding.fault.id} reaches {degree(finding.degree)} "
+            f"{finding.fault.id} reaches {degree(finding.degree, finding.fault.unit)} "
             f"({bounds(finding.lower, finding.upper)}) "
             f"{period(finding.since, finding.until)}{often}"
         )

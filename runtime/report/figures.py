@@ -141,6 +141,7 @@ def _degree_panel(
         np.where(judged, table[row], np.nan) for table in (trace.degree, trace.lower, trace.upper)
     )
     true = np.full(len(degree), np.nan)
+    unit = diagnosis.ruleset.fault_by_id[name].unit
     if truth is not None and name in truth.faults:
         true = truth.degree[truth.faults.index(name)]
     top = float(np.nanmax([np.fmax(high, true)], initial=0.05))
@@ -157,9 +158,11 @@ def _degree_panel(
     found = [f for f in diagnosis.findings if f.fault.id == name]
     for f in found if len(found) <= LABELLED else ():
         fixed.append(
-            panel.text((f.since + f.until) / 2, f.upper, degree_text(f.degree), "value", -5)
+            panel.text(
+                (f.since + f.until) / 2, f.upper, degree_text(f.degree, f.fault.unit), "value", -5
+            )
         )
-    return plot(panel.drawn(name, f"{name}, degree [1]", drawn, fixed, last), last)
+    return plot(panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last), last)
 
 
 def _with_degree(trace: Trace) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from runtime.degree import smallest_degree
 from runtime.diagnose import Diagnosis
 from runtime.report.text import safe
 from runtime.ruleset import Cell, FaultSpec, ResidualSpec
@@ -52,15 +53,15 @@ def _row(
     diagnosis: Diagnosis, fault: FaultSpec, residuals: tuple[ResidualSpec, ...], found: bool
 ) -> str:
     cells = {c.residual: c for c in diagnosis.ruleset.cells_of_fault[fault.id]}
-    body = "".join(_cell(cells.get(r.id)) for r in residuals)
+    body = "".join(_cell(fault, cells.get(r.id)) for r in residuals)
     style = f' class="found is-{fault.status}"' if found else ""
     return f'<tr{style}><th scope="row">{safe(fault.id)}</th>{body}</tr>'
 
 
-def _cell(cell: Cell | None) -> str:
+def _cell(fault: FaultSpec, cell: Cell | None) -> str:
     if cell is None:
         return '<td class="soft">·</td>'
-    degree = f"{cell.detectable:.2g}" if cell.detectable < 10 else "over 10"
+    degree = safe(smallest_degree(fault, cell.detectable, "over "))
     return f"<td><b>{'+' if cell.sign > 0 else '−'}</b><small>{degree}</small></td>"
 
 

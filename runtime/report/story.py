@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from runtime.diagnose import Diagnosis
 from runtime.findings import Evidence, Finding, Period
 from runtime.report.text import bounds, counted, degree, listed, moment, percent, period, safe
-from runtime.ruleset import Ruleset
+from runtime.ruleset import FaultSpec, Ruleset
 from runtime.wording import (
     EITHER,
     STATUS,
@@ -99,8 +99,8 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
     rows = [
         (
             "Degree",
-            f'<span class="degree">{degree(finding.degree)}</span> '
-            f"({bounds(finding.lower, finding.upper)}), {safe(fault.meaning)}",
+            f'<span class="degree">{safe(degree(finding.degree, fault.unit))}</span> '
+            f"({safe(bounds(finding.lower, finding.upper, fault.unit))}), {safe(fault.meaning)}",
         ),
         ("When", safe(_when(diagnosis, finding))),
         ("How sure", safe(_sure(diagnosis, finding))),
@@ -163,7 +163,8 @@ def _summary_row(members: Sequence[Finding], weighed: bool) -> str:
     when = f"{often}{moment(first.since)}–{moment(max(f.until for f in members))}"
     mean = sum(f.probability for f in members) / len(members)
     sure = percent(mean) if weighed else "–"
-    cells = (_between(min(degrees), max(degrees)), _between(lower, upper), when, sure)
+    found, around = (min(degrees), max(degrees)), (lower, upper)
+    cells = (_between(first.fault, *found), _between(first.fault, *around), when, sure)
     numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
     return (
         f"<tr><td>{badge(first.fault.status, True)}</td><td>{safe(first.fault.id)}</td>"
@@ -171,10 +172,10 @@ def _summary_row(members: Sequence[Finding], weighed: bool) -> str:
     )
 
 
-def _between(low: float, high: float) -> str:
-    if high - low < 5e-4:
-        return degree(low)
-    return f"{degree(low)}–{degree(high)}"
+def _between(fault: FaultSpec, low: float, high: float) -> str:
+    if high - low < 5e-4 * fault.scale:
+        return degree(low, fault.unit)
+    return f"{degree(low, fault.unit)}–{degree(high, fault.unit)}"
 
 
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:

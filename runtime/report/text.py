@@ -50,22 +50,24 @@ def fixed(value: float, decimals: int) -> str:
     return f"{value:,.{decimals}f}".replace(",", "\u202f").replace("-", "−")
 
 
-def degree(value: float) -> str:
-    """A degree, with as many decimals as the terminal shows.
+def degree(value: float, unit: str = "") -> str:
+    """A degree, as the terminal shows it: a share with three decimals, or a size in its unit.
 
-    >>> degree(0.17)
-    '0.170'
+    >>> degree(0.17), degree(2.0, "K")
+    ('0.170', '2\xa0K')
     """
-    return f"{value:.3f}" if np.isfinite(value) else "–"
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:.3g}\u00a0{unit}" if unit else f"{value:.3f}"
 
 
-def bounds(low: float, high: float) -> str:
+def bounds(low: float, high: float, unit: str = "") -> str:
     """The 95 % bounds of a degree.
 
     >>> bounds(0.587, 0.611)
     '95\xa0%: 0.587 to 0.611'
     """
-    return f"95\u00a0%: {degree(low)} to {degree(high)}"
+    return f"95\u00a0%: {degree(low, unit)} to {degree(high, unit)}"
 
 
 def moment(seconds: float) -> str:

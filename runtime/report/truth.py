@@ -13,7 +13,7 @@ from runtime.csv_table import RecordingRefused, read_table
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.report.series import NOT_JUDGED
-from runtime.ruleset import Ruleset
+from runtime.ruleset import FaultSpec, Ruleset
 from runtime.time_column import NAMES, read_times
 from runtime.trace import Trace
 
@@ -112,7 +112,7 @@ class _Header:
             if time_index < 0 and name.lower() in NAMES:
                 time_index, self.time = i, (title, unit)
             elif name in ruleset.fault_by_id:
-                self._check(path, title, name, unit)
+                self._check(path, title, ruleset.fault_by_id[name], unit)
                 self.faults.append(name)
                 chosen.append(i)
             elif unit == "1":
@@ -128,11 +128,11 @@ class _Header:
             )
         return time_index, chosen
 
-    def _check(self, path: Path, title: str, name: str, unit: str) -> None:
-        if unit not in ("", "1"):
-            raise RecordingRefused(
-                f"{path}: column '{title}': degrees are shares; write '{name} [1]'"
-            )
+    def _check(self, path: Path, title: str, fault: FaultSpec, unit: str) -> None:
+        name, wanted = fault.id, fault.unit or "1"
+        if unit not in ("", wanted):
+            what = f"its degree is in {wanted}" if fault.unit else "degrees are shares"
+            raise RecordingRefused(f"{path}: column '{title}': {what}; write '{name} [{wanted}]'")
         if name in self.faults:
             raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
 

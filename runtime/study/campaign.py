@@ -18,7 +18,7 @@ from runtime.plan import Array, Plan
 from runtime.ruleset import Ruleset
 from runtime.sensing import SensorErrors, sense
 from runtime.simulate import Simulated, simulate_with
-from runtime.study.judge import Kind, Outcome, judge
+from runtime.study.judge import Kind, Outcome, judge, share
 from runtime.study.points import Points
 
 PARAMETERS, LAWS, SENSORS = range(3)
@@ -63,11 +63,13 @@ def generator(stream: int, fault: str, *numbers: int) -> np.random.Generator:
 
 
 def degrees_of(ruleset: Ruleset, fault: str, settings: Settings) -> tuple[float, ...]:
-    """The degrees of a study that a fault can have; 0 for none."""
+    """The degrees of a study that a fault can have; 0 for none. Sizes are asked for as shares of
+    the range of their sensor."""
     if not fault:
         return (0.0,)
     spec = ruleset.fault_by_id[fault]
-    return tuple(d for d in settings.degrees if spec.lowest <= d <= spec.highest)
+    asked = (d * spec.scale for d in settings.degrees)
+    return tuple(d for d in asked if spec.lowest <= d <= spec.highest)
 
 
 def groups_of(
@@ -113,7 +115,7 @@ def record(
 def _faulty_sensor(ruleset: Ruleset, fault: str) -> str:
     """The signal whose reading a fault scales; none if it acts on the plant."""
     spec = ruleset.fault_by_id.get(fault)
-    return spec.scales[0] if spec is not None and spec.in_sensor else ""
+    return spec.scales[0] if spec is not None and spec.in_sensor and not spec.unit else ""
 
 
 def _simulated(
@@ -138,7 +140,7 @@ def run_group(
     """Record and judge, one recording after the other."""
     for degree, readings in record(ruleset, points, settings, group):
         if readings is None:
-            yield Outcome(group.fault, degree, Kind.NO_POINT)
+            yield Outcome(group.fault, share(ruleset, group.fault, degree), Kind.NO_POINT)
         else:
             onset = settings.lead_in
             yield judge(ruleset, readings, group.fault, degree, onset, settings.mode)

@@ -64,18 +64,23 @@ def judge(
     if finding is None:
         unknown = any(p.until >= onset for p in diagnosis.unknown)
         kind = Kind.UNKNOWN if unknown else Kind.QUIET if diagnosis.judged else Kind.NOT_JUDGED
-        return Outcome(fault, degree, kind, early=early)
+        return Outcome(fault, share(ruleset, fault, degree), kind, early=early)
     return Outcome(
         fault,
-        degree,
+        share(ruleset, fault, degree),
         Kind.NAMED if finding.fault.id == fault else Kind.OTHER,
         finding.fault.id,
         any(name == fault for name, _ in finding.alternatives),
-        finding.degree,
-        finding.lower,
-        finding.upper,
+        finding.degree / finding.fault.scale,
+        finding.lower / finding.fault.scale,
+        finding.upper / finding.fault.scale,
         early,
     )
+
+
+def share(ruleset: Ruleset, fault: str, degree: float) -> float:
+    """A degree as share, of what it acts on or of the range of its sensor; 0 without a fault."""
+    return degree / ruleset.fault_by_id[fault].scale if fault else 0.0
 
 
 def _longest(findings: Sequence[Finding], onset: int) -> Finding | None:

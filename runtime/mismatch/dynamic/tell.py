@@ -15,7 +15,7 @@ from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.terms import driving, term_of, variables_of
 from runtime.mismatch.locate import periods_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
-from runtime.mismatch.tell import TOLD, sentence, titled
+from runtime.mismatch.tell import TOLD, sentence, titled, unit_of_size
 from runtime.mismatch.verdict import CERTAIN
 
 
@@ -69,7 +69,11 @@ def period_of(
     first, last = (float(t) for t in bench.record.time[[0, -1]])
     found = parameters[degree.name]
     since = first + parameters[onset.name].value
-    return (Period(since, last, found.value * degree.factor, found.u * degree.factor),)
+    return (
+        Period(
+            since, last, found.value * degree.factor, found.u * degree.factor, unit_of_size(degree)
+        ),
+    )
 
 
 def _estimate(searcher: Searcher, best: Fitted, unknown: Unknown) -> Estimate:

@@ -67,7 +67,8 @@ def say_periods(periods: Sequence[Period]) -> str:
     """How often, and the largest degree."""
     worst = max(periods, key=lambda p: abs(p.degree))
     return (
-        f"{counted(len(periods), 'period')}; the largest degree is {degree(worst.degree)}, "
+        f"{counted(len(periods), 'period')}; the largest degree is "
+        f"{degree(worst.degree, worst.unit)}, "
         f"{period(worst.since, worst.until)}."
     )
 
