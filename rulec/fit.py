@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from rulec.calibrated_range import CalibratedRange, range_of
 from rulec.data_sheet import Sheet
 from rulec.differentiate import GATHERED, TypeModel
 from rulec.graph import Graph
@@ -42,14 +43,16 @@ class Readings:
 
     `systematic` gives the standard uncertainty shared by all readings of a sensor, as
     derivative: how much each reading would change, shape (n,), one standard deviation on;
-    `noise` the standard uncertainty that is new in each reading, by name, the flow's by its own.
+    `noise` the standard uncertainty that is new in each reading. `flow_errors` gives per source
+    how much the flow would change; a reading that both rest on has the same name in both.
     """
 
     values: Mapping[str, Array]
     systematic: Mapping[str, Array]
     noise: Mapping[str, Array]
     flow: Array
-    flow_systematic: Array
+    flow_errors: Mapping[str, Array]
+    flow_noise: Array
     flow_name: str
 
 
@@ -77,7 +80,7 @@ class ModuleFit:
     values: Array
     covariance: Array
     observers: tuple[ObserverFit, ...]
-    valid: Mapping[str, tuple[float, float]]
+    valid: Mapping[str, CalibratedRange]
 
 
 def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFit:
@@ -88,6 +91,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     current = {p.name: p.value for p in module.parameters.values()}
     names: list[str] = []
     parts: list[_Part] = []
+    held = _held(module, model)
     kept_all = np.zeros(len(readings.flow), dtype=bool)
     for observer in model.observers:
         if module.type.observers[observer].is_reference:
@@ -96,7 +100,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         free = [
             p.name
             for p in module.parameters.values()
-            if p.fit and p.name in used and p.name not in names
+            if p.fit and p.name in used and p.name not in {*names, *held}
         ]
         part = _fit_observer(module, model, observer, free, current, readings)
         current.update(zip(free, part.values, strict=True))
@@ -112,6 +116,12 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         tuple(part.summary for part in parts),
         _range(model, readings, kept_all),
     )
+
+
+def _held(module: Module, model: TypeModel) -> set[str]:
+    """What the true flow itself rests on stays as it is."""
+    of_references = (e for o, e in model.observers.items() if module.type.observers[o].is_reference)
+    return {s.name for e in of_references for s in e.free_symbols}
 
 
 @dataclass(frozen=True)
@@ -275,7 +285,7 @@ def _without_noise(scatter: float, near: _Near, readings: Readings, rows: np.nda
     Not less than the noise may hide: a variance from n points is known to its share sqrt(2/n).
     """
     parts = [slope * readings.noise[name][rows] for name, slope in near.slopes.items()]
-    noise = float(np.mean(np.sum(np.square([*parts, readings.noise[readings.flow_name][rows]]), 0)))
+    noise = float(np.mean(np.sum(np.square([*parts, readings.flow_noise[rows]]), axis=0)))
     left = max(scatter**2 - noise, np.sqrt(2.0 / len(rows)) * scatter**2)
     return float(np.sqrt(left))
 
@@ -405,7 +415,7 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
 
 def _calibrating(readings: Readings) -> list[str]:
     """Names of all sensors that a calibration rests on."""
-    return [*readings.systematic, readings.flow_name]
+    return list(dict.fromkeys([*readings.systematic, *readings.flow_errors]))
 
 
 def _shift(
@@ -423,16 +433,14 @@ def _shift(
 def _error(slopes: Mapping[str, Array], rows: np.ndarray, name: str, readings: Readings) -> Array:
     """How far points move off the law, m3/s, if one sensor is one standard deviation off."""
     off: Array = np.zeros(len(rows))
-    if name == readings.flow_name:
-        off = -readings.flow_systematic[rows]
-    elif name in slopes:
-        off = slopes[name] * readings.systematic[name][rows]
+    if name in slopes:
+        off = off + slopes[name] * readings.systematic[name][rows]
+    if name in readings.flow_errors:
+        off = off - readings.flow_errors[name][rows]
     return off
 
 
-def _range(
-    model: TypeModel, readings: Readings, kept: np.ndarray
-) -> dict[str, tuple[float, float]]:
+def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, CalibratedRange]:
     """Readings over which the laws were fitted, for own signals that they use.
 
     A flow meter that only serves as reference has no law that could be left.
@@ -443,7 +451,7 @@ def _range(
     for name in model.type.signals:
         values = readings.values.get(name)
         if name in used and values is not None:
-            inside = values[kept & np.isfinite(values)]
-            if len(inside):
-                found[name] = (float(inside.min()), float(inside.max()))
+            inside = kept & np.isfinite(values)
+            if inside.any():
+                found[name] = range_of(values[inside], readings.systematic[name][inside])
     return found

@@ -99,8 +99,7 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     title = styled("\n[bold {}]{} {}[/]", colour, symbol, headline(ruleset, finding))
     tree = Tree(title, guide_style="dim")
     degree, *ends = (
-        degree_in_figures(finding.fault, x)
-        for x in (finding.degree, finding.lower, finding.upper)
+        degree_in_figures(finding.fault, x) for x in (finding.degree, finding.lower, finding.upper)
     )
     about = f"{finding.fault.meaning}; seen from {finding.since:g} s to {finding.until:g} s"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))

@@ -11,12 +11,13 @@ import numpy as np
 import yaml
 from rich.table import Table
 
+from rulec.calibration_notes import STOOD, notes_of
 from rulec.commands.output import console, write_json
-from rulec.continuity import flows_by_continuity
 from rulec.differentiate import GATHERED, Models
 from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Module
+from rulec.true_flow import true_flows
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
 from runtime.point_table import NOTE, each_row, is_point_table
@@ -43,31 +44,21 @@ def run(options: argparse.Namespace) -> int:
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
     points = points_of_stretches(recording, ruleset, stretches, noise)
     fits = _fit_all(models, ruleset, points)
-    data = _file(models, fits)
+    data, plant = _file(models, fits), models.residuals.network.plant
     header = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
     write_text(Path(options.output), header + yaml.safe_dump(data, sort_keys=False, width=100))
     out.print(_table(models, fits))
     left = _left_out(models, fits)
     if left:
         out.print(f"no true flow in this recording, left as they were: {', '.join(left)}")
-    for fit in fits:
-        for observer in fit.observers:
-            if observer.contradicts:
-                out.print(f"note: {_contradiction(fit.module, observer.observer)}")
-    if table:
-        out.print(f"note: {NOTE}")
+    notes = [note for fit in fits for note in notes_of(plant.modules[fit.module], fit)]
+    notes += [NOTE] if table else []
+    for note in notes:
+        out.print(f"note: {note}", markup=False, soft_wrap=True)
     what = "operating points" if table else "settled stretches"
     out.print(styled("[green]✓[/] {}: from {} {}", options.output, len(stretches), what))
-    write_json(options, data)
+    write_json(options, {**data, "notes": notes})
     return 0
-
-
-def _contradiction(module: str, observer: str) -> str:
-    """For a maker or operator who wonders which of the two is right."""
-    return (
-        f"{module}.{observer}: the recording contradicts the data sheet, which was left out here; "
-        "if the data sheet is right, something is missing in the model or a sensor is wrong"
-    )
 
 
 def _left_out(models: Models, fits: list[ModuleFit]) -> list[str]:
@@ -79,17 +70,17 @@ def _left_out(models: Models, fits: list[ModuleFit]) -> list[str]:
 def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
     """Fit every module that ran and whose true flow is known; refuses if there is none."""
     plant = models.residuals.network.plant
-    flows = _reference_flows(models, ruleset, points)
+    local = {m.name: _local(models, ruleset, points, m) for m in plant.modules.values()}
+    flows = true_flows(models, local)
     fits = []
     for module in plant.modules.values():
         model = models.types[module.type.key]
         if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
             continue
-        name, flow, shared, new = flows[module.name]
-        if not np.isfinite(flow).any():  # it stood all the time: what it was remains
+        flow = flows[module.name]
+        if not np.isfinite(flow.values).any():  # it stood all the time: what it was remains
             continue
-        values, systematic, noise = _local(models, ruleset, points, module)
-        readings = Readings(values, systematic, {**noise, name: new}, flow, shared, name)
+        readings = Readings(*local[module.name], flow.values, flow.errors, flow.noise, flow.name)
         fits.append(fit_module(module, model, readings))
     if not fits:
         raise CalibrationRefused(
@@ -97,44 +88,6 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
             "or a module type an observer with 'reference: true'"
         )
     return fits
-
-
-def _reference_flows(
-    models: Models, ruleset: Ruleset, points: Points
-) -> dict[str, tuple[str, Array, Array, Array]]:
-    """True flow of each module: name of its source, values, shared standard uncertainty, and noise.
-
-    From its own flow meter, else by continuity from the flow meters of other modules.
-    """
-    network = models.residuals.network
-    own: dict[str, tuple[str, Array, Array, Array]] = {}
-    for module in network.plant.modules.values():
-        meter = _flow_meter(module)
-        if meter is None or f"{module.name}.{meter}" not in points.values:
-            continue
-        signal = ruleset.signal_by_id[f"{module.name}.{meter}"]
-        flow = points.values[signal.id].copy()
-        if signal.minimum is not None:
-            flow[~(flow >= signal.minimum)] = np.nan
-        shared = np.broadcast_to(systematic_u(signal, flow), flow.shape)
-        own[module.name] = (signal.id, flow, shared, points.statistical(signal.id))
-    result = dict(own)
-    for name, fixed in flows_by_continuity(network.graph, own).items():
-        terms = fixed.terms
-        flow = np.sum([sign * own[m][1] for m, sign in terms.items()], axis=0)
-        shared = np.sqrt(np.sum([own[m][2] ** 2 for m in terms], axis=0))
-        new = np.sqrt(np.sum([own[m][3] ** 2 for m in terms], axis=0))
-        result[name] = (" + ".join(own[m][0] for m in terms), flow, shared, new)
-    return result
-
-
-def _flow_meter(module: Module) -> str | None:
-    """The signal that measures the flow: that of a reference observer, or any volume flow."""
-    for observer in module.type.observers.values():
-        if observer.is_reference:
-            return next(name for name, _ in observer.expression.names())
-    meters = [s.name for s in module.type.signals.values() if s.quantity == "volume flow"]
-    return meters[0] if meters else None
 
 
 def _local(
@@ -208,12 +161,13 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
             "points": observer.points,
             "set_aside": observer.set_aside,
         }
-    for name, (low, high) in fit.valid.items():
+    for name, found in fit.valid.items():
         unit = module.type.signals[name].unit
         entry["range"][name] = {
-            "from": _round(unit.from_si(low)),
-            "to": _round(unit.from_si(high)),
+            "from": _round(unit.from_si(found.low)),
+            "to": _round(unit.from_si(found.high)),
             "unit": unit.text,
+            **({"source": STOOD} if found.stood else {}),
         }
     return {key: value for key, value in entry.items() if value}
 

@@ -1,0 +1,123 @@
+"""The true flow that a calibration fits to, with the errors it has.
+
+A module's own reference observer gives it, by its whole equation: a current loop that reads mA, a
+venturi, a meter with a zero of its own. Without one any reading of a volume flow counts, and else
+continuity says the flow from the meters of other modules.
+
+Each error is one column: how far the flow would move, at every point, if one sensor or one
+parameter of the equation were one standard uncertainty off (GUM, 5.1: first order).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec.continuity import flows_by_continuity
+from rulec.differentiate import GATHERED, Models, TypeModel
+from rulec.graph import Graph
+from rulec.plant import Module
+from runtime.plan import Array
+
+
+@dataclass(frozen=True)
+class TrueFlow:
+    """`values` shape (n,), m3/s, NaN where not known; `errors` per source, shape (n,); `noise` what
+    is new at every point, shape (n,), m3/s.
+
+    Sources that are readings of the module itself have their local names.
+    """
+
+    name: str
+    values: Array
+    errors: Mapping[str, Array]
+    noise: Array
+
+
+Table = Mapping[str, Array]
+
+Local = Mapping[str, tuple[Table, Table, Table]]
+"""Per module its readings, their systematic standard uncertainties and their noise, by local
+names."""
+
+
+def true_flows(models: Models, local: Local) -> dict[str, TrueFlow]:
+    """The true flow of every module that has one."""
+    network = models.residuals.network
+    own: dict[str, TrueFlow] = {}
+    for module in network.plant.modules.values():
+        found = _own(module, models.types[module.type.key], *local[module.name])
+        if found is not None:
+            own[module.name] = found
+    result = dict(own)
+    for name, fixed in flows_by_continuity(network.graph, own).items():
+        result[name] = _balanced(own, fixed.terms)
+    return result
+
+
+def reference_of(module: Module) -> str | None:
+    """The reference observer of a module."""
+    return next((o.name for o in module.type.observers.values() if o.is_reference), None)
+
+
+def _own(
+    module: Module, model: TypeModel, values: Table, systematic: Table, noise: Table
+) -> TrueFlow | None:
+    reference = reference_of(module)
+    if reference is not None:
+        return _by_equation(module, model, reference, values, systematic, noise)
+    for signal in module.type.signals.values():
+        if signal.quantity == "volume flow" and signal.name in values:
+            name = signal.name
+            errors = {name: systematic[name]}
+            return TrueFlow(f"{module.name}.{name}", values[name], errors, noise[name])
+    return None
+
+
+def _by_equation(
+    module: Module,
+    model: TypeModel,
+    reference: str,
+    values: Table,
+    systematic: Table,
+    noise: Table,
+) -> TrueFlow | None:
+    """The flow by a reference observer; None where a reading of it was not recorded."""
+    gradient = model.gradients[reference]
+    read = [n for n in gradient if n in model.type.signals or n.startswith(GATHERED)]
+    if any(name not in values for name in read):
+        return None
+    graph = Graph(model.symbols)
+    symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
+    graph.outputs["Q"] = graph.lower(model.observers[reference], symbols)
+    uncertain = {n: p.u for n, p in module.parameters.items() if n in gradient and p.u}
+    for name in (*read, *uncertain):
+        graph.outputs[f"d:{name}"] = graph.lower(gradient[name], symbols)
+    out = graph.plan().run({**{n: p.value for n, p in module.parameters.items()}, **values})
+    known = np.all([np.isfinite(values[name]) for name in read], axis=0)
+    flow = np.where(known & np.isfinite(out["Q"]), out["Q"], np.nan)
+    errors = {name: out[f"d:{name}"] * systematic[name] for name in read}
+    errors |= {
+        f"{module.name}.{name}": np.broadcast_to(out[f"d:{name}"] * u, flow.shape)
+        for name, u in uncertain.items()
+    }
+    sources = " + ".join(f"{module.name}.{name.removeprefix(GATHERED)}" for name in read)
+    new = np.sqrt(
+        sum(((out[f"d:{name}"] * noise[name]) ** 2 for name in read), np.zeros(len(flow)))
+    )
+    return TrueFlow(sources, flow, errors, new)
+
+
+def _balanced(own: Mapping[str, TrueFlow], terms: Mapping[str, int]) -> TrueFlow:
+    """A flow as sum of others; the errors of several meters count as one."""
+    flow: Array = np.sum([sign * own[m].values for m, sign in terms.items()], axis=0)
+    name = " + ".join(own[m].name for m in terms)
+    noise = np.sqrt(np.sum([own[m].noise ** 2 for m in terms], axis=0))
+    parts = [(m, source, e) for m in terms for source, e in own[m].errors.items()]
+    if len(terms) == 1:
+        (sign,) = terms.values()
+        return TrueFlow(name, flow, {f"{m}.{source}": sign * e for m, source, e in parts}, noise)
+    several = {name: np.sqrt(np.sum([e**2 for _, _, e in parts], axis=0))}
+    return TrueFlow(name, flow, several, noise)
