@@ -49,8 +49,8 @@ def test_what_the_meter_may_be_off_is_in_the_uncertainty(tmp_path: Path) -> None
 def test_a_value_of_another_size_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With a gain that is off by a thousand, nothing is written in silence."""
-    gain = "{kI: {value: 62500, unit: l/h/mA, u: 0, source: slipped}}"
+    """With a gain that is twenty times too large, nothing is written in silence."""
+    gain = "{kI: {value: 1250, unit: l/h/mA, u: 0, source: slipped}}"
     folder = rig.plant(tmp_path)
     text = (folder / "plant.yaml").read_text(encoding="utf-8")
     text = text.replace("{type: warm-loop}", f"{{type: warm-loop, parameters: {gain}}}")

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from rulec.cli import main
+from rulec.pipeline import compile_plant
 from runtime.report.text import degree
+from runtime.ruleset import THRESHOLD
 from tests.loop import rig
 
 SIZES = [("A.T.high", 2.0, "K"), ("A.T.low", 3.0, "K"), ("A.I_Q.high", 0.5, "mA")]
@@ -55,16 +57,14 @@ def test_the_matrix_tells_what_can_be_seen_in_the_unit(tmp_path: Path) -> None:
     matrix = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
     units = dict(zip(matrix["faults"], matrix["units"], strict=True))
     assert {"A.leakage": "1", "A.T.high": "K", "A.I_Q.low": "mA"}.items() <= units.items()
-    row = matrix["faults"].index("A.I_Q.high")
-    gain, least = (
-        matrix[k][row][matrix["residuals"].index("A.line-meter")] for k in ("gains", "detectable")
-    )
-    line = matrix["detectable"][matrix["faults"].index("A.dp.high")][
-        matrix["residuals"].index("A.line-meter")
-    ]
-    # At the reference point 2 bar: an excess of x in dp moves the line's flow by x/2 of it.
-    flow = np.sqrt(2.0 / 7e-6) / 3.6e6
-    assert abs(gain) * least * 1e-3 == pytest.approx(0.5 * flow * line, rel=0.05)
+    ruleset = compile_plant(folder)
+    u = {r.id: r.u for r in ruleset.residuals}
+    cells = [c for c in ruleset.cells if c.fault == "A.I_Q.high"]
+    assert {"A.pump-meter", "A.line-meter"} == {c.residual for c in cells}
+    for cell in cells:
+        per_milliampere = 62.5 / 3.6e6
+        assert cell.sensitivity == pytest.approx(-per_milliampere, rel=1e-6)
+        assert cell.detectable * per_milliampere == pytest.approx(THRESHOLD * u[cell.residual])
 
 
 def test_a_size_beyond_the_range_of_the_sensor_is_refused(
