@@ -106,6 +106,7 @@ def test_words_are_recognised(word: str, expected: set[str]) -> None:
 
 ALLOWED = {
     "slope": "the slope of an observer is mathematics; a fault is named after it",
+    "offset": "the zero of a unit and of a column are offsets; a fault is named after them",
     "overflow": "what a page does with text that is too long; an effect is named so",
     "line": "a line of a file; a component is called so too",
 }
