@@ -32,6 +32,7 @@ class Recording:
     segment : shape (n,); changes where one file ends and the next begins.
     missing : signals of the ruleset that the recording does not have.
     notes : what was found while reading, for the operator.
+    left_out : rows of the files that are no part of it: how many, and why.
     """
 
     time: Array
@@ -39,6 +40,7 @@ class Recording:
     segment: np.ndarray
     missing: tuple[str, ...]
     notes: tuple[str, ...]
+    left_out: tuple[tuple[int, str], ...] = ()
 
     def __len__(self) -> int:
         return len(self.time)
@@ -63,10 +65,13 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     notes: list[str] = []
     strangers: dict[str, None] = {}
     parts = []
+    lost: list[tuple[int, str]] = []
     for name in files_of(path):
         file = read_file(name, ruleset, notes)
         strangers.update(dict.fromkeys(file.header.strangers))
-        parts.append(_part(file, notes))
+        if file.left_out:
+            lost.append((file.left_out, "another number of cells than the header"))
+        parts.append(_part(file, notes, lost))
     used = ruleset.read
     signals = sorted({name for part in parts for name in part.values})
     if not used.intersection(signals):
@@ -88,6 +93,7 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
         np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
         missing,
         tuple(dict.fromkeys(notes)),
+        tuple(lost),
     )
 
 
@@ -112,15 +118,20 @@ def _example(ruleset: Ruleset) -> str:
     return f"{ruleset.signals[0].id} [{ruleset.signals[0].unit}]"
 
 
-def _part(file: RecordingFile, notes: list[str]) -> _Part:
+def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
     """A file with its rows in order of time."""
-    order = _order(file.path, file.time, notes)
+    order = _order(file.path, file.time, notes, lost)
     values = {name: v[order] for name, v in file.values.items()}
     return _Part(file.path.name, file.time[order], values, file.dated)
 
 
-def _order(path: Path, time: Array, notes: list[str]) -> NDArray[np.intp]:
-    """Indexes of the samples in order of time; of equal times the first one is kept."""
+def _order(
+    path: Path, time: Array, notes: list[str], lost: list[tuple[int, str]]
+) -> NDArray[np.intp]:
+    """Indexes of the samples in order of time; of equal times the first one is kept.
+
+    What is left out is added to `notes` and `lost`.
+    """
     has_time = np.isfinite(time) & (np.abs(time) < ABSURD)
     if not has_time.any():
         raise RecordingRefused(f"{path}: no row has a usable time")
@@ -135,6 +146,7 @@ def _order(path: Path, time: Array, notes: list[str]) -> NDArray[np.intp]:
     ):
         if count:
             notes.append(f"{path.name}: {count} rows {what} and are left out")
+            lost.append((count, f"they {what}"))
     result: NDArray[np.intp] = order[first]
     return result
 

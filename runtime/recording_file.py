@@ -33,6 +33,7 @@ class RecordingFile:
     time : shape (n,), s; NaN where a row has none. Since 1970 if the file is `dated`.
     values : per signal an array, shape (n,), SI; NaN where there is no usable reading.
     comma : whether its numbers are written with a decimal comma.
+    left_out : rows with another number of cells than the header.
     """
 
     path: Path
@@ -41,6 +42,7 @@ class RecordingFile:
     values: dict[str, Array]
     dated: bool
     comma: bool
+    left_out: int = 0
 
 
 def files_of(path: Path) -> list[Path]:
@@ -75,7 +77,7 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
         most = _largest(ruleset.signal_by_id[target.signal])
         values[target.signal] = _readings(path, column, target, most, notes)
     comma = any("," in column.decimals for column in table.columns)
-    return RecordingFile(path, header, time, values, dated, comma)
+    return RecordingFile(path, header, time, values, dated, comma, table.left_out)
 
 
 def _largest(signal: SignalSpec) -> float:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.mismatch.candidate import Spot, Workshop
+from runtime.mismatch.evidence import counted_rows, evidence_of, unread
 from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, likeness, reconstruct
@@ -71,8 +72,10 @@ def analyse(
         stored = analyse_stores(recording, ruleset, workshop, heldout=heldout, progress=progress)
         if stored is not None:
             return stored
-        blind = _cannot(recording, ruleset, None, lacking(recording, ruleset), begin)
-        return replace(blind, next="Record again, with what lacks.")
+        why = lacking(recording, ruleset)
+        told = counted_rows((), [*unread(recording), *[why] * len(recording)])
+        blind = _cannot(recording, ruleset, None, why, begin)
+        return replace(blind, next="Record again, with what lacks.", evidence=told)
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())
@@ -84,7 +87,8 @@ def analyse(
     if rows.groups < FEWEST:
         why = "no two estimates of one flow can be compared with the readings of this recording"
         blind = _cannot(recording, ruleset, data, why, begin)
-        return replace(blind, next=_to_be_read(recording) or blind.next)
+        told = evidence_of(recording, data, rows)
+        return replace(blind, next=_to_be_read(recording) or blind.next, evidence=told)
     found = search(rows, tell)
     hidden = _hidden(found)
     tell("working out uncertainties")
@@ -97,7 +101,10 @@ def analyse(
     opened = [o for o in opened if o[1].fit.heldout.points] or opened
     predictors, proofs = [p for p, _ in opened], [proof for _, proof in opened]
     repair = repair_of(settled)
-    return _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
+    answer = _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
+    judged = np.any([proof.judged for proof in proofs], axis=0) if proofs else None
+    told = evidence_of(recording, data, rows, judged, models.faulty)
+    return replace(answer, evidence=told)
 
 
 def _hidden(found: Search) -> tuple[Reconstruction, ...]:
@@ -377,4 +384,5 @@ def _cannot(
         None,
         time.perf_counter() - begin,
         series=Series(data.time, ~data.open) if data else None,
+        evidence=evidence_of(recording, data),
     )

@@ -47,6 +47,9 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
             "hash": mismatch.digest,
             "heldout": _heldout(mismatch),
         },
+        "evidence": [
+            {"rows": e.rows, "used": e.used, "because": e.because} for e in mismatch.evidence
+        ],
         "noise": mismatch.noise,
         "tried": mismatch.tried,
         "notes": list(mismatch.notes),

@@ -37,6 +37,10 @@ BUDGET = 15_000
 BRIDGED = 0.8
 """Share of readings that must be there for gaps to be bridged."""
 
+UNSETTLED, SPARED = -1, -2
+"""In the place of the number of its point: a sample that is not settled, and one that is and was
+not taken, as a few of so many stretches say the same."""
+
 STATISTICAL = 0.3
 """Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
 
@@ -48,7 +52,8 @@ class Data:
     `time` shape (n,), s; `part` and `block` shape (n,). `noise` is the statistical standard
     uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
     `of_rows` tells that each row of the recording is a settled point of its own. `moving` are flags
-    per module, shape (n,): while one ramps, the others may be judged.
+    per module, shape (n,): while one ramps, the others may be judged. `sample`, shape (samples,),
+    has the number of the point of each sample of the recording, or `UNSETTLED` or `SPARED`.
     """
 
     points: Points
@@ -60,6 +65,7 @@ class Data:
     split: str
     digest: str
     moving: Mapping[str, np.ndarray]
+    sample: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -85,8 +91,9 @@ def prepare(
         stretches = each_row(recording)
         moving: dict[str, np.ndarray] = {}
         noise = dict.fromkeys(noise, 0.0)
+        rests = np.ones(len(recording), dtype=bool)
     else:
-        stretches, moving = settled_parts(recording, ruleset, noise)
+        stretches, moving, rests = settled_parts(recording, ruleset, noise)
     if not len(stretches):
         return None
     points = points_of_stretches(recording, ruleset, stretches, noise)
@@ -106,13 +113,23 @@ def prepare(
     digest = hashlib.sha256(
         np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
     ).hexdigest()[:16]
-    return Data(points, time, statistical, block, part, of_rows, text, digest, moving)
+    sample = _points_of_samples(stretches, rests)
+    return Data(points, time, statistical, block, part, of_rows, text, digest, moving, sample)
+
+
+def _points_of_samples(stretches: Stretches, rests: np.ndarray) -> NDArray[np.intp]:
+    """Number of the point of each sample, shape (samples,); `rests` flags the settled ones."""
+    sample: NDArray[np.intp] = np.where(rests, SPARED, UNSETTLED)
+    for i, (low, high) in enumerate(zip(stretches.first, stretches.last, strict=True)):
+        sample[low:high] = i
+    return sample
 
 
 def settled_parts(
     recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
-) -> tuple[Stretches, dict[str, np.ndarray]]:
-    """Pieces of time in which some modules rest, and by module in which of them it moves.
+) -> tuple[Stretches, dict[str, np.ndarray], np.ndarray]:
+    """Pieces of time in which some modules rest, by module in which of them it moves, and all
+    samples in which some rest, shape (samples,).
 
     Pumps that are run one by one seldom all rest at once.
     """
@@ -132,7 +149,7 @@ def settled_parts(
     kept = rests[first]
     pieces = _pieces(Stretches(first[kept], last[kept]), len(ruleset.observers))
     moving = {module: row[pieces.first] < 0 for module, row in zip(own, number, strict=True)}
-    return pieces, moving
+    return pieces, moving, rests
 
 
 def _bridged(points: Points, read: set[str]) -> Points:

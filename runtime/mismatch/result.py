@@ -145,6 +145,15 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """So many rows of the recording served for something, or were not used, because."""
+
+    rows: int
+    used: bool
+    because: str
+
+
+@dataclass(frozen=True)
 class Confounded:
     """Two parameters that the recording does not tell apart."""
 
@@ -233,6 +242,7 @@ class Mismatch:
     the ids of the candidates in it, in order. `fixed` holds their parameters that are no unknowns,
     `misfit` the scatter of each observer about its repaired law, `ranges` the readings it was
     fitted to, all SI by id. `series` holds the courses of all `fits`; None where nothing was split.
+    `evidence` counts every row of the recording once.
     """
 
     plant: str
@@ -262,3 +272,4 @@ class Mismatch:
     misfit: Mapping[str, float] = field(default_factory=dict)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     series: Series | None = None
+    evidence: tuple[Evidence, ...] = ()

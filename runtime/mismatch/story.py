@@ -18,6 +18,8 @@ from runtime.mismatch.wording import (
     confounded_words,
     degree_words,
     errors_of,
+    evidence_rows,
+    evidence_words,
     fit_words,
     interval,
     labelled,
@@ -164,6 +166,17 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
             out.print(_inset(Text(rivals_words(finding))))
 
 
+def _rows_used(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
+    """What the rows of the recording served for, and why others were not used."""
+    told = evidence_rows(mismatch)
+    if told:
+        serving = "; ".join(f"{part.rows} {part.because}" for part in told if part.used)
+        yield "rows", evidence_words(mismatch) + (f": {serving}" if serving else "")
+    for part in told:
+        if not part.used:
+            yield "not used", f"{part.rows}: {part.because}"
+
+
 def _bar(name: str, value: float, largest: float) -> RenderableType:
     if not (np.isfinite(value) and largest > 0):
         return Text("")
@@ -174,7 +187,7 @@ def _bar(name: str, value: float, largest: float) -> RenderableType:
 def _numbers(out: Console, mismatch: Mismatch) -> None:
     """Parameters with their uncertainty, and what remains in doubt."""
     shown = [f for f in mismatch.findings[:SHOWN] if f.parameters]
-    doubts = list(_doubts(mismatch))
+    doubts = [*_doubts(mismatch), *_rows_used(mismatch)]
     if shown or doubts:
         _heading(out, "Numbers")
     if shown:

@@ -11,7 +11,7 @@ import numpy as np
 from runtime.mismatch.candidate import TIME, Workshop
 from runtime.mismatch.prepare import Data
 from runtime.mismatch.setting import CHANGE, ERROR, Setting
-from runtime.observe import observe
+from runtime.observe import Observed, observe
 from runtime.plan import Array
 from runtime.ruleset import ObserverSpec, Ruleset
 from runtime.tangent import run_with_slopes
@@ -63,9 +63,14 @@ class System:
         return {o.id: i for i, o in enumerate(self.observers)}
 
     @cached_property
+    def observed(self) -> Observed:
+        """What the plain plan says of the points, for all observers of the ruleset."""
+        return observe(self.ruleset, self.data.points)
+
+    @cached_property
     def valid(self) -> np.ndarray:
         """Which estimates may be used at which point, shape (observers, n)."""
-        seen = observe(self.ruleset, self.data.points).valid
+        seen = self.observed.valid
         valid = np.array([seen[self.ruleset.observer_index[o.id]] for o in self.observers])
         for row, observer in zip(valid, self.observers, strict=True):
             if observer.module in self.data.moving:

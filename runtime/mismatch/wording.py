@@ -10,6 +10,7 @@ from runtime.mismatch.result import (
     Alternative,
     Confounded,
     Estimate,
+    Evidence,
     Finding,
     Fit,
     Location,
@@ -189,6 +190,28 @@ def proof(fit: Fit, repaired: bool) -> str:
     if np.isfinite(fit.closed):
         words += f"; {share(fit.closed)} of the explainable mismatch is closed"
     return words + "."
+
+
+MANY_REASONS = 3
+"""Reasons why rows were not used that are told one by one."""
+
+
+def evidence_rows(mismatch: Mismatch, most: int = MANY_REASONS) -> tuple[Evidence, ...]:
+    """What rows served for and why others were not used; of either the most, the rest as one."""
+    told: list[Evidence] = []
+    for used, rest in ((True, "used in other ways"), (False, "not used for other reasons")):
+        own = [e for e in mismatch.evidence if e.used is used]
+        told += own if len(own) <= most + 1 else own[:most]
+        if len(own) > most + 1:
+            told.append(Evidence(sum(e.rows for e in own[most:]), used, f"{rest} (--json has all)"))
+    return tuple(told)
+
+
+def evidence_words(mismatch: Mismatch) -> str:
+    """How many of the rows were used."""
+    rows = sum(e.rows for e in mismatch.evidence)
+    used = sum(e.rows for e in mismatch.evidence if e.used)
+    return f"{used} of {counted(rows, 'row')} {'was' if rows == 1 else 'were'} used"
 
 
 def titled(finding: Finding) -> str:

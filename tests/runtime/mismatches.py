@@ -13,6 +13,7 @@ from runtime.mismatch.result import (
     Curves,
     Errors,
     Estimate,
+    Evidence,
     Finding,
     Fit,
     HiddenDriver,
@@ -130,6 +131,12 @@ NAMED = Mismatch(
     seconds=4.31,
     fixed={"A.warm-gap@Q_gap.T0": 318.35},
     misfit={"A.pump": 2.5e-7},
+    evidence=(
+        Evidence(300, True, "searched and fitted"),
+        Evidence(100, True, "held out for the proof"),
+        Evidence(19, False, "A.n is below 60 rpm"),
+        Evidence(8, False, "not settled"),
+    ),
 )
 
 AMBIGUOUS = replace(

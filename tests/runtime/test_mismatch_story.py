@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from runtime.mismatch.machine_form import hidden_csv, mismatch_form
-from runtime.mismatch.result import Errors, Fit, Mismatch, Period, Region, Rival
+from runtime.mismatch.report.page import report
+from runtime.mismatch.result import Errors, Evidence, Fit, Mismatch, Period, Region, Rival
 from runtime.mismatch.sparkline import sparkline
 from runtime.mismatch.story import tell
-from runtime.mismatch.wording import region_words, rivals_words, value_and_u
+from runtime.mismatch.wording import evidence_rows, region_words, rivals_words, value_and_u
 from runtime.terminal import Terminal
 from tests.runtime.mismatches import (
     ALL,
@@ -49,6 +50,24 @@ def test_story_fits_a_screen(case: str) -> None:
     rows = story(ALL[case]).splitlines()
     assert [] == [row for row in rows if len(row) > 80]
     assert 45 >= len(rows)
+
+
+def test_story_counts_the_rows() -> None:
+    """What was used and what was not, and why, in the terminal, the machine form and the report."""
+    told = words(NAMED)
+    assert "400 of 427 rows were used: 300 searched and fitted; 100 held out for the proof" in told
+    assert "not used 19: A.n is below 60 rpm" in told
+    form = mismatch_form(NAMED, "plant.yaml")
+    assert {"rows": 8, "used": False, "because": "not settled"} in form["evidence"]
+    assert "A.n is below 60 rpm" in report(NAMED)
+
+
+def test_many_reasons_are_summed_up() -> None:
+    """Rows are told in a few lines, whose counts still sum to all of them."""
+    many = tuple(Evidence(20 - i, False, f"reason {i}") for i in range(10))
+    shown = evidence_rows(dataclasses.replace(NAMED, evidence=many))
+    assert 4 == len(shown)
+    assert sum(e.rows for e in many) == sum(e.rows for e in shown)
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
+from runtime.mismatch.evidence import stored_evidence
 from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
 from runtime.mismatch.settle import REPAIRING
@@ -215,6 +216,7 @@ def _answer(
         {},
         {},
         series_of(bench, proofs),
+        stored_evidence(recording, bench.record),
     )
 
 

@@ -31,7 +31,10 @@ class Record:
 
     `inputs` holds what is given, all finite, `measured` what sensors showed, NaN where they show
     nothing; both per signal an array, shape (n,), SI. `resolution` is the step in which a reading
-    moves at least. `glitches` counts readings that were set aside, per signal.
+    moves at least. `glitches` counts readings that were set aside, per signal. Of the rows of the
+    recording, shape (rows,): `sample` is the number of the sample that each is a part of, -1 for
+    none; `read` and `odd` flag those with a usable reading of what is predicted, and those with one
+    that was set aside.
     """
 
     time: Array
@@ -42,6 +45,9 @@ class Record:
     part: NDArray[np.intp]
     split: str
     digest: str
+    sample: NDArray[np.intp]
+    read: Flags
+    odd: Flags
 
     @property
     def open(self) -> Flags:
@@ -69,12 +75,14 @@ def record_of(
     shown = [n for n in dynamics.outputs if n in recording.values]
     measured: dict[str, Array] = {}
     glitches: dict[str, int] = {}
+    strange: dict[str, Flags] = {}
     for name in shown:
         odd = glitches_in(recording.values[name])
         for first, behind in standing_still(recording.values[name]):
             odd[first + 1 : behind] = True
         measured[name] = np.where(odd, np.nan, recording.values[name])
-        glitches[name] = int(odd.sum())
+        glitches[name], strange[name] = int(odd.sum()), odd
+    rows, whole = np.arange(len(recording.time)), measured
     inputs = {n: v for n, v in recording.values.items() if n in given}
     factor = -(-len(recording.time) // BUDGET)
     time, inputs, measured = thinned(recording.time, inputs, measured, factor)
@@ -88,7 +96,10 @@ def record_of(
     digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
     steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
-    return Record(time, inputs, measured, steps, glitches, part, text, digest)
+    sample = np.where(rows < len(time) * factor, rows // factor, -1)
+    read = np.any([np.isfinite(whole[n]) for n in measured], axis=0)
+    odd = np.any([strange[n] for n in measured], axis=0)
+    return Record(time, inputs, measured, steps, glitches, part, text, digest, sample, read, odd)
 
 
 def _resolution(values: Array, signal: SignalSpec) -> float:

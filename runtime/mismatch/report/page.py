@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from runtime.mismatch.report.pictures import pictures_of
-from runtime.mismatch.report.tables import doubts, other_readings, parameters, proof_table, rivals
+from runtime.mismatch.report.tables import (
+    doubts,
+    other_readings,
+    parameters,
+    proof_table,
+    rivals,
+    rows_used,
+)
 from runtime.mismatch.report.told import told_first
 from runtime.mismatch.result import Mismatch
 from runtime.report.document import document, facts, numbered, section
@@ -22,6 +29,7 @@ def report(mismatch: Mismatch) -> str:
         for title, body in (
             ("Pictures", pictures),
             ("Numbers", parameters(mismatch) + doubts(mismatch)),
+            ("Rows of the recording", rows_used(mismatch)),
             ("Where this comes from", f'<div class="facts">{_origin(mismatch)}</div>'),
         )
         if body

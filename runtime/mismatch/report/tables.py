@@ -10,6 +10,7 @@ from runtime.mismatch.result import Finding, Fit, Mismatch
 from runtime.mismatch.wording import (
     confounded_words,
     errors_of,
+    evidence_words,
     interval,
     labelled,
     other_fits,
@@ -107,6 +108,19 @@ def doubts(mismatch: Mismatch) -> str:
     if not any(texts for _, texts in rows):
         return ""
     return f'<div class="facts">{facts(rows)}</div>'
+
+
+def rows_used(mismatch: Mismatch) -> str:
+    """What the rows of the recording served for, and why others were not used; all of them."""
+    if not mismatch.evidence:
+        return ""
+    body = "".join(
+        f'<tr><td class="num">{part.rows}</td><td>{"used" if part.used else "not used"}</td>'
+        f"<td>{safe(part.because)}</td></tr>"
+        for part in mismatch.evidence
+    )
+    head = _head(("rows", True), ("", False), ("for, or because", False))
+    return f"<p>{safe(evidence_words(mismatch))}.</p>{_table(head, body)}"
 
 
 def _head(*columns: tuple[str, bool]) -> str:
