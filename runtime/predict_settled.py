@@ -12,6 +12,7 @@ from runtime.plan import Array
 from runtime.prediction import Exact, Injected, recorded_of, rows
 from runtime.recording_file import RecordingFile
 from runtime.ruleset import SignalSpec
+from runtime.shut_off import nearly_shut, without_flow
 from runtime.simulate import Simulated, simulate_with
 
 NOTHING: Mapping[str, Array] = {}
@@ -37,12 +38,16 @@ def predict_settled(
     time = times_of(files)
     asked = [name for name in equations.given if name not in known]
     recorded = {**known, **recorded_of(equations.ruleset, files, asked)}
-    given = {s.id: _running(s, recorded[s.id]) for s in equations.given_signals}
+    running = {s.id: _running(s, recorded[s.id]) for s in equations.given_signals}
+    given = {
+        s.id: nearly_shut(s, running[s.id], equations.ruleset) for s in equations.given_signals
+    }
     degrees = degrees_of(injected, time)
     simulated = simulate_with(equations, given, degrees)
     values = {name: simulated.values[name] for name in equations.predicted}
     notes = [
         *_left_out(equations, recorded, given, simulated),
+        *_shut_off(equations, running, simulated),
         *_without_solution(simulated),
         *_beyond_sensors(equations, values),
         *_more_than_one(equations, given, degrees, simulated),
@@ -122,6 +127,16 @@ def _hangs(rows: np.ndarray, simulated: Simulated) -> str:
     """What is not predicted in rows that lack something."""
     predicted = [v for name, v in simulated.flows.items() if np.isfinite(v[rows]).any()]
     return "; what hangs on it is not predicted" if predicted else "; they are not predicted"
+
+
+def _shut_off(
+    equations: Equations, running: Mapping[str, Array], simulated: Simulated
+) -> Iterator[str]:
+    """Rows in which a meter shows no flow."""
+    for signal in equations.given_signals:
+        shut = without_flow(signal, running[signal.id], equations.ruleset) & simulated.solved
+        if shut.any():
+            yield f"{rows(shut)}: {signal.id} shows no flow; predicted at next to none"
 
 
 def _without_solution(simulated: Simulated) -> Iterator[str]:

@@ -33,6 +33,8 @@ class Recording:
     missing : signals of the ruleset that the recording does not have.
     notes : what was found while reading, for the operator.
     left_out : rows of the files that are no part of it: how many, and why.
+    one_clock : whether times of all its files are on one clock; where each begins anew, nobody
+        knows how long a pause there was, nor which was first.
     """
 
     time: Array
@@ -41,6 +43,7 @@ class Recording:
     missing: tuple[str, ...]
     notes: tuple[str, ...]
     left_out: tuple[tuple[int, str], ...] = ()
+    one_clock: bool = True
 
     def __len__(self) -> int:
         return len(self.time)
@@ -79,7 +82,7 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
             f"{path}: no column belongs to this plant. Expected columns such as "
             f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
         )
-    parts = _one_behind_the_other(path, parts, notes)
+    parts, one_clock = _one_behind_the_other(path, parts, notes)
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
     notes += _strangers(strangers, missing, ruleset)
     return Recording(
@@ -94,6 +97,7 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
         missing,
         tuple(dict.fromkeys(notes)),
         tuple(lost),
+        one_clock,
     )
 
 
@@ -151,8 +155,13 @@ def _order(
     return result
 
 
-def _one_behind_the_other(path: Path, parts: list[_Part], notes: list[str]) -> list[_Part]:
-    """Files in order of time; where their times overlap, in order of name, one after the other."""
+def _one_behind_the_other(
+    path: Path, parts: list[_Part], notes: list[str]
+) -> tuple[list[_Part], bool]:
+    """Files in order of time, and whether they are on one clock.
+
+    Where their times overlap, in order of name, one after the other.
+    """
     if len({part.dated for part in parts}) > 1:
         raise RecordingRefused(
             f"{path}: some files of this folder have dates, others plain seconds; "
@@ -166,7 +175,7 @@ def _one_behind_the_other(path: Path, parts: list[_Part], notes: list[str]) -> l
         ordered = [replace(part, time=part.time - start) for part in ordered]
         parts = [replace(part, time=part.time - start) for part in parts]
     if _follow(ordered):
-        return ordered
+        return ordered, True
     result: list[_Part] = []
     names, end = [], 0.0
     for part in parts:
@@ -177,7 +186,7 @@ def _one_behind_the_other(path: Path, parts: list[_Part], notes: list[str]) -> l
         names.append(f"{part.name} from {begin:g} s")
     shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
     notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
-    return result
+    return result, False
 
 
 def _follow(parts: Iterable[_Part]) -> bool:

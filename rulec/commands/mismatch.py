@@ -98,7 +98,7 @@ def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mis
         check_heldout(recording, heldout)
         found = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
     name = Path(options.recording).resolve().name
-    notes = tuple(dict.fromkeys((*recording.notes, *found.notes)))
+    notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
     return replace(found, recording=name, notes=notes)
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.mismatch.candidate import Spot, Workshop
-from runtime.mismatch.evidence import counted_rows, evidence_of, unread
+from runtime.mismatch.evidence import NO_CLOCK, counted_rows, evidence_of, unread
 from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, likeness, reconstruct
@@ -285,7 +285,10 @@ def _noise_told(fitted: Fitted) -> str:
 
 
 def _notes(recording: Recording, proofs: Sequence[Proof], fitted: Fitted) -> tuple[str, ...]:
-    notes = list(_moved(fitted))
+    data = fitted.rows.system.data
+    what = "operating points" if data.of_rows else "files, each with a clock of its own,"
+    notes = [] if data.timed else [NO_CLOCK.format(what=what)]
+    notes += _moved(fitted)
     notes += [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
     if proofs and proofs[0].faulty:
         notes.append(

@@ -82,6 +82,11 @@ class Candidate:
         return self.members or (self.module,)
 
     @property
+    def follows_time(self) -> bool:
+        """Does it say when, or since when? Then it needs a clock."""
+        return TIME in self.drivers.values() or any(u.driver == TIME for u in self.unknowns)
+
+    @property
     def onset(self) -> Unknown | None:
         """The time from which it holds, where that is searched for."""
         return next((u for u in self.unknowns if u.driver == TIME and not u.fixed), None)

@@ -27,6 +27,12 @@ UNSETTLED = "not settled"
 TOO_MANY = "settled, of which only a part is taken as there are so many"
 NOTHING_TO_COMPARE = "no two estimates of one flow can be compared there"
 
+NO_CLOCK = (
+    "these {what} have no common time: nothing that changes with time, and no fault that comes and "
+    "goes or begins, was looked for"
+)
+"""What is said where effects of time cannot be told."""
+
 
 def counted_rows(used: Iterable[str], unused: Iterable[str]) -> tuple[Evidence, ...]:
     """Rows by what became of them, those that served for something first, then the most."""

@@ -27,7 +27,7 @@ def hidden_trials(fitted: Fitted) -> list[Trial]:
     Which of a law's parameters wanders shows before any fit; that none does, and something adds to
     the law, does not: the more a course curves the law, the less one linear step says of both.
     """
-    if fitted.rows.system.data.of_rows:
+    if not fitted.rows.system.data.timed:
         return []
     taken = fitted.setting.spots
     places = _likeliest(fitted, [s for s in suspects(fitted) if s.spot.id not in taken])

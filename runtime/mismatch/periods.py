@@ -59,6 +59,8 @@ def coming_and_going(
     fitted: Fitted, candidates: Sequence[Candidate], most: float = np.inf
 ) -> list[Trial]:
     """Faults as ones that come and go, in so many periods at most, the more telling first."""
+    if not fitted.rows.system.data.timed:
+        return []
     trials = [in_periods(fitted, c, most) for c in candidates if c.sort == "fault"]
     found = [t for t in trials if t is not None]
     return sorted(found, key=lambda t: -t.gain)[:COMING]

@@ -15,12 +15,10 @@ from runtime.mismatch.system import System
 from runtime.plan import Array
 from runtime.reading_unit import parse_unit
 from runtime.ruleset import ResidualSpec, SignalSpec
+from runtime.shut_off import is_flow
 from runtime.tangent import run_with_slopes
 
 STEPS = 12
-
-VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0)
-"""Exponents of m, kg, s, K."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,7 @@ class Predictor:
     @property
     def of_flow(self) -> bool:
         """Is the reading a volume flow?"""
-        own = parse_unit(self.signal.unit, self.system.ruleset.units)
-        return own is not None and own.dimension == VOLUME_FLOW
+        return is_flow(self.signal, self.system.ruleset)
 
     def predicted(self, setting: Setting) -> Array:
         """The reading by a model, shape (n,), SI; NaN where there is none."""

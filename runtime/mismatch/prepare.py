@@ -54,6 +54,7 @@ class Data:
     `of_rows` tells that each row of the recording is a settled point of its own. `moving` are flags
     per module, shape (n,): while one ramps, the others may be judged. `sample`, shape (samples,),
     has the number of the point of each sample of the recording, or `UNSETTLED` or `SPARED`.
+    `timed` tells that points lie on one clock: else nothing can follow time.
     """
 
     points: Points
@@ -66,6 +67,7 @@ class Data:
     digest: str
     moving: Mapping[str, np.ndarray]
     sample: NDArray[np.intp]
+    timed: bool = True
 
     def __len__(self) -> int:
         return len(self.time)
@@ -114,7 +116,10 @@ def prepare(
         np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
     ).hexdigest()[:16]
     sample = _points_of_samples(stretches, rests)
-    return Data(points, time, statistical, block, part, of_rows, text, digest, moving, sample)
+    timed = recording.one_clock and not of_rows
+    return Data(
+        points, time, statistical, block, part, of_rows, text, digest, moving, sample, timed
+    )
 
 
 def _points_of_samples(stretches: Stretches, rests: np.ndarray) -> NDArray[np.intp]:

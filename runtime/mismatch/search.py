@@ -72,7 +72,7 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
     if sum(r.trial.candidate.sort != HIDDEN for r in found.accepted) < MANY:
         return found
     progress("looking for two explanations that say the same as all of these")
-    candidates = plain.fitted.rows.system.workshop.candidates
+    candidates = plain.fitted.rows.system.candidates
     singles = [refit(plain.fitted, t) for t in screen(plain.fitted, candidates)[:FINALISTS]]
     pairs = torn_pairs(plain.fitted, contested(singles, plain), candidates, CONTESTED)
     step = first_to_win(plain, contested(pairs, plain), None, found.tried)
@@ -87,7 +87,7 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
 def _beside(now: Contestant, record: Accepted) -> list[Trial]:
     """What may stand in the place of an explanation, beside the others of a model."""
     name = record.trial.candidate.id
-    candidates = now.fitted.rows.system.workshop.candidates
+    candidates = now.fitted.rows.system.candidates
     joined = {c.id for c in now.fitted.setting.joined}
     free = [c for c in candidates if c.id not in joined]
     return screen(_without(now, name).fitted, free)[:FINALISTS]
@@ -108,7 +108,7 @@ def _one_by_one(
     """Add explanations to a model, which may have some, until none is worth it."""
     accepted = list(begun)
     names_once_more = True
-    candidates = plain.fitted.rows.system.workshop.candidates
+    candidates = plain.fitted.rows.system.candidates
     while len(accepted) < MOST_TERMS and not any(_is_free(r) for r in accepted):
         progress(f"looking for explanation {len(accepted) + 1} among {len(candidates)}")
         named = sum(r.gain for r in accepted if r.trial.candidate.sort != HIDDEN)

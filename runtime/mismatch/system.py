@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from runtime.mismatch.candidate import TIME, Workshop
+from runtime.mismatch.candidate import TIME, Candidate, Workshop
 from runtime.mismatch.prepare import Data
 from runtime.mismatch.setting import CHANGE, ERROR, Setting
 from runtime.observe import Observed, observe
@@ -51,6 +51,12 @@ class System:
     @cached_property
     def modules(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(o.module for o in self.observers))
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """What may explain this recording: without a common clock nothing that follows one."""
+        every = self.workshop.candidates
+        return every if self.data.timed else tuple(c for c in every if not c.follows_time)
 
     @property
     def contradicted(self) -> frozenset[str]:

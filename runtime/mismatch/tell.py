@@ -174,5 +174,5 @@ def location_of(best: Contestant, finding: Finding) -> Location:
         system.ruleset.modules.get(finding.module, finding.module),
         finding.closed,
         () if periods else region,
-        periods or periods_of(system.data.time, term),
+        periods or (periods_of(system.data.time, term) if system.data.timed else ()),
     )

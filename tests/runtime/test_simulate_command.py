@@ -200,6 +200,30 @@ faults: [slope(dp)]
 """
 
 
+def test_against_a_closed_valve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A flow of zero is a legal operating point: its readings are the limit at small flows.
+
+    A meter may show a little less than nothing where nothing flows; much less is none.
+    """
+    knowledge = shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    plant = shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "pump")
+    module = knowledge / "modules" / "multistage-centrifugal.yaml"
+    text = module.read_text(encoding="utf-8")
+    module.write_text(text.replace("minimum: 2, reference: 20", "reference: 20"), encoding="utf-8")
+    inputs = tmp_path / "inputs.csv"
+    flows = (0.0, -0.001, 0.01, 0.02, -5.0)
+    rows = [f"{i},3000,{flow},998" for i, flow in enumerate(flows)]
+    head = "time [s],pump.n [rpm],pump.Q [m3/h],pump.rho [kg/m3]"
+    inputs.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    found = columns(simulated(inputs, tmp_path / "out.csv", plant=plant / "p37.yaml"))
+    pressure = found["pump.dp [bar]"]
+    assert np.isfinite(pressure).tolist() == [True, True, True, True, False]
+    assert pressure[0] == pytest.approx(2.0 * pressure[2] - pressure[3], rel=1e-4)
+    assert pressure[0] == pytest.approx(pressure[1], rel=1e-9)
+    said = capsys.readouterr()
+    assert "pump.Q shows no flow" in " ".join((said.out + said.err).split())
+
+
 def test_more_than_one_solution_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The one that follows from the reference point is predicted, another one is named."""
     shutil.copytree(ROOT / "kb", tmp_path / "kb")

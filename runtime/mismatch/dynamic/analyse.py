@@ -24,7 +24,7 @@ from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
-from runtime.mismatch.evidence import stored_evidence
+from runtime.mismatch.evidence import NO_CLOCK, stored_evidence
 from runtime.mismatch.failed import failed_at, impossible
 from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
 from runtime.mismatch.settle import REPAIRING
@@ -269,7 +269,12 @@ def _noise_told(best: Fitted) -> str:
 
 def _notes(recording: Recording, bench: Bench) -> list[str]:
     record: Record = bench.record
-    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+    clock = [] if record.timed else [NO_CLOCK.format(what="files, each with a clock of its own,")]
+    notes = [
+        *clock,
+        *recording.notes,
+        *(f"{name} is not in the recording" for name in recording.missing),
+    ]
     for name, count in record.glitches.items():
         if count:
             notes.append(f"{count} single readings of {name} that no neighbour bears out left out")

@@ -139,8 +139,13 @@ class Bench:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Explanations all of whose parameters reach something that is measured."""
-        return tuple(c for c in self.workshop.candidates if self._reaches(c))
+        """Explanations all of whose parameters reach something that is measured.
+
+        Without a common clock nothing that follows one.
+        """
+        known = self.workshop.candidates
+        timed = [c for c in known if self.record.timed or not c.follows_time]
+        return tuple(c for c in timed if self._reaches(c))
 
     def _reaches(self, candidate: Candidate) -> bool:
         plan = self.balances((candidate.id,)).plan

@@ -34,7 +34,7 @@ class Record:
     moves at least. `glitches` counts readings that were set aside, per signal. Of the rows of the
     recording, shape (rows,): `sample` is the number of the sample that each is a part of, -1 for
     none; `read` and `odd` flag those with a usable reading of what is predicted, and those with one
-    that was set aside.
+    that was set aside. `timed` tells that samples lie on one clock: else nothing can follow time.
     """
 
     time: Array
@@ -48,6 +48,7 @@ class Record:
     sample: NDArray[np.intp]
     read: Flags
     odd: Flags
+    timed: bool = True
 
     @property
     def open(self) -> Flags:
@@ -99,7 +100,10 @@ def record_of(
     sample = np.where(rows < len(time) * factor, rows // factor, -1)
     read = np.any([np.isfinite(whole[n]) for n in measured], axis=0)
     odd = np.any([strange[n] for n in measured], axis=0)
-    return Record(time, inputs, measured, steps, glitches, part, text, digest, sample, read, odd)
+    timed = recording.one_clock
+    return Record(
+        time, inputs, measured, steps, glitches, part, text, digest, sample, read, odd, timed
+    )
 
 
 def _resolution(values: Array, signal: SignalSpec) -> float:

@@ -17,6 +17,7 @@ from runtime.mismatch.locate import periods_of
 from runtime.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from runtime.mismatch.tell import TOLD, sentence, titled, unit_of_size
 from runtime.mismatch.verdict import CERTAIN
+from runtime.plan import Array
 
 
 def findings_of(
@@ -98,10 +99,16 @@ def location_of(bench: Bench, best: Fitted, finding: Finding) -> Location:
         bench.ruleset.modules.get(finding.module, finding.module),
         finding.closed,
         () if finding.periods else region,
-        tuple((p.since, p.until) for p in finding.periods)
-        or periods_of(bench.time + bench.record.time[0], term),
+        tuple((p.since, p.until) for p in finding.periods) or _when(bench, term),
         _elsewhere(bench, finding) if finding.probability < CERTAIN else (),
     )
+
+
+def _when(bench: Bench, contribution: Array) -> tuple[tuple[float, float], ...]:
+    """Spans of time, s, that hold most of a mismatch; none without a clock."""
+    if not bench.record.timed:
+        return ()
+    return periods_of(bench.time + bench.record.time[0], contribution)
 
 
 def _elsewhere(bench: Bench, finding: Finding) -> tuple[str, ...]:
@@ -122,6 +129,6 @@ def place_of(bench: Bench, fitted: Fitted, suspect: Suspect, also: tuple[Suspect
         spot.title,
         suspect.share,
         region_in(contribution, variables),
-        periods_of(bench.time + bench.record.time[0], contribution),
+        _when(bench, contribution),
         tuple(f"{s.spot.module}.{s.spot.place}" for s in also),
     )
