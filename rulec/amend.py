@@ -12,7 +12,7 @@ import ast
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from rulec.language.expression import Expression
+from rulec.language.expression import Expression, Rejected
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
 from rulec.module_type import ENDS, Definition, ModuleType, Parameter, Reading, State
 
@@ -333,7 +333,38 @@ class _Writer:
         return replace(self._amended, type=replace(kind, definitions=definitions), made=made)
 
     def _substituted(self, change: Change, drivers: Mapping[str, Expression]) -> ast.expr:
-        """The plain law with drivers replaced; what it stands on is written out or copied."""
+        """The plain law with drivers replaced.
+
+        A law that was built in before may have no value there, such as friction over a flow of 0:
+        then what it stands on counts, as a term that vanishes with the law does in the limit.
+        """
+        taken, copies = set(self._taken), dict(self.copies)
+        layers = list(self._layers())
+        for name, law in layers:
+            try:
+                return written(self._replaced(change, drivers, name, law)).tree
+            except Rejected:
+                self._taken, self.copies = set(taken), dict(copies)
+                if law is layers[-1][1]:
+                    raise
+        raise AssertionError("there is always the law itself")
+
+    def _layers(self) -> Iterator[tuple[str, Expression]]:
+        """The law, the one that it was built over, and so on down to the author's own."""
+        name, law = self._place, self._old
+        stem = f"{self._place}_plain"[:LONGEST_NAME]
+        while True:
+            yield name, law
+            made = (n for n, _ in law.names() if n in self._amended.made and n.startswith(stem))
+            beneath = next(made, None)
+            if beneath is None:
+                return
+            name, law = beneath, self._amended.type.definitions[beneath].expression
+
+    def _replaced(
+        self, change: Change, drivers: Mapping[str, Expression], place: str, law: Expression
+    ) -> ast.expr:
+        """A law with drivers replaced; what it stands on is written out or copied."""
         table: dict[str, ast.expr | None] = {}
         for driver, by in drivers.items():
             own = self._names[driver]
@@ -352,7 +383,7 @@ class _Writer:
                 return None
             return self._short(replaced(expression.tree, inner), name, shown)
 
-        return copy(self._place, self._old) or name_node(self.plain)
+        return copy(place, law) or name_node(self.plain if law is self._old else place)
 
     def _short(self, tree: ast.expr, name: str, shown: str) -> ast.expr:
         """The tree itself, or the name of a new definition that holds it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from rulec.differentiate import Models
 from rulec.lower import Lowering, lower_module
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import parameter_values
-from rulec.workshop import PlantWorkshop, reference_readings
+from rulec.workshop import PlantWorkshop, open_workshop, reference_readings
 from runtime.plan import Array
 from runtime.ruleset import Ruleset
 from tests.conftest import ROOT
@@ -146,6 +147,19 @@ def test_joined_one_after_the_other_at_one_place(
     expected = without - (without - plain) * np.exp(0.02 * (v["T"] - 290.0))
     np.testing.assert_allclose(out["q:A.pump"], expected, rtol=1e-12)
     assert "law" not in workshop.equation("A", (slow, warm), "Q_geo")
+
+
+def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
+    """What one builds in may have no value at the flow of 0 at which another asks for the law.
+
+    Friction over a flow divides by it: there the law beneath counts.
+    """
+    _, workshop = open_workshop(ROOT / "plants" / "hsy-pumping")
+    own = [c for c in workshop.candidates if c.module == "P11" and not c.members]
+    names = [c.id for c in own if c.place == "head" and c.sort != "fault"]
+    assert len(names) > 2
+    told = [workshop.equation("P11", joined, "head") for joined in itertools.permutations(names, 3)]
+    assert all("law" not in text and "/0" not in text for text in told)
 
 
 def test_a_corrected_reading_drives_what_is_joined_before_and_after(
