@@ -337,19 +337,22 @@ class _Matcher:
 def cheapest_sensor(plant: Plant, quantity: str) -> str:
     """Title of the class of sensors that a reading of a quantity would cost least with.
 
-    A class is known for a quantity by its own word, by a signal that has it, or by its unit.
+    One that the plant has for the quantity fits its trade and its liquid; then one whose class says
+    what it measures. Else it is told what to read, and not with what.
     """
-    knowledge = plant.knowledge
-    wanted = knowledge.units.quantities[quantity]
-    used = {s.sensor for m in knowledge.modules.values() for s in m.signals.values()
-            if s.quantity == quantity}  # fmt: skip
+    known = plant.knowledge.sensors
+    own = {
+        s.sensor
+        for m in plant.modules.values()
+        for s in m.type.signals.values()
+        if s.quantity == quantity
+    }
     ranked = [
-        [s for s in knowledge.sensors.values() if s.measures == quantity],
-        [s for s in knowledge.sensors.values() if s.name in used],
-        [s for s in knowledge.sensors.values() if wanted != NONE and s.unit.dimension == wanted],
+        [s for s in known.values() if s.name in own],
+        [s for s in known.values() if s.measures == quantity],
     ]
-    known = next((sensors for sensors in ranked if sensors), [])
-    return min(((s.cost, s.title) for s in known), default=(0.0, ""))[1]
+    classes = next((sensors for sensors in ranked if sensors), [])
+    return min(((s.cost, s.title) for s in classes), default=(0.0, f"the {quantity}"))[1]
 
 
 def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:

@@ -41,7 +41,7 @@ def other_point(
     """The first other operating point found; None is no proof that there is none."""
     rows = np.flatnonzero(simulated.solved)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
-    if not rows.size:
+    if not rows.size or not equations.predicted:
         return None
     found = {name: simulated.values[name][rows] for name in equations.predicted}
     some = [

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.equations import equations_of
+from runtime.equations import SimulationRefused, equations_of
 from runtime.plan import Array
 from runtime.predict_settled import predict_settled
 from runtime.prediction import Exact, Injected, within_range
@@ -69,7 +69,13 @@ def predict(
 
 def _exact(ruleset: Ruleset, files: Sequence[RecordingFile], injected: Sequence[Injected]) -> Exact:
     if ruleset.dynamics is None:
-        return predict_settled(equations_of(ruleset), files, injected)
+        equations = equations_of(ruleset)
+        if not equations.predicted:
+            raise SimulationRefused(
+                f"{ruleset.plant}: no equation determines a reading, so there is nothing to "
+                "predict; a second estimate of a flow, or a module that stores, would"
+            )
+        return predict_settled(equations, files, injected)
     # The integrator's compiler is loaded only for plants that store.
     from runtime.dynamic.predict import predict_stored
 

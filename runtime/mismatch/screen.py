@@ -130,7 +130,8 @@ def _look(fitted: Fitted, weights: Array, prior: Prior) -> Look:
     jacobian, scale = fitted.jacobian, fitted.scale
     normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.temper)
     normal = normal + prior.precision
-    size = np.sqrt(np.diag(normal)) + 1e-300
+    size = np.sqrt(np.maximum(np.diag(normal), 0.0))
+    size = np.where(size > 0.0, size, 1.0)  # a value that nothing speaks of has no scale
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
     inverse = inverse / np.outer(size, size) / (scale**2 * fitted.temper)
     # The weighted optimum need not be that of the fit: what is left must be free of base values.

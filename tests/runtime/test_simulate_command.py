@@ -224,6 +224,30 @@ def test_against_a_closed_valve(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "pump.Q shows no flow" in " ".join((said.out + said.err).split())
 
 
+def test_readings_without_states_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plant that has a meter and stores nothing: nothing follows from anything, which is said."""
+    knowledge = shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    (knowledge / "modules" / "meter.yaml").write_text(
+        "module: meter\nversion: 1\ntitle: Meter\nsignals:\n"
+        "  y: {quantity: reading, unit: V, sensor: level-transmitter, range: [0, 10]}\n"
+        "parameters:\n  g: {value: 100, unit: V/(m3/s), u: 2, title: gain, source: test}\n"
+        "readings:\n  y: {is: g*inflow, source: linear}\nfaults: [slope(y)]\n",
+        encoding="utf-8",
+    )
+    plant = tmp_path / "plant.yaml"
+    plant.write_text(
+        "plant: metered\ntitle: Meter behind a pump\nmodules:\n  p: {type: voltage-pump}\n"
+        "  m: {type: meter}\nconnections: [p -> m]\n",
+        encoding="utf-8",
+    )
+    inputs = tmp_path / "inputs.csv"
+    inputs.write_text("time [s],p.u [V],m.y [V]\n0,4,0.001\n1,5,0.001\n", encoding="utf-8")
+    said = " ".join(refused(capsys, 1, plant, inputs, "-o", tmp_path / "out.csv").split())
+    assert "no equation determines a reading" in said
+
+
 def test_more_than_one_solution_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The one that follows from the reference point is predicted, another one is named."""
     shutil.copytree(ROOT / "kb", tmp_path / "kb")
