@@ -171,8 +171,12 @@ class Shuffled:
     @property
     def is_imitated(self) -> bool:
         """Does a shuffled course do as well? One that hardly changes has nothing to shuffle."""
-        steady = STEADY * self.own < self.mean < self.own / STEADY
-        return self.own <= float(self.gains.max()) and not steady
+        return self.own <= float(self.gains.max()) and not self.is_steady
+
+    @property
+    def is_steady(self) -> bool:
+        """Does its mean explain as much?"""
+        return STEADY * self.own < self.mean < self.own / STEADY
 
 
 def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> Shuffled:

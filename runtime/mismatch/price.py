@@ -130,12 +130,33 @@ def needed(now: Contestant, tried: int) -> float:
     return NEEDED + float(np.log(max(tried, 1))) + WORTH * now.fitted.rows.groups
 
 
+SAME = 0.1
+"""Log likelihood by which the predictions of two models differ at most that say the same: less
+than a tenth of what is worth a remark between two explanations (1 by Jeffreys 1961, in nats)."""
+
+
+def says_the_same(one: Contestant, other: Contestant) -> bool:
+    """Do two models, each refitted, leave the same errors with as many values?
+
+    A constant loss and the offset of a meter do, as may a law and its mirror image: nothing that
+    was recorded, nor what is left out how often, tells which of them it is.
+    """
+    counts = [len(c.fitted.setting.free_unknowns()) for c in (one, other)]
+    if counts[0] != counts[1] or len(one.fitted.residual) != len(other.fitted.residual):
+        return False
+    fitted = one.fitted
+    apart = np.sum(fitted.weights * (fitted.residual - other.fitted.residual) ** 2)
+    return 0.5 * float(apart) < SAME
+
+
 def odds_of(other: Contestant, winner: Contestant) -> float:
-    """Odds of another explanation against the winner.
+    """Odds of another explanation against the winner; even where both say the same.
 
     The likelihood counts as often as neighbours say something new; where the difference scatters
     over blocks so that its sign is open, the odds are nearer to one.
     """
+    if says_the_same(other, winner):
+        return 1.0
     # Neighbours are as alike as the winner leaves them, not as they were before it.
     temper = min(winner.fitted.temper, temper_of(winner.fitted))
     ahead = winner.likelier_than(other) / temper + winner.relief_over(other)

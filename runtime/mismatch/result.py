@@ -68,7 +68,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Rival:
-    """Something that must lose: its gain in log likelihood on blocks it was not fitted to."""
+    """Something that must lose: its gain in log likelihood, to be compared with the finding's."""
 
     title: str
     gain: float
@@ -89,8 +89,9 @@ class Period:
 class Finding:
     """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``.
 
-    `id` is that of the candidate; `gain` its own gain in log likelihood on selection blocks, and
-    `rivals` those that lost. `closed` is the share of the mismatch at its place that it explains.
+    `id` is that of the candidate; `gain` its own gain in log likelihood, prices paid (in settled
+    plants on blocks that it was not fitted to, in plants that store on those it was), and `rivals`
+    those that lost. `closed` is its share of the gains of all explanations.
     `members` lists all modules where it acts alike, empty for one module alone.
     """
 

@@ -80,11 +80,18 @@ def defeated(
     imitated = bool(trial.candidate.drivers) and shuffled.is_imitated
     if trial.course is None and (imitated or net <= placebo):
         return None
-    return (
-        Rival("the plain model, recalibrated", 0.0 if easing is None else net_gain(easing, now)),
-        Rival("as many parameters without physics", placebo),
-        Rival("its own course, shuffled by blocks", float(shuffled.gains.max())),
-    )
+    rivals = [Rival("the plain model, recalibrated", _eased_gain(easing, now))]
+    if trial.course is None:
+        rivals.append(Rival("as many parameters without physics", placebo))
+        if trial.candidate.drivers and not shuffled.is_steady:
+            worst = float(shuffled.gains.max())
+            rivals.append(Rival("its own course, shuffled by blocks", worst))
+    # A rival that is told must have lost, whatever excused it.
+    return tuple(rivals) if all(rival.gain < net for rival in rivals) else None
+
+
+def _eased_gain(easing: Contestant | None, now: Contestant) -> float:
+    return 0.0 if easing is None else net_gain(easing, now)
 
 
 def _is_there(fitted: Fitted, trial: Trial) -> bool:

@@ -19,6 +19,10 @@ SPOILED = 0.05
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
 
+OPEN = 0.1
+"""Probability from which on another explanation is named beside the best one [assumed]: who acts on
+the headline had better know of one chance in ten."""
+
 CERTAIN = 0.6
 """Probability below which the best name is one of several."""
 
@@ -42,7 +46,7 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
 def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
     """The finding in one sentence."""
     told = [f for f in findings if f.sort != "free"]
-    names = [f"{_inside(f.title)} in {', '.join(f.members) or f.module}" for f in told]
+    names = [_with_others(f) for f in told]
     if verdict == "none":
         return "Nothing is missing: what recalibration leaves is noise."
     if verdict == "unnamed":
@@ -54,9 +58,7 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
             f"Something is missing at {where} that no known effect, fault or sensor error explains."
         )
     if verdict == "ambiguous":
-        first = next(f for f in findings if f.sort != "free")
-        others = " or ".join(a.title for a in first.alternatives[:2])
-        return f"Several explanations fit equally: {names[0]}, or {others}."
+        return f"Several explanations fit about equally: {names[0]}."
     parts = [
         (lead, [n for f, n in zip(told, names, strict=True) if f.sort in sorts])
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
@@ -66,6 +68,13 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
+
+
+def _with_others(finding: Finding) -> str:
+    """What was found and where, and all that is about as likely."""
+    name = f"{_inside(finding.title)} in {', '.join(finding.members) or finding.module}"
+    others = [_inside(a.title) for a in finding.alternatives if a.probability >= OPEN]
+    return " or ".join([name, *others])
 
 
 LEADS = {

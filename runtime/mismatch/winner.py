@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from runtime.mismatch.accepted import Accepted
 from runtime.mismatch.candidate import TIME
@@ -102,9 +102,11 @@ def recorded(
             if instead_ is not None and instead_.candidate.id not in kept:
                 kept[instead_.candidate.id] = (instead_, min(odds_of(other, winner), 1.0))
         gain = net_gain(winner, now) / len(trials)
+        # What lost against both together is told as its part beside the part of each.
+        lost = tuple(replace(rival, gain=rival.gain / len(trials)) for rival in rivals)
         rest = tuple(kept.values())
         records.append(
-            Accepted(trial, gain, rivals, tuple(t for t, _ in rest), tuple(o for _, o in rest))
+            Accepted(trial, gain, lost, tuple(t for t, _ in rest), tuple(o for _, o in rest))
         )
     return tuple(records)
 

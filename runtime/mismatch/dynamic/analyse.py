@@ -30,6 +30,7 @@ from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
 from runtime.mismatch.settle import REPAIRING
 from runtime.mismatch.verdict import FAR, headline_of, next_step, remainder_of, verdict_of
 from runtime.recording import Recording
+from runtime.report.text import listed
 from runtime.ruleset import Ruleset
 
 NEARLY = 2.0
@@ -78,8 +79,12 @@ def analyse_stores(
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
     tell("opening the held-out blocks")
     proofs = prove(bench, found.plain, best, found.judged)
-    if accepted and (not _holds(best, proofs) or _open_share(bench, proofs) > OPEN):
+    dropped: tuple[str, ...] = ()
+    far = _open_share(bench, proofs) > OPEN
+    if accepted and (far or not _holds(best, proofs)):
         # What is named leaves most of it, or does not hold where it was not fitted.
+        if not far:
+            dropped = tuple(f"{a.candidate.title} in {a.candidate.module}" for a in accepted)
         best, accepted = found.plain, ()
         best = Fitter(bench, (), {}).with_covariance(best, found.judged)
         proofs = prove(bench, found.plain, best, found.judged)
@@ -89,7 +94,18 @@ def analyse_stores(
     broken = (*failing(recording, ruleset), *impossible(recording, ruleset))
     findings = (*findings_of(searcher, best, accepted), *broken)
     whole = fitted_to_all(searcher, best)
-    return _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
+    answer = _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
+    return replace(answer, notes=(*_took_part(dropped), *answer.notes))
+
+
+def _took_part(dropped: Sequence[str]) -> list[str]:
+    """What is said where held-out blocks had a say."""
+    if not dropped:
+        return []
+    return [
+        f"{listed(dropped)} fitted and gained nothing on the held-out blocks, and so is not named: "
+        "these blocks took part in the answer, and prove no more than the others"
+    ]
 
 
 def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:

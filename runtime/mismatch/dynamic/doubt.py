@@ -145,12 +145,19 @@ def _odds(
     ]
     exact = [searcher.polished(f) for f in hopeful]
     ahead = [
-        (f.joined[-1], searcher.gain(f, best))
+        (f.joined[-1], 0.0 if _as_simple(f, best) else searcher.gain(f, best))
         for f in exact
         if not f.pressed and not _the_same(f, best)
     ]
     odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
     return tuple(sorted(odds, key=lambda o: -o[1]))
+
+
+def _as_simple(one: Fitted, other: Fitted) -> bool:
+    """Do two models predict the very same with as many values? Then nothing recorded, and no
+    habit of what is left out how often, tells which of them it is: their odds are even."""
+    counts = [sum(not u.fixed for c in f.joined for u in c.unknowns) for f in (one, other)]
+    return counts[0] == counts[1] and are_twins(one, other)
 
 
 def _the_same(one: Fitted, other: Fitted) -> bool:

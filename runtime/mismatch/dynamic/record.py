@@ -165,6 +165,6 @@ def _told(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str
     counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
     chosen = "as asked" if heldout else "every fifth block, by the inputs"
     return (
-        f"{len(time)} samples in {BLOCKS} blocks of time: {counts[0]} for estimation, {counts[1]} "
-        f"for selection, {counts[2]} held out ({chosen}); simulation runs through all of them"
+        f"{len(time)} samples in {BLOCKS} blocks of time: {counts[0] + counts[1]} to search and "
+        f"fit, {counts[2]} held out ({chosen}); simulation runs through all of them"
     )

@@ -35,7 +35,7 @@ LACKING = (Missing("e", "An effect", "A", "Q_gap", "temperature", "thermometer")
         ),
         ((SURE,), True, "named", "The model leaves out gap flow"),
         ((AGEING,), False, "named", "The model leaves out wear in A."),
-        ((UNSURE,), False, "ambiguous", "Several explanations fit equally: gap flow"),
+        ((UNSURE,), False, "ambiguous", "Several explanations fit about equally: gap flow"),
         ((FAULT,), False, "fault", "The model is right; the plant has a fault: flow lost in A."),
         ((SENSOR,), False, "sensor", "The model is right; a sensor is not: reading shifted in A."),
         (
@@ -151,3 +151,20 @@ def test_a_quantity_has_as_many_digits_as_it_deserves(
 ) -> None:
     """Two digits of the uncertainty; none where there is no uncertainty."""
     assert expected == quantity(Estimate("b", value, u, value, value, unit))
+
+
+def test_what_is_about_as_likely_stands_in_the_headline() -> None:
+    """An explanation of one chance in four is named there; one of one in twenty is not."""
+    for probability, told in ((0.25, True), (0.05, False)):
+        other = Alternative("x", "x", "Another one", probability)
+        finding = replace(WARM, probability=1.0 - probability, alternatives=(other,))
+        assert told == ("another one" in headline_of("named", (finding,), ()))
+
+
+def test_all_of_a_class_stand_in_the_headline() -> None:
+    """Four laws that say the same share the odds, and are one joint finding."""
+    others = tuple(Alternative(f"x{i}", "x", f"Law {i}", 0.25) for i in range(3))
+    finding = replace(WARM, probability=0.25, alternatives=others)
+    assert "ambiguous" == verdict_of((finding,), False)
+    headline = headline_of("ambiguous", (finding,), ())
+    assert all(f"law {i}" in headline for i in range(3))
