@@ -9,7 +9,7 @@ import numpy as np
 from runtime.mismatch.candidate import Candidate
 from runtime.mismatch.fit import Fitted, temper_of
 from runtime.mismatch.periods import STEPS
-from runtime.mismatch.setting import HIDDEN, Course
+from runtime.mismatch.setting import HIDDEN, Course, Setting
 
 if TYPE_CHECKING:
     from runtime.mismatch.compete import Contestant
@@ -135,13 +135,19 @@ SAME = 0.1
 than a tenth of what is worth a remark between two explanations (1 by Jeffreys 1961, in nats)."""
 
 
+def _said(setting: Setting) -> tuple[int, int]:
+    """Values that are free, and modules that something is said of."""
+    return len(setting.free_unknowns()), sum(len(c.modules) for c in setting.joined)
+
+
 def says_the_same(one: Contestant, other: Contestant) -> bool:
     """Do two models, each refitted, leave the same errors with as many values?
 
     A constant loss and the offset of a meter do, as may a law and its mirror image: nothing that
     was recorded, nor what is left out how often, tells which of them it is.
     """
-    counts = [len(c.fitted.setting.free_unknowns()) for c in (one, other)]
+    # What is said of several modules says more, also where the others do not show it.
+    counts = [_said(c.fitted.setting) for c in (one, other)]
     if counts[0] != counts[1] or len(one.fitted.residual) != len(other.fitted.residual):
         return False
     fitted = one.fitted

@@ -156,8 +156,9 @@ def _odds(
 def _as_simple(one: Fitted, other: Fitted) -> bool:
     """Do two models predict the very same with as many values? Then nothing recorded, and no
     habit of what is left out how often, tells which of them it is: their odds are even."""
-    counts = [sum(not u.fixed for c in f.joined for u in c.unknowns) for f in (one, other)]
-    return counts[0] == counts[1] and are_twins(one, other)
+    values = [sum(not u.fixed for c in f.joined for u in c.unknowns) for f in (one, other)]
+    modules = [sum(len(c.modules) for c in f.joined) for f in (one, other)]
+    return values[0] == values[1] and modules[0] == modules[1] and are_twins(one, other)
 
 
 def _the_same(one: Fitted, other: Fitted) -> bool:
