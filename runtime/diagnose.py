@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.findings import Finding, Period, findings_of
+from runtime.health.conditions import SensorFinding
+from runtime.health.judge import examine
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
 from runtime.seen import see_stretches
 from runtime.stationary import SHORTEST, settle
+from runtime.wall_clock import Calendar
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,8 @@ class Diagnosis:
     unknown: tuple[Period, ...]
     not_judged: tuple[Period, ...]
     notes: tuple[str, ...]
+    sensors: tuple[SensorFinding, ...] = ()
+    calendar: Calendar | None = None
 
 
 def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Diagnosis:
@@ -35,6 +40,19 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     ----------
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
     """
+    health = examine(recording, ruleset)
+    found = _of_sound(health.recording, ruleset, mode)
+    letters = {f.condition.status for f in health.findings} | {found.status}
+    return replace(
+        found,
+        status=next((letter for letter in "FCSM" if letter in letters), "ok"),
+        sensors=health.findings,
+        calendar=recording.calendar,
+    )
+
+
+def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
+    """The diagnosis of a recording without the readings that are none."""
     if ruleset.dynamics is not None:
         return _of_stores(recording, ruleset, mode)
     stretches, noise = settle(recording, ruleset)

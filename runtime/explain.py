@@ -9,9 +9,13 @@ from rich.tree import Tree
 from runtime.degree import degree_in_figures
 from runtime.diagnose import Diagnosis
 from runtime.findings import Finding, Period
+from runtime.health.conditions import SensorFinding
 from runtime.ruleset import Ruleset
 from runtime.terminal import styled
+from runtime.when import course, span
 from runtime.wording import (
+    KEPT,
+    LEFT_OUT,
     SHOWN,
     STATUS,
     advice,
@@ -42,11 +46,13 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
     settled = "" if diagnosis.ruleset.dynamics is not None else "settled and "
     judged = f"{diagnosis.samples} samples, {share:.0f} % of them {settled}judged"
     out.print(styled("[dim]{}, mode {}[/]", judged, diagnosis.mode))
+    for sensor in diagnosis.sensors:
+        _sensor(out, diagnosis, sensor)
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
         out.print(_tree(diagnosis, finding))
-    _periods(out, "Unknown", "yellow", diagnosis.unknown)
-    _periods(out, "Not judged", "dim", diagnosis.not_judged)
+    _periods(out, diagnosis, "Unknown", "yellow", diagnosis.unknown)
+    _periods(out, diagnosis, "Not judged", "dim", diagnosis.not_judged)
     for note in diagnosis.notes[:SHOWN]:
         out.print(styled("[dim]note: {}[/]", note))
 
@@ -63,14 +69,28 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
         groups.setdefault(finding.fault.id, []).append(finding)
     if len(diagnosis.findings) <= LISTED:
         for finding in diagnosis.findings:
-            _row(table, [finding])
+            _row(table, diagnosis, [finding])
     else:
         for members in sorted(groups.values(), key=len, reverse=True):
-            _row(table, members)
+            _row(table, diagnosis, members)
     out.print(table)
 
 
-def _row(table: Table, findings: list[Finding]) -> None:
+def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
+    """A reading that is none: what, since when, what to do."""
+    letter = found.condition.status
+    symbol, colour = STATUS[letter][0], _COLOURS[letter]
+    when = course(diagnosis.calendar, found.since, found.until, found.behind)
+    title = styled(
+        "\n[bold {}]{} {}[/] [bold]{}[/]  {}", colour, symbol, letter, found.id, found.text
+    )
+    tree = Tree(title, guide_style="dim")
+    tree.add(f"do: {found.condition.action}")
+    tree.add(f"{when}; {LEFT_OUT if found.signal else KEPT}")
+    out.print(tree)
+
+
+def _row(table: Table, diagnosis: Diagnosis, findings: list[Finding]) -> None:
     first = findings[0]
     symbol, colour = STATUS[first.fault.status][0], _COLOURS[first.fault.status]
     low, high = min(f.degree for f in findings), max(f.degree for f in findings)
@@ -78,7 +98,8 @@ def _row(table: Table, findings: list[Finding]) -> None:
     degree = degree_in_figures(first.fault, low, None if alike else high)
     lower, upper = min(f.lower for f in findings), max(f.upper for f in findings)
     bounds = degree_in_figures(first.fault, lower, upper)
-    when = f"{first.since:g}-{max(f.until for f in findings):g} s"
+    last = max(findings, key=lambda f: f.until)
+    when = course(diagnosis.calendar, first.since, last.until, last.behind, short=True)
     if len(findings) > 1:
         when = f"{len(findings)} times, {when}"
     sure = sum(f.probability for f in findings) / len(findings)
@@ -101,7 +122,8 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     degree, *ends = (
         degree_in_figures(finding.fault, x) for x in (finding.degree, finding.lower, finding.upper)
     )
-    about = f"{finding.fault.meaning}; seen from {finding.since:g} s to {finding.until:g} s"
+    when = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
+    about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     tree.add(f"do: {finding.fault.action}")
     unit = flow_unit(ruleset)
@@ -162,7 +184,9 @@ def _doubt(diagnosis: Diagnosis, finding: Finding, tree: Tree) -> None:
         tree.add(f"less likely: {causes(finding.remote)}")
 
 
-def _periods(out: Console, title: str, style: str, periods: tuple[Period, ...]) -> None:
+def _periods(
+    out: Console, diagnosis: Diagnosis, title: str, style: str, periods: tuple[Period, ...]
+) -> None:
     if not periods:
         return
     kinds: dict[str, list[Period]] = {}
@@ -170,7 +194,7 @@ def _periods(out: Console, title: str, style: str, periods: tuple[Period, ...]) 
         kinds.setdefault(period.text, []).append(period)
     out.print(styled("\n[bold {}]{}[/]", style, title))
     for text, members in list(kinds.items())[:SHOWN]:
-        spans = ", ".join(f"{p.since:g}-{p.until:g} s" for p in members[:4])
+        spans = ", ".join(span(diagnosis.calendar, p.since, p.until) for p in members[:4])
         more = f" and {len(members) - 4} more" if len(members) > 4 else ""
         out.print(styled("[{}]  {}{}: {}[/]", style, spans, more, text))
     if len(kinds) > SHOWN:

@@ -17,6 +17,8 @@ from runtime.runs import runs_of
 from runtime.seen import Seen
 from runtime.stationary import LONGEST, PERSISTENCE, Stretches
 from runtime.verdict import Verdict, partly_blind, verdict_at
+from runtime.when import ENDED as OVER
+from runtime.when import TO_THE_END, UNJUDGED, UNSETTLED
 
 FAR = 10.0
 """A deviation this many times beyond the limit of an alarm (in chi-square) need not persist."""
@@ -45,7 +47,8 @@ class Finding:
 
     `alternatives` fit about as well, `remote` ones hardly; `together` are faults found at the same
     time, without which this one does not explain the readings. `baseline` is the number of
-    fault-free stretches of the recording that the residuals are compared with.
+    fault-free stretches of the recording that the residuals are compared with. `behind` says what
+    follows it: see `runtime.when`.
     """
 
     fault: FaultSpec
@@ -63,6 +66,12 @@ class Finding:
     flows: tuple[tuple[str, float, float], ...]
     baseline: int
     text: str
+    behind: str | None = OVER
+
+    @property
+    def active(self) -> bool:
+        """Was it still there when it was last possible to see it?"""
+        return self.behind is not OVER
 
 
 @dataclass(frozen=True)
@@ -99,7 +108,9 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(time, stretches, seen, cause, members)
-                found.findings.append(_finding(ruleset, seen, cause, members, times))
+                one = _finding(ruleset, seen, cause, members, times)
+                behind = OVER if cause.when == ENDED else _behind(time, stretches, seen, members)
+                found.findings.append(replace(one, behind=behind))
         elif kind == "blind":
             found.not_judged.append(Period(since, until, text))
         elif kind == "ok":
@@ -133,6 +144,16 @@ def _when(
     if cause.when != ONSET:
         points = learned if cause.when == ENDED else learned + points
     return float(time[stretches.first[points[0]]]), float(time[stretches.last[points[-1]] - 1])
+
+
+def _behind(time: Array, stretches: Stretches, seen: Seen, members: list[int]) -> str | None:
+    """What follows a run: stretches that were judged, the end, or what could not be."""
+    last = members[-1]
+    if seen.isolation.judged[last + 1 :].any():
+        return OVER
+    if len(time) - stretches.last[last] < PERSISTENCE:
+        return TO_THE_END
+    return UNSETTLED if last + 1 == len(stretches) else UNJUDGED
 
 
 def _in_part(

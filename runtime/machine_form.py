@@ -7,8 +7,10 @@ from typing import Any
 from runtime.csv_cell import row_of
 from runtime.diagnose import Diagnosis
 from runtime.findings import Finding, Period
+from runtime.health.conditions import SensorFinding
 from runtime.ruleset import Ruleset
 from runtime.trace import Trace
+from runtime.wall_clock import Calendar
 
 
 def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -20,24 +22,67 @@ def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
         "samples": diagnosis.samples,
         "judged": diagnosis.judged,
         "status": diagnosis.status,
-        "findings": [_finding(f) for f in diagnosis.findings],
-        "unknown": [_period(p, "text") for p in diagnosis.unknown],
-        "not_judged": [_period(p, "because") for p in diagnosis.not_judged],
+        "findings": [
+            *(_sensor(f, diagnosis.calendar) for f in diagnosis.sensors),
+            *(_finding(f, diagnosis.calendar) for f in diagnosis.findings),
+        ],
+        "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
+        "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
         "notes": list(diagnosis.notes),
     }
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
+    """In the form of a finding: a reading that is none has no degree but 1, and no rivals."""
     return {
+        "kind": "sensor",
+        "fault": found.id,
+        "module": found.module,
+        "status": found.condition.status,
+        "degree": 1.0,
+        "lower": 1.0,
+        "upper": 1.0,
+        "probability": found.probability,
+        **_times(found, calendar),
+        "alternatives": [],
+        "remote": [],
+        "together": [],
+        "evidence": [],
+        "text": found.text,
+        "action": found.condition.action,
+    }
+
+
+def _times(found: Finding | SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
+    """Times of a finding, s, with dates where the recording has them."""
+    return {
+        "since": found.since,
+        "until": found.until,
+        "duration": found.until - found.since,
+        "active": found.active,
+        "behind": found.behind,
+        **_dates(found.since, found.until, calendar),
+    }
+
+
+def _dates(since: float, until: float, calendar: Calendar | None) -> dict[str, str]:
+    if calendar is None:
+        return {}
+    return {"since_time": calendar.iso(since), "until_time": calendar.iso(until)}
+
+
+def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
+    return {
+        "kind": "fault",
         "fault": finding.fault.id,
         "module": finding.fault.module,
+        "status": finding.fault.status,
         "degree": finding.degree,
         "lower": finding.lower,
         "upper": finding.upper,
         **({"unit": finding.fault.unit} if finding.fault.unit else {}),
         "probability": finding.probability,
-        "since": finding.since,
-        "until": finding.until,
+        **_times(finding, calendar),
         "alternatives": [{"fault": name, "probability": p} for name, p in finding.alternatives],
         "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
         "together": list(finding.together),
@@ -58,8 +103,9 @@ def _finding(finding: Finding) -> dict[str, Any]:
     }
 
 
-def _period(period: Period, key: str) -> dict[str, Any]:
-    return {"since": period.since, "until": period.until, key: period.text}
+def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, Any]:
+    dates = _dates(period.since, period.until, calendar)
+    return {"since": period.since, "until": period.until, **dates, key: period.text}
 
 
 def trace_csv(trace: Trace, ruleset: Ruleset) -> str:

@@ -12,9 +12,6 @@ from runtime.recording import Recording
 from runtime.ruleset import ObserverSpec, Ruleset, SignalSpec
 from runtime.stationary import Stretches, systematic_u
 
-STUCK = 20
-"""Samples without any change after which a reading that used to vary counts as stuck."""
-
 MARGIN = 0.1
 """Share of the calibrated range by which readings may leave it."""
 
@@ -115,34 +112,15 @@ def check_readings(
         if values is None:
             continue
         flags = ~np.isfinite(values)
-        reasons = ["no reading"] if flags.any() else []
+        known = (recording.unfit or {}).get(signal.id, "no reading")
+        reasons = [known] if flags.any() else []
         outside = outside_range(signal, values)
         if outside.any():
             reasons.append("outside the sensor's range")
         flags |= outside
-        if not signal.is_input:
-            stuck = _stuck(values)
-            if stuck.any():
-                reasons.append("stuck at one value")
-            flags |= stuck
         bad[signal.id] = flags
-        why[signal.id] = " or ".join(reasons)
+        why[signal.id] = " or ".join(dict.fromkeys(reasons))
     return bad, why
-
-
-def _stuck(values: Array) -> np.ndarray:
-    """Runs of exactly equal values in a reading that otherwise changes at every sample."""
-    same = np.concatenate([[False], np.diff(values) == 0])
-    flags = np.zeros(len(values), dtype=bool)
-    if len(values) <= STUCK:
-        return flags
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
-    long = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= STUCK]
-    for start, stop in long:
-        flags[start - 1 : stop] = True
-    rest = ~flags
-    usually_varies = rest.sum() > STUCK and np.mean(same[rest]) < 0.1
-    return flags if usually_varies else np.zeros(len(values), dtype=bool)
 
 
 def points_of_stretches(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.csv_table import RecordingRefused
+from runtime.health.clock import ClockSet, in_order
 from runtime.plan import Array
 from runtime.recording_file import ABSURD, RecordingFile, files_of, read_file
 from runtime.ruleset import Ruleset
+from runtime.wall_clock import Calendar, calendar_of
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
 
@@ -35,6 +36,10 @@ class Recording:
     left_out : rows of the files that are no part of it: how many, and why.
     one_clock : whether times of all its files are on one clock; where each begins anew, nobody
         knows how long a pause there was, nor which was first.
+    clock : when, and by how much, the clock of the logger was set while it recorded.
+    unfit : per signal why readings were taken out; None before anybody looked.
+    scales : per signal how the numbers of its column were read: SI = number * factor + offset.
+    calendar : the date of time 0, where the file has dates.
     """
 
     time: Array
@@ -44,6 +49,10 @@ class Recording:
     notes: tuple[str, ...]
     left_out: tuple[tuple[int, str], ...] = ()
     one_clock: bool = True
+    clock: tuple[ClockSet, ...] = ()
+    unfit: Mapping[str, str] | None = None
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    calendar: Calendar | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -51,12 +60,13 @@ class Recording:
 
 @dataclass(frozen=True)
 class _Part:
-    """One file; `start` is the date of time 0 if the file has dates."""
+    """One file; `zones` are seconds ahead of UTC, where it has dates."""
 
     name: str
     time: Array
     values: Mapping[str, Array]
-    dated: bool
+    zones: Array | None
+    clock: tuple[ClockSet, ...]
 
 
 def read_recording(path: Path, ruleset: Ruleset) -> Recording:
@@ -69,8 +79,10 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     strangers: dict[str, None] = {}
     parts = []
     lost: list[tuple[int, str]] = []
+    scales: dict[str, tuple[float, float]] = {}
     for name in files_of(path):
         file = read_file(name, ruleset, notes)
+        scales |= {t.signal: (t.factor, t.offset) for t in file.header.targets}
         strangers.update(dict.fromkeys(file.header.strangers))
         if file.left_out:
             lost.append((file.left_out, "another number of cells than the header"))
@@ -82,7 +94,11 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
             f"{path}: no column belongs to this plant. Expected columns such as "
             f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
         )
+    start = min(float(part.time[0]) for part in parts)
     parts, one_clock = _one_behind_the_other(path, parts, notes)
+    calendar = _calendar(start, parts)
+    if calendar is not None:
+        notes.append(f"time 0 s is {calendar.clock(0.0)} ({calendar.zone()})")
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
     notes += _strangers(strangers, missing, ruleset)
     return Recording(
@@ -98,6 +114,9 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
         tuple(dict.fromkeys(notes)),
         tuple(lost),
         one_clock,
+        tuple(clock for part in parts for clock in part.clock),
+        scales=scales,
+        calendar=calendar,
     )
 
 
@@ -124,35 +143,37 @@ def _example(ruleset: Ruleset) -> str:
 
 def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
     """A file with its rows in order of time."""
-    order = _order(file.path, file.time, notes, lost)
-    values = {name: v[order] for name, v in file.values.items()}
-    return _Part(file.path.name, file.time[order], values, file.dated)
+    kept = _with_time(file.path, file.time, notes, lost)
+    ordered = in_order(file.time[kept])
+    if ordered.sorted:
+        notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
+    first = np.concatenate([[True], np.diff(ordered.time) > 0])
+    repeated = len(first) - int(first.sum())
+    _tell_left_out(file.path, repeated, "repeat the time of another row", notes, lost)
+    rows = kept[ordered.order[first]]
+    values = {name: v[rows] for name, v in file.values.items()}
+    zones = None if file.zones is None else file.zones[rows]
+    return _Part(file.path.name, ordered.time[first], values, zones, ordered.sets)
 
 
-def _order(
+def _with_time(
     path: Path, time: Array, notes: list[str], lost: list[tuple[int, str]]
 ) -> NDArray[np.intp]:
-    """Indexes of the samples in order of time; of equal times the first one is kept.
-
-    What is left out is added to `notes` and `lost`.
-    """
+    """Indexes of the rows that have a time."""
     has_time = np.isfinite(time) & (np.abs(time) < ABSURD)
     if not has_time.any():
         raise RecordingRefused(f"{path}: no row has a usable time")
-    kept = np.flatnonzero(has_time)
-    order = kept[np.argsort(time[kept], kind="stable")]
-    if np.any(np.diff(order) < 0):
-        notes.append(f"{path.name}: the rows were not in order of time; they are now")
-    first = np.concatenate([[True], np.diff(time[order]) > 0])
-    for count, what in (
-        (len(time) - len(kept), "have no usable time"),
-        (len(order) - int(first.sum()), "repeat the time of another row"),
-    ):
-        if count:
-            notes.append(f"{path.name}: {count} rows {what} and are left out")
-            lost.append((count, f"they {what}"))
-    result: NDArray[np.intp] = order[first]
-    return result
+    _tell_left_out(path, int((~has_time).sum()), "have no usable time", notes, lost)
+    return np.flatnonzero(has_time)
+
+
+def _tell_left_out(
+    path: Path, count: int, what: str, notes: list[str], lost: list[tuple[int, str]]
+) -> None:
+    """Rows that are no part of the recording, for the operator and for the count of rows."""
+    if count:
+        notes.append(f"{path.name}: {count} rows {what} and are left out")
+        lost.append((count, f"they {what}"))
 
 
 def _one_behind_the_other(
@@ -162,18 +183,16 @@ def _one_behind_the_other(
 
     Where their times overlap, in order of name, one after the other.
     """
-    if len({part.dated for part in parts}) > 1:
+    if len({part.zones is None for part in parts}) > 1:
         raise RecordingRefused(
             f"{path}: some files of this folder have dates, others plain seconds; "
             "diagnose them apart"
         )
     ordered = sorted(parts, key=lambda p: float(p.time[0]))
-    if parts[0].dated:
+    if parts[0].zones is not None:
         start = float(ordered[0].time[0])
-        shown = datetime.fromtimestamp(start, UTC).isoformat(" ").removesuffix("+00:00")
-        notes.append(f"time 0 s is {shown}")
-        ordered = [replace(part, time=part.time - start) for part in ordered]
-        parts = [replace(part, time=part.time - start) for part in parts]
+        ordered = [_moved(part, -start) for part in ordered]
+        parts = [_moved(part, -start) for part in parts]
     if _follow(ordered):
         return ordered, True
     result: list[_Part] = []
@@ -181,12 +200,26 @@ def _one_behind_the_other(
     for part in parts:
         step = float(np.median(np.diff(part.time))) if len(part.time) > 1 else 1.0
         begin = end + step if result else float(part.time[0])
-        result.append(replace(part, time=part.time - part.time[0] + begin))
+        result.append(_moved(part, begin - float(part.time[0])))
         end = float(result[-1].time[-1])
         names.append(f"{part.name} from {begin:g} s")
     shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
     notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
     return result, False
+
+
+def _moved(part: _Part, seconds: float) -> _Part:
+    """The same file at another time."""
+    clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
+    return replace(part, time=part.time + seconds, clock=clock)
+
+
+def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
+    """Dates of a recording that begins at `start`, if it has any and its files follow them."""
+    if any(part.zones is None for part in parts):
+        return None
+    zones = [part.zones for part in parts if part.zones is not None]
+    return calendar_of(np.concatenate([p.time for p in parts]), start, np.concatenate(zones))
 
 
 def _follow(parts: Iterable[_Part]) -> bool:

@@ -31,6 +31,7 @@ class RecordingFile:
     ----------
     header : which column is which signal, and which belongs to none.
     time : shape (n,), s; NaN where a row has none. Since 1970 if the file is `dated`.
+    zones : shape (n,), s ahead of UTC, NaN where a date names no zone; None without dates.
     values : per signal an array, shape (n,), SI; NaN where there is no usable reading.
     comma : whether its numbers are written with a decimal comma.
     left_out : rows with another number of cells than the header.
@@ -40,9 +41,14 @@ class RecordingFile:
     header: Header
     time: Array
     values: dict[str, Array]
-    dated: bool
+    zones: Array | None
     comma: bool
     left_out: int = 0
+
+    @property
+    def dated(self) -> bool:
+        """Whether its times are dates."""
+        return self.zones is not None
 
 
 def files_of(path: Path) -> list[Path]:
@@ -71,13 +77,13 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
             f"{path.name}: {table.left_out} rows have another number of cells than the header and "
             f"are left out (the first is data row {table.first_left_out})"
         )
-    time, dated = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
+    time, zones = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
     values = {}
     for column, target in zip(table.columns, header.targets, strict=True):
         most = _largest(ruleset.signal_by_id[target.signal])
         values[target.signal] = _readings(path, column, target, most, notes)
     comma = any("," in column.decimals for column in table.columns)
-    return RecordingFile(path, header, time, values, dated, comma, table.left_out)
+    return RecordingFile(path, header, time, values, zones, comma, table.left_out)
 
 
 def _largest(signal: SignalSpec) -> float:

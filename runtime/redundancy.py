@@ -71,11 +71,25 @@ def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
     return _basis(tuple(ruleset.modules), ruleset.junctions, chosen)
 
 
+def free_flows(ruleset: Ruleset) -> Array:
+    """Flows through all modules by those that are free, shape (modules, free flows)."""
+    return _free_flows(tuple(ruleset.modules), ruleset.junctions)
+
+
 @lru_cache(maxsize=256)
 def _basis(
     modules: tuple[str, ...], junctions: tuple[Junction, ...], chosen: tuple[str, ...]
 ) -> Array:
     """The basis for estimates of the flows through chosen modules; every batch asks for it."""
+    column = {name: i for i, name in enumerate(modules)}
+    free = _free_flows(modules, junctions)
+    basis = _null_space(free[[column[name] for name in chosen]].T).T
+    basis.setflags(write=False)
+    return basis
+
+
+@lru_cache(maxsize=16)
+def _free_flows(modules: tuple[str, ...], junctions: tuple[Junction, ...]) -> Array:
     column = {name: i for i, name in enumerate(modules)}
     balances = np.zeros((len(junctions), len(modules)))
     for row, junction in zip(balances, junctions, strict=True):
@@ -83,10 +97,7 @@ def _basis(
             row[column[name]] += 1.0
         for name in junction.inlets:
             row[column[name]] -= 1.0
-    free_flows = _null_space(balances)
-    basis = _null_space(free_flows[[column[name] for name in chosen]].T).T
-    basis.setflags(write=False)
-    return basis
+    return _null_space(balances)
 
 
 def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:

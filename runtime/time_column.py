@@ -22,18 +22,20 @@ _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
 
 def read_times(
     path: Path, cells: Sequence[str], title: str, unit: str, units: Mapping[str, UnitSpec]
-) -> tuple[Array, bool]:
-    """Seconds, NaN where there is no time; second: whether they are dates (since 1970)."""
+) -> tuple[Array, Array | None]:
+    """Seconds, NaN where there is no time; second, where they are dates (since 1970): their zones
+    as seconds ahead of UTC, NaN where a date names none."""
     numbers = _plain_times(cells)
     if np.isfinite(numbers).any():
-        return numbers * _factor(path, title, unit, units), False
-    dates = np.array([_date(cell) for cell in cells])
+        return numbers * _factor(path, title, unit, units), None
+    table = np.array([_date(cell) for cell in cells]).reshape(-1, 2)
+    dates, zones = table[:, 0], table[:, 1]
     if not np.isfinite(dates).any():
         raise RecordingRefused(
             f"{path}: the time column '{title}' holds '{cells[0].strip()[:30]}'; expected seconds, "
             "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
         )
-    return dates, True
+    return dates, zones
 
 
 def _plain_times(cells: Sequence[str]) -> Array:
@@ -61,8 +63,11 @@ def _factor(path: Path, title: str, text: str, units: Mapping[str, UnitSpec]) ->
     return unit.factor
 
 
-def _date(cell: str) -> float:
-    """Seconds since 1970; a date without a zone counts as UTC, so no hour is lost or doubled."""
+def _date(cell: str) -> tuple[float, float]:
+    """Seconds since 1970, and the zone's seconds ahead of UTC, NaN without one.
+
+    A date without a zone counts as UTC, so no hour is lost or doubled.
+    """
     text = cell.strip()
     day_first = _DAY_FIRST.match(text)
     if day_first:
@@ -70,7 +75,8 @@ def _date(cell: str) -> float:
         text = f"{year}-{month:0>2}-{day:0>2}" + text[day_first.end() :]
     try:
         date = datetime.fromisoformat(text)
-        date = date if date.tzinfo else date.replace(tzinfo=UTC)
-        return date.astimezone(UTC).timestamp()
-    except (ValueError, OverflowError):  # no date, or in UTC one before the year 1
-        return float("nan")
+        zone = date.utcoffset()
+        seconds = (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
+        return float("nan"), float("nan")
+    return seconds, float("nan") if zone is None else zone.total_seconds()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.health.judge import examine
 from runtime.isolate import COVERAGE
 from runtime.plan import Array
 from runtime.recording import Recording
@@ -35,6 +36,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
 
     Samples of a plant that stores have the verdict of their windows.
     """
+    recording = examine(recording, ruleset).recording
     if ruleset.dynamics is not None:
         # Loaded when it is needed: see `diagnose`.
         from runtime.dynamic.diagnose import judge_stores

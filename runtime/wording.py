@@ -10,12 +10,16 @@ from runtime.ruleset import FaultSpec, Ruleset
 
 STATUS = {
     "F": ("✖", "failure"),
-    "C": ("▼", "check function: too little could be judged"),
+    "C": ("▼", "check function: check what was recorded first"),
     "S": ("▲", "out of specification"),
     "M": ("◆", "maintenance required"),
     "ok": ("✓", "nothing found"),
 }
 """Letter of NE 107 to symbol and meaning; each symbol has its own shape."""
+
+LEFT_OUT = "its readings there are taken out of the evidence; the rest is judged without them"
+KEPT = "rows stay in the order in which they stand; times behind it are moved on"
+"""What is done about a reading, and about a clock, that is none."""
 
 EITHER = 0.2
 """Alternatives more probable than this stand in the headline."""

@@ -18,6 +18,7 @@ from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Module
 from rulec.true_flow import true_flows
+from runtime.health.judge import examine
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
 from runtime.point_table import NOTE, each_row, is_point_table
@@ -25,6 +26,7 @@ from runtime.recording import read_recording
 from runtime.ruleset import Ruleset
 from runtime.stationary import settle, systematic_u
 from runtime.terminal import styled
+from runtime.wording import KEPT, LEFT_OUT
 from runtime.write_file import write_text
 
 
@@ -35,6 +37,10 @@ def run(options: argparse.Namespace) -> int:
     models: Models = run_passes(Path(options.plant), symbolic)
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
     recording = read_recording(Path(options.recording), ruleset)
+    health = examine(recording, ruleset, by_model=False)
+    recording = health.recording
+    for finding in health.findings:
+        out.print(f"note: {finding.text}; {LEFT_OUT if finding.signal else KEPT}")
     table = is_point_table(recording, ruleset)
     stretches, noise = settle(recording, ruleset)
     if table:

@@ -21,6 +21,7 @@ from runtime.dynamic.windows import FEWEST, KNOWN, NO_READING, Windows, windows_
 from runtime.findings import Finding, Period
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset
+from runtime.when import ENDED, TO_THE_END, UNJUDGED
 
 LARGE = 1.5
 """Usual misfit over noise from which on it is worth a remark."""
@@ -129,7 +130,16 @@ def _finding(
         (),
         judged[strongest].known.windows,
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
+        _behind(windows, judged, spell, until),
     )
+
+
+def _behind(windows: Windows, judged: Sequence[Judged], spell: Spell, until: float) -> str | None:
+    """What follows a spell: windows that were judged, the end, or what could not be."""
+    if any(one.plain is not None for one in judged[spell.last :]):
+        return ENDED
+    last = max(float(piece.time[-1]) for piece in windows.pieces)
+    return TO_THE_END if until >= last else UNJUDGED
 
 
 def _sound(

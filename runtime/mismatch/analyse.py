@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.mismatch.candidate import Spot, Workshop
 from runtime.mismatch.evidence import NO_CLOCK, counted_rows, evidence_of, unread
-from runtime.mismatch.failed import failed_at, impossible
+from runtime.mismatch.failed import failed_at, impossible, stuck
 from runtime.mismatch.fit import Fitted
 from runtime.mismatch.hidden import Reconstruction, described, likeness, reconstruct
 from runtime.mismatch.interval import confounded
@@ -157,7 +157,7 @@ def _answer(
     system = fitted.rows.system
     ruleset = system.ruleset
     locations = tuple(location_of(found.best, f) for f in findings)
-    failing = tuple(impossible(recording, ruleset))
+    failing = (*impossible(recording, ruleset), *stuck(recording, ruleset))
     findings = (*findings, *failing)
     locations = (*locations, *(failed_at(f) for f in failing))
     driver = _driver(system, hidden) if hidden else None

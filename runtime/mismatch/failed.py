@@ -7,10 +7,13 @@ is most of them it must not pass in silence.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from runtime.mismatch.result import Finding, Location
+from runtime.health.conditions import STUCK, SensorFinding
+from runtime.health.judge import examine
+from runtime.mismatch.result import Finding, Location, Period
 from runtime.observe import outside_range
 from runtime.recording import Recording
 from runtime.ruleset import Ruleset, SignalSpec
@@ -41,6 +44,18 @@ def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
                 f"{signal.unit}, which is all that its sensor can show; they are left out"
             )
             yield failed(signal, "impossible-reading", "Sensor that shows what cannot be", text)
+
+
+def stuck(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
+    """Sensors that are stuck, each as a finding with its periods."""
+    found: dict[str, list[SensorFinding]] = {}
+    for one in examine(recording, ruleset, by_model=False).findings:
+        if one.condition is STUCK:
+            found.setdefault(one.signal, []).append(one)
+    for name, members in found.items():
+        text = f"{members[0].text}; these readings are left out"
+        finding = failed(ruleset.signal_by_id[name], "stuck-reading", "Sensor that is stuck", text)
+        yield replace(finding, periods=tuple(Period(m.since, m.until, 1.0, 0.0) for m in members))
 
 
 def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.health.judge import examine
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
 from runtime.point_table import each_row, is_point_table
@@ -86,7 +87,11 @@ class Data:
 def prepare(
     recording: Recording, ruleset: Ruleset, heldout: Sequence[tuple[float, float]] = ()
 ) -> Data | None:
-    """Find the settled points; None where there are none."""
+    """Find the settled points; None where there are none.
+
+    Readings that are none are left out; what the model says of them is what is in doubt here.
+    """
+    recording = examine(recording, ruleset, by_model=False).recording
     noise = noise_at_work(recording, ruleset)
     of_rows = is_point_table(recording, ruleset)
     if of_rows:

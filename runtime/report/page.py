@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from runtime.diagnose import Diagnosis
+from runtime.health.judge import examine
 from runtime.recording import Recording
 from runtime.report.document import document, facts, numbered, section
 from runtime.report.figures import figures_of
@@ -31,7 +32,7 @@ def report(
     truth : what was truly wrong; without it there is nothing to compare with.
     """
     cases = cases_of(truth, trace, diagnosis.ruleset) if truth is not None else None
-    curves = curves_of(recording, diagnosis, trace)
+    curves = curves_of(examine(recording, diagnosis.ruleset).recording, diagnosis, trace)
     figures = figures_of(diagnosis, curves, trace, truth, cases)
     because = "".join(evidence(diagnosis)) or _nothing(diagnosis)
     sections = [
@@ -90,7 +91,7 @@ def _facts(recording: Recording, diagnosis: Diagnosis, name: str, truth: Truth |
     ]
     unjudged = ""
     if diagnosis.not_judged and diagnosis.findings:
-        unjudged = f"<h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}"
+        unjudged = f"<h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged, diagnosis.calendar)}"
     return f'<div class="facts">{facts(rows)}{unjudged}</div>'
 
 

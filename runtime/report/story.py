@@ -6,10 +6,15 @@ from collections.abc import Iterator, Sequence
 
 from runtime.diagnose import Diagnosis
 from runtime.findings import Evidence, Finding, Period
-from runtime.report.text import bounds, counted, degree, listed, moment, percent, period, safe
+from runtime.health.conditions import SensorFinding
+from runtime.report.text import bounds, counted, degree, listed, percent, period, safe
 from runtime.ruleset import FaultSpec, Ruleset
+from runtime.wall_clock import Calendar
+from runtime.when import course, span
 from runtime.wording import (
     EITHER,
+    KEPT,
+    LEFT_OUT,
     STATUS,
     FlowUnit,
     advice,
@@ -56,23 +61,30 @@ def told(diagnosis: Diagnosis) -> str:
         f'<div class="status">{badge(letter)}<p><strong>{safe(_lead(diagnosis))}</strong>'
         f'<span class="soft">{safe(_meaning(diagnosis))}</span></p></div>'
     ]
+    parts += [_sensor(diagnosis, found) for found in diagnosis.sensors]
     parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
     if len(diagnosis.findings) > 1:
         parts.append(_summary(diagnosis))
     if diagnosis.not_judged and not diagnosis.findings:
         parts.append(
-            f'<div class="finding is-C"><h3>{UNSEEN}</h3>{remarks(diagnosis.not_judged)}</div>'
+            f'<div class="finding is-C"><h3>{UNSEEN}</h3>'
+            f"{remarks(diagnosis.not_judged, diagnosis.calendar)}</div>"
         )
     if diagnosis.unknown:
         parts.append(
             '<div class="finding is-S"><h3>Deviations that nothing known explains</h3>'
-            f"{remarks(diagnosis.unknown)}</div>"
+            f"{remarks(diagnosis.unknown, diagnosis.calendar)}</div>"
         )
     return "".join(parts)
 
 
 def _lead(diagnosis: Diagnosis) -> str:
     worst = worst_first(diagnosis.findings)
+    if diagnosis.sensors:
+        first = diagnosis.sensors[0]
+        more = len(diagnosis.sensors) - 1 + len({f.fault.id for f in diagnosis.findings})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        return f"{first.condition.title}: {first.signal or 'time'}{also}"
     if worst:
         either = [name for name, p in worst[0].alternatives if p > EITHER]
         faults = diagnosis.ruleset.fault_by_id
@@ -91,6 +103,21 @@ def _meaning(diagnosis: Diagnosis) -> str:
     share = diagnosis.judged / max(diagnosis.samples, 1)
     meaning = STATUS[diagnosis.status][1]
     return f"{meaning[:1].upper()}{meaning[1:]}; {percent(share)} of the recording was judged"
+
+
+def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
+    """A reading that is none: what, since when, what to do."""
+    letter = found.condition.status
+    rows = [
+        ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
+        ("What to do", found.condition.action),
+        ("Note", LEFT_OUT if found.signal else KEPT),
+    ]
+    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
+        f"{safe(found.text)}</h3><dl>{body}</dl></section>"
+    )
 
 
 def _card(diagnosis: Diagnosis, finding: Finding) -> str:
@@ -127,11 +154,12 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
 def _when(diagnosis: Diagnosis, finding: Finding) -> str:
     """Period of a finding, and how it stands among others of the same fault."""
     same = [f for f in diagnosis.findings if f.fault.id == finding.fault.id]
-    text = period(finding.since, finding.until)
+    text = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     if len(same) == 1:
         return text
-    span = period(same[0].since, max(f.until for f in same))
-    return f"{text}, the largest of {len(same)} findings {span}"
+    last = max(same, key=lambda f: f.until)
+    whole = course(diagnosis.calendar, same[0].since, last.until, last.behind)
+    return f"{text}, the largest of {len(same)} findings {whole}"
 
 
 def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
@@ -148,19 +176,20 @@ def _summary(diagnosis: Diagnosis) -> str:
     for finding in findings:
         groups.setdefault(finding.fault.id, []).append(finding)
     rows = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
-    body = "".join(_summary_row(members, weighed) for members in rows)
+    body = "".join(_summary_row(diagnosis, members, weighed) for members in rows)
     return (
         '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
-        '<th class="num">95 % bounds</th><th class="num">when [s]</th><th class="num">sure</th>'
+        '<th class="num">95 % bounds</th><th class="num">when</th><th class="num">sure</th>'
         f"</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
-def _summary_row(members: Sequence[Finding], weighed: bool) -> str:
+def _summary_row(diagnosis: Diagnosis, members: Sequence[Finding], weighed: bool) -> str:
     first, degrees = members[0], [f.degree for f in members]
     lower, upper = min(f.lower for f in members), max(f.upper for f in members)
     often = f"{len(members)} times, " if len(members) > 1 else ""
-    when = f"{often}{moment(first.since)}–{moment(max(f.until for f in members))}"
+    last = max(members, key=lambda f: f.until)
+    when = often + course(diagnosis.calendar, first.since, last.until, last.behind, short=True)
     mean = sum(f.probability for f in members) / len(members)
     sure = percent(mean) if weighed else "–"
     found, around = (min(degrees), max(degrees)), (lower, upper)
@@ -237,17 +266,17 @@ def _estimates(ruleset: Ruleset, finding: Finding) -> str:
     )
 
 
-def remarks(periods: Sequence[Period]) -> str:
+def remarks(periods: Sequence[Period], calendar: Calendar | None) -> str:
     """Remarks with the periods they hold for."""
-    return f'<dl class="remarks">{"".join(_remarks(periods))}</dl>'
+    return f'<dl class="remarks">{"".join(_remarks(periods, calendar))}</dl>'
 
 
-def _remarks(periods: Sequence[Period]) -> Iterator[str]:
+def _remarks(periods: Sequence[Period], calendar: Calendar | None) -> Iterator[str]:
     kinds: dict[str, list[Period]] = {}
     for item in periods:
         kinds.setdefault(item.text, []).append(item)
     for text, members in list(kinds.items())[:REMARKS]:
-        spans = ", ".join(f"{moment(p.since)}–{moment(p.until)}\u00a0s" for p in members[:SPANS])
+        spans = ", ".join(span(calendar, p.since, p.until) for p in members[:SPANS])
         more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
         yield f"<dt>{safe(spans + more)}</dt><dd>{safe(text)}</dd>"
     if len(kinds) > REMARKS:

@@ -73,8 +73,8 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
     """
     header = _Header()
     table = read_table(path, lambda titles: header.assign(path, titles, ruleset))
-    time, dated = read_times(path, table.text, *header.time, ruleset.units)
-    if dated:
+    time, zones = read_times(path, table.text, *header.time, ruleset.units)
+    if zones is not None:
         raise RecordingRefused(
             f"{path}: the times are dates; write seconds since the first sample of the recording"
         )

@@ -454,3 +454,13 @@ def test_slow_change_ends_no_stretch_but_long_ones_are_cut(tmp_path: Path, abc: 
     rows = [SHEET.rows[k % 60] for k in range(150)]
     sheet = Sheet(SHEET.header, tuple(rows)).mapped("time", lambda k, _: str(k))
     assert [(0, 50), (50, 100), (100, 150)] == stretches(read(sheet.text(), tmp_path, abc), abc)
+
+
+def test_dates_keep_their_zone(tmp_path: Path, abc: Ruleset) -> None:
+    """Wall-clock time as it stood in the file, whatever its zone; without one as it stood."""
+    for zone, shown in (("+02:00", "2025-03-31T23:59:50+02:00"), ("", "2025-03-31T23:59:50")):
+        stamped = SHEET.mapped("time", lambda k, _, z=zone: f"2025-03-31T23:59:{k:02d}{z}")  # type: ignore[misc]
+        found = read(stamped.text(), tmp_path, abc)
+        assert found.calendar is not None
+        assert shown == found.calendar.iso(50.0)
+        assert "23:59:50" == found.calendar.clock(50.0, 0.0)

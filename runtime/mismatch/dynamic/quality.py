@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.dynamic.still import coarse_step, standing_still
+from runtime.dynamic.still import coarse_step
 from runtime.dynamic.thin import glitches_in
+from runtime.health.still import standing_still
 from runtime.mismatch.failed import failed
 from runtime.mismatch.result import Finding, Period
 from runtime.plan import Array
@@ -35,7 +36,11 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
         odd = glitches_in(values)
         if odd.sum() >= max(MANY, OFTEN * len(values)):
             yield _dropping_out(signal, values, odd)
-        if spans := standing_still(values):
+        # What is given is mostly set, and held.
+        u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
+        if spans := standing_still(
+            values, u if signal.is_input else np.inf, (signal.lowest, signal.highest)
+        ):
             yield _stuck(signal, recording.time, values, spans)
         # What is given may be set in steps.
         if signal.id in shown and (step := _coarse(signal, values)):

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.dynamic.memory import Flags
-from runtime.dynamic.still import coarse_step, standing_still
+from runtime.dynamic.still import coarse_step
 from runtime.dynamic.thin import filled, glitches_in, resolution, thinned
+from runtime.health.still import standing_still
 from runtime.mismatch.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from runtime.plan import Array
 from runtime.recording import Recording
@@ -79,7 +80,9 @@ def record_of(
     strange: dict[str, Flags] = {}
     for name in shown:
         odd = glitches_in(recording.values[name])
-        for first, behind in standing_still(recording.values[name]):
+        signal = ruleset.signal_by_id[name]
+        ends = (signal.lowest, signal.highest)
+        for first, behind in standing_still(recording.values[name], ends=ends):
             odd[first + 1 : behind] = True
         measured[name] = np.where(odd, np.nan, recording.values[name])
         glitches[name], strange[name] = int(odd.sum()), odd

@@ -1,0 +1,224 @@
+"""Sensors that fail are told before physics, on three plants and on two that store.
+
+Recordings come from the independent simulator; one column is bent, the plant is sound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from rulec.pipeline import compile_plant
+from runtime.diagnose import diagnose
+from runtime.health.clock import in_order
+from runtime.health.judge import examine
+from runtime.health.still import last_digit, standing_still
+from runtime.plan import Array
+from runtime.reading_unit import parse_unit
+from runtime.recording import Recording
+from runtime.ruleset import Ruleset
+from tests.conftest import ROOT
+from tests.runtime import tanks
+from tests.truth import RIGS, TABLE_1, operating_points, record, visiting_run
+
+PLANTS = {
+    "abc": "plants/abc",
+    "mixing-rig": "plants/mixing-rig",
+    "three": "tests/method/plants/three",
+}
+
+
+@cache
+def plant(name: str) -> Ruleset:
+    return compile_plant(ROOT / PLANTS[name])
+
+
+@cache
+def recorded(name: str, seed: int = 5) -> Recording:
+    """A sound recording of several operating points."""
+    rig = RIGS[name]()
+    points = operating_points(rig, 6)
+    readings = record(visiting_run(rig, points, {}, hold=25), TABLE_1, seed).readings
+    return of_columns(plant(name), readings)
+
+
+def of_columns(ruleset: Ruleset, columns: dict[str, Array]) -> Recording:
+    values = {}
+    for title, column in columns.items():
+        signal = ruleset.signal_by_id.get(title.split(" [")[0])
+        if signal is not None and np.isfinite(column).any():
+            # As many digits as a logger writes.
+            shown = np.array([float(f"{v:.6g}") for v in column])
+            values[signal.id] = shown * signal.factor + signal.offset
+    n = len(columns["time [s]"])
+    return Recording(columns["time [s]"], values, np.zeros(n, dtype=int), (), ())
+
+
+Bend = Callable[[Recording, Ruleset], Recording]
+
+
+def put(recording: Recording, name: str, values: Array) -> Recording:
+    return replace(recording, values={**recording.values, name: values})
+
+
+def constant(name: str, value: float | None, since: float = 0.0) -> Bend:
+    """A reading, SI, that stays the same behind a share of the recording; None: as it was."""
+
+    def bend(recording: Recording, ruleset: Ruleset) -> Recording:
+        del ruleset
+        column = recording.values[name].copy()
+        first = round(since * len(column))
+        column[first:] = column[first] if value is None else value
+        return put(recording, name, column)
+
+    return bend
+
+
+def below_zero(name: str) -> Bend:
+    """A broken wire: 3.5 mA where 4 to 20 mA are the range."""
+
+    def bend(recording: Recording, ruleset: Ruleset) -> Recording:
+        signal = ruleset.signal_by_id[name]
+        assert signal.lowest is not None
+        assert signal.highest is not None
+        reading = signal.lowest - 0.5 / 16.0 * (signal.highest - signal.lowest)
+        return put(recording, name, np.full(len(recording), reading))
+
+    return bend
+
+
+def headed(name: str, header: str, true: str) -> Bend:
+    """Numbers in one unit below a header that names another."""
+
+    def bend(recording: Recording, ruleset: Ruleset) -> Recording:
+        wrong, right = (parse_unit(u, ruleset.units) for u in (header, true))
+        assert wrong is not None
+        assert right is not None
+        values = recording.values[name] * wrong.factor / right.factor
+        scales = {**recording.scales, name: (wrong.factor, 0.0)}
+        return replace(put(recording, name, values), scales=scales)
+
+    return bend
+
+
+def swapped(one: str, other: str) -> Bend:
+    def bend(recording: Recording, ruleset: Ruleset) -> Recording:
+        del ruleset
+        values = recording.values
+        return put(put(recording, one, values[other]), other, values[one])
+
+    return bend
+
+
+CASES: dict[str, tuple[Bend, set[str], str]] = {
+    "dead": (constant("A.dp", 0.0), {"A.dp.dead"}, "F"),
+    "dead after a while": (constant("A.dp", 0.0, 0.5), {"A.dp.dead"}, "F"),
+    "dead power": (constant("A.P_el", 0.0), {"A.P_el.dead"}, "F"),
+    "broken wire": (below_zero("A.dp"), {"A.dp.range"}, "F"),
+    "stuck": (constant("A.dp", None, 0.5), {"A.dp.stuck"}, "F"),
+    "stuck power": (constant("A.P_el", None, 0.4), {"A.P_el.stuck"}, "F"),
+    "stuck from the first sample": (constant("A.dp", None), {"A.dp.stuck"}, "F"),
+    "power stuck from the first sample": (constant("A.P_el", None), {"A.P_el.stuck"}, "F"),
+    "given, frozen": (constant("A.n", None, 0.4), {"A.n.stuck"}, "F"),
+    "given, frozen from the first sample": (constant("A.n", None), {"A.n.stuck"}, "F"),
+    "bar under mbar": (headed("A.dp", "mbar", "bar"), {"A.dp.unit"}, "C"),
+    "mbar under bar": (headed("A.dp", "bar", "mbar"), {"A.dp.unit"}, "C"),
+    "psi under bar": (headed("A.dp", "bar", "psi"), {"A.dp.unit"}, "C"),
+    "kPa under psi": (headed("A.dp", "psi", "kPa"), {"A.dp.unit"}, "C"),
+    "kW under W": (headed("A.P_el", "W", "kW"), {"A.P_el.unit"}, "C"),
+    "1/s under rpm": (headed("A.n", "rpm", "Hz"), {"A.n.unit"}, "C"),
+    "swapped pressures": (swapped("A.dp", "B.dp"), {"A.dp.swapped", "B.dp.swapped"}, "C"),
+    "swapped powers": (swapped("A.P_el", "B.P_el"), {"A.P_el.swapped", "B.P_el.swapped"}, "C"),
+    "swapped speeds": (swapped("A.n", "B.n"), {"A.n.swapped", "B.n.swapped"}, "C"),
+}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+@pytest.mark.parametrize("case", CASES)
+def test_a_sensor_that_fails_is_told(name: str, case: str) -> None:
+    """By its name, with letter and remedy, and as nothing else: the plant is sound."""
+    bend, told, letter = CASES[case]
+    ruleset = plant(name)
+    found = diagnose(bend(recorded(name), ruleset), ruleset)
+    assert told == {s.id for s in found.sensors}
+    assert {letter} == {s.condition.status for s in found.sensors}
+    assert letter == found.status
+    assert ((), ()) == (found.findings, found.unknown)
+    assert all(s.signal in s.text and s.condition.action for s in found.sensors)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_set_values_that_are_held_are_sound(name: str) -> None:
+    """Speeds held to the last digit, step by step, as set values are: nothing is stuck."""
+    recording, ruleset = recorded(name), plant(name)
+    for signal in ruleset.signals:
+        if signal.is_input and signal.id in recording.values:
+            held = np.repeat(recording.values[signal.id][::25], 25)[: len(recording)]
+            recording = put(recording, signal.id, held)
+    assert () == examine(recording, ruleset).findings
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_a_sound_recording_has_sound_sensors(name: str) -> None:
+    assert () == examine(recorded(name), plant(name)).findings
+
+
+STORES = {"cascaded-tanks": ("lower.y", "pump.u"), "wastewater-lab": ("tank1.l", "supply.Q")}
+
+
+@pytest.mark.parametrize("name", STORES)
+def test_levels_that_fail(name: str) -> None:
+    """Dead at the live zero, below it, stuck behind a time and from the first sample on."""
+    level, _ = STORES[name]
+    ruleset, recording = tanks.plant(name), tanks.made(name, 1)
+    low = ruleset.signal_by_id[level].lowest
+    for bend, told in (
+        (constant(level, low), "dead"),
+        (below_zero(level), "range"),
+        (constant(level, None, 0.5), "stuck"),
+        (constant(level, None), "stuck"),
+    ):
+        found = examine(bend(recording, ruleset), ruleset)
+        assert [f"{level}.{told}"] == [f.id for f in found.findings]
+        assert not np.isfinite(found.recording.values[level][-1])
+    assert () == examine(recording, ruleset).findings
+
+
+@pytest.mark.parametrize("length", [9, 45])
+def test_a_voltage_set_in_steps_is_not_stuck(length: int) -> None:
+    """Steps of 36 and of 180 s, some of them short, as a controller sets them."""
+    ruleset, recording = tanks.plant("cascaded-tanks"), tanks.made("cascaded-tanks", 2)
+    random = np.random.default_rng(3)
+    levels = np.round(random.uniform(1.5, 3.2, len(recording)), 3)
+    lengths = random.choice([2, 3, length], len(recording))
+    held = np.repeat(levels, lengths)[: len(recording)]
+    assert () == examine(put(recording, "pump.u", held), ruleset).findings
+
+
+def test_noise_tells_a_measured_input_from_a_set_one() -> None:
+    """Noise of the class that stops is a failure, moves far beyond it are somebody's doing."""
+    random = np.random.default_rng(4)
+    noisy = np.round(900.0 + 2.0 * random.standard_normal(200), 2)
+    noisy[120:] = noisy[120]
+    assert [(120, 200)] == standing_still(noisy, u=4.0)
+    set_by_hand = np.round(900.0 + 200.0 * random.standard_normal(200), 2)
+    set_by_hand[120:] = set_by_hand[120]
+    assert [] == standing_still(set_by_hand, u=4.0)
+    assert 0.1 == last_digit(1.8)
+
+
+def test_a_clock_that_was_set_back_is_told() -> None:
+    """The order of rows holds, times go on; blocks of rows in another order are sorted."""
+    time = np.concatenate([np.arange(0.0, 100.0), np.arange(40.0, 90.0)])
+    found = in_order(time)
+    assert [(100.0, 60.0)] == [(s.time, s.seconds) for s in found.sets]
+    assert np.arange(150.0).tolist() == found.time.tolist()
+    late = np.concatenate([np.arange(50.0, 100.0), np.arange(0.0, 50.0)])
+    assert (True, ()) == (in_order(late).sorted, in_order(late).sets)
+    two = np.arange(100.0)
+    two[[40, 41]] = two[[41, 40]]
+    assert (True, ()) == (in_order(two).sorted, in_order(two).sets)
