@@ -27,8 +27,11 @@ CASES = [
 ]
 
 LIMIT = 10
-"""Seconds after which an input counts as hanging. The slowest here takes two on an idle machine;
+"""Seconds of work after which an input counts as hanging. The slowest takes two on an idle machine;
 what is refused takes less than one."""
+
+WAITS = 60
+"""Seconds on the clock after which it does so too, as when it waits for a pipe."""
 
 LEAST = 300
 
@@ -59,8 +62,10 @@ def called(arguments: list[str]) -> Outcome:
     def stop(number: int, frame: object) -> None:
         raise Hangs
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(LIMIT)
+    signals = (signal.SIGALRM, signal.SIGPROF)
+    before = [signal.signal(number, stop) for number in signals]
+    signal.setitimer(signal.ITIMER_PROF, LIMIT)
+    signal.alarm(WAITS)
     out, err, start = io.StringIO(), io.StringIO(), time.perf_counter()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -68,8 +73,10 @@ def called(arguments: list[str]) -> Outcome:
     except SystemExit as leaving:
         code = leaving.code if isinstance(leaving.code, int) else -1
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)
     return Outcome(code, out.getvalue() + err.getvalue(), time.perf_counter() - start)
 
 
