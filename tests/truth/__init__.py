@@ -2,13 +2,15 @@
 
 Shares no code with the packages it tests. Files in order of data flow: `units`, `pumps`,
 `plant` (what is built and how it is run), `faults`, `network` (the operating point), `sensors`,
-`recording` (columns and CSV), `rigs` (ready plants), `runs` (ready runs), `transients`,
+`recording` (columns and CSV), `rigs` (ready plants), `drawn` (the same, off their data sheets),
+`runs` (ready runs), `transients`,
 `campaign` (lists of runs with seeds), `__main__`.
 Plants that store liquid are in `tanks`, a package of its own.
 Everything is SI until a sensor reads it; a reading and a CSV are in trade units.
 """
 
 from .campaign import Case, campaign, fault_pairs, published_faults, single_faults
+from .drawn import drawn
 from .faults import possible_faults
 from .network import OperatingPoint, solve
 from .plant import DosingModule, Line, Mixer, Operation, Plant
@@ -47,6 +49,7 @@ __all__ = [
     "abc",
     "calibration_run",
     "campaign",
+    "drawn",
     "fault_pairs",
     "fault_replay",
     "healthy_run",

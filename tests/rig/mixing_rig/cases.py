@@ -84,6 +84,7 @@ class Task:
     draw : number of the calibration
     plateaus : first sample, and the one behind the last, of each plateau that is scored
     samples : whether every sample is judged on its own as well
+    spread : whether the plant is off its data sheet, another one for each draw
     """
 
     plant: str
@@ -94,6 +95,7 @@ class Task:
     plateaus: tuple[tuple[int, int], ...]
     modes: tuple[str, ...] = BOTH
     samples: bool = False
+    spread: bool = False
 
 
 def leakage(scale: Scale) -> list[Task]:

@@ -12,27 +12,33 @@ from runtime.ruleset import Ruleset
 from runtime.ruleset_file import read_ruleset
 from tests.conftest import ROOT
 from tests.rig.mixing_rig.cases import Task
-from tests.truth import RIGS, Sensing, calibration_run, record, write_csv
+from tests.truth import RIGS, Plant, Sensing, calibration_run, drawn, record, write_csv
 
 BENCH_SEED = 500_000  # a bench has sensors of its own
-Key = tuple[str, Sensing, int]
+Key = tuple[str, Sensing, int, bool]
 
 
 def key_of(task: Task) -> Key:
-    """Plant, sensors of the bench and number of the draw."""
-    return task.plant, task.sensing, task.draw
+    """Plant, sensors of the bench, number of the draw, whether the plant is off its data sheet."""
+    return task.plant, task.sensing, task.draw, task.spread
+
+
+def plant_of(key: Key) -> Plant:
+    """What stands there in truth."""
+    plant, _, draw, spread = key
+    return drawn(RIGS[plant](), draw) if spread else RIGS[plant]()
 
 
 def commission(folder: Path, key: Key) -> None:
     """Write the ruleset of a replicate into a folder."""
-    plant, sensing, draw = key
-    place = folder / f"{plant}-{sensing.law}-{draw}"
+    plant, sensing, draw, _ = key
+    place = folder / _name(key)
     place.mkdir()
     text = (ROOT / "plants" / plant / "plant.yaml").read_text(encoding="utf-8")
     kept = [line for line in text.splitlines() if not line.startswith("calibration:")]
     plain = "\n".join([*kept, f"kb: {ROOT / 'kb'}"]) + "\n"
     (place / "plant.yaml").write_text(plain, encoding="utf-8")
-    made = record(calibration_run(RIGS[plant]()), sensing, BENCH_SEED + draw)
+    made = record(calibration_run(plant_of(key)), sensing, BENCH_SEED + draw)
     write_csv(place / "bench.csv", made.readings)
     _call("calibrate", place, place / "bench.csv", "-o", place / "found.yaml")
     (place / "plant.yaml").write_text(plain + "calibration: [found.yaml]\n", encoding="utf-8")
@@ -47,8 +53,12 @@ def ruleset_of(folder: Path, key: Key) -> Ruleset:
 
 def ruleset_file(folder: Path, key: Key) -> Path:
     """Where `commission` writes."""
-    plant, sensing, draw = key
-    return folder / f"{plant}-{sensing.law}-{draw}.ruleset.json"
+    return folder / f"{_name(key)}.ruleset.json"
+
+
+def _name(key: Key) -> str:
+    plant, sensing, draw, spread = key
+    return f"{plant}-{sensing.law}-{draw}" + "-spread" * spread
 
 
 def _call(*arguments: object) -> None:

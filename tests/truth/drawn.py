@@ -1,0 +1,71 @@
+"""Plants as they leave the works: no parameter is exactly what the data sheet says."""
+
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+
+from .plant import DosingModule, Line, Mixer, Plant
+from .pumps import Centrifugal, Displacement, Pump
+
+# Standard uncertainties as shares of the value. Source: the data sheets of the modules as printed
+# (column u over value of kb/modules/dosing-pcp.yaml, dosing-centrifugal.yaml, static-mixer.yaml);
+# the swept volume and the reference speed are exact there.
+DISPLACEMENT = {
+    "slip": 0.083,
+    "slip_per_speed": 0.10,
+    "slip_linear": 0.05,
+    "slip_quadratic": 0.05,
+    "idle_power": 0.02,
+    "power_per_speed": 0.0105,
+    "efficiency": 0.0071,
+}
+HEAD = (0.0018, 0.0175, 0.0066)
+ELECTRIC = (0.0035, 0.0093, 0.0237)
+STATIC_LOSS, LINE_FRICTION, MIXER_FRICTION = 0.04, 0.0038, 0.0043
+WITHIN = 2.0  # standard uncertainties; a part further off fails the maker's final inspection
+
+
+def drawn(plant: Plant, seed: int) -> Plant:
+    """A plant of the same make, each parameter off by a draw of its own inside its uncertainty."""
+    random = np.random.default_rng([seed, len(plant.modules), len(plant.mixers)])
+    modules = {name: _module(module, random) for name, module in plant.modules.items()}
+    mixers = {
+        name: Mixer(mixer.quadratic * _factor(MIXER_FRICTION, random))
+        for name, mixer in plant.mixers.items()
+    }
+    return Plant(modules, mixers, plant.downstream)
+
+
+def _module(module: DosingModule, random: np.random.Generator) -> DosingModule:
+    line = Line(
+        module.line.static * _factor(STATIC_LOSS, random),
+        module.line.quadratic * _factor(LINE_FRICTION, random),
+    )
+    return replace(module, pump=_pump(module.pump, random), line=line)
+
+
+def _pump(pump: Pump, random: np.random.Generator) -> Pump:
+    match pump:
+        case Displacement():
+            changed = {
+                name: getattr(pump, name) * _factor(u, random) for name, u in DISPLACEMENT.items()
+            }
+            return replace(pump, **changed)
+        case Centrifugal():
+            h0, h1, h2 = (v * _factor(u, random) for v, u in zip(pump.head, HEAD, strict=True))
+            p0, p1, p2 = (
+                v * _factor(u, random) for v, u in zip(pump.electric, ELECTRIC, strict=True)
+            )
+            return replace(pump, head=(h0, h1, h2), electric=(p0, p1, p2))
+    raise TypeError(f"no spread known for {pump}")
+
+
+def _factor(u: float, random: np.random.Generator) -> float:
+    """1 plus a normal draw of standard deviation `u`, never further off than WITHIN.
+
+    Source: inverse transform sampling.
+    """
+    normal = NormalDist()
+    outside = normal.cdf(-WITHIN)
+    return 1.0 + u * normal.inv_cdf(outside + random.uniform() * (1.0 - 2.0 * outside))
