@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench golden clean
+.PHONY: help demo test bench figures golden clean
 
 help: ## list the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -32,6 +32,9 @@ test: $(VENV)/dev ## lint, types, all tests
 
 bench: $(VENV)/dev ## speed: compile, a million samples, start of the command
 	$(BIN)/python -m pytest tests/bench -s
+
+figures: $(VENV)/dev ## measure all printed figures again (hours); ONLY='zema isolation' takes some
+	$(BIN)/python -m tests.figures measure $(if $(ONLY),--only $(ONLY))
 
 golden: $(VENV)/dev ## re-make golden files; review them as a diff
 	RULEC_REMAKE=1 $(BIN)/python -m pytest tests/test_golden.py tests/test_errors.py

@@ -43,7 +43,7 @@ class Share:
         return {
             "count": self.count,
             "of": self.of,
-            "value": round(self.value, 4),
-            "low": round(low, 4),
-            "high": round(high, 4),
+            "value": round(self.value, 6),
+            "low": round(low, 6),
+            "high": round(high, 6),
         }

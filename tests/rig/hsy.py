@@ -5,7 +5,7 @@ losses from the ordered duty points. What is fitted (`by_halves`: head and power
 `rulec calibrate`) is fitted on the first and on the last eight days apart, and the two compared.
 The smallest level at which a pump is judged (1.2 m) was set after a look at all days.
 
-Run ``python -m tests.rig.hsy`` for the figures.
+Run ``python -m tests.rig.hsy`` for the figures, with ``--json -`` for their machine form.
 """
 
 from __future__ import annotations
@@ -13,15 +13,19 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import json
+import sys
 import tempfile
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
 
 from rulec.cli import main
 from tests.conftest import ROOT, recordings_folder
+from tests.figures.share import Share
 from tests.rig.ranking import Array, Order, medians, order, same_order
 from tests.rig.station import (
     DAYS,
@@ -204,5 +208,34 @@ def _days(degrees: Degrees, row: int) -> str:
     return ", ".join(cells)
 
 
+def form(folder: Path) -> dict[str, Any]:
+    """Machine form of the figures that the docs print."""
+    station = judge(folder)
+    slope, error, events = common_losses(station)
+    power = beyond_the_sheet(station.judged("excess-power"))
+    found: dict[str, Any] = {
+        "samples": len(station.settled),
+        "settled": int(station.settled.sum()),
+        "days beyond the sheet": {pump: list(days) for pump, days in power.items()},
+        "common losses": {"slope": slope, "U": 2 * error, "events": events},
+    }
+    for fault in station.every:
+        judged = station.judged(fault)
+        grown, fallen = while_running(station, fault)
+        found[fault] = {
+            "kendall": halves(judged).kendall,
+            "kendall above 1.5 m": halves(station.judged_above(1.5, fault)).kendall,
+            "kendall above 1.8 m": halves(station.judged_above(1.8, fault)).kendall,
+            "day to day": Share(*day_to_day(judged)).form(),
+            "first hour": Share(*day_to_day(station.fresh(fault))).form(),
+            "over a run": float(np.mean(grown)),
+            "over a stop": float(np.mean(fallen)),
+        }
+    return found
+
+
 if __name__ == "__main__":
-    show(recordings_folder())
+    if sys.argv[1:] == ["--json", "-"]:
+        print(json.dumps(form(recordings_folder()), indent=1))
+    else:
+        show(recordings_folder())

@@ -3,7 +3,7 @@
 The labels of `conditions.csv` choose the commissioning cycles (settled, no leakage, every third
 such block) and score; no method reads them otherwise.
 
-Run ``python -m tests.rig.zema`` for the figures.
+Run ``python -m tests.rig.zema`` for the figures, with ``--json -`` for their machine form.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ import gzip
 import io
 import json
 import shutil
+import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +26,7 @@ import numpy as np
 
 from rulec.cli import main
 from tests.conftest import ROOT, recordings_folder
+from tests.figures.share import Share
 
 CYCLE = 60.0
 PLANTS = {"with temperature": "plant.yaml", "without temperature": "without-temperature.yaml"}
@@ -186,16 +189,41 @@ def _print(name: str, result: Score) -> None:
     print(f"  working pressure off its profile: {dict(result.off_profile)}")
 
 
-if __name__ == "__main__":
-    for law in PLANTS:
-        outcome, found = run(recordings_folder() / "zema-hydraulic", law)
+def form(result: Score) -> dict[str, Any]:
+    """Machine form: whole cycles of unseen blocks, as the README counts them."""
+
+    def total(table: Mapping[str, int], word: str) -> int:
+        return sum(count for key, count in table.items() if key.startswith(word))
+
+    off = dict(result.off_profile)
+    return {
+        "healthy alarmed": Share(
+            total(result.alarmed, "none"), total(result.cycles, "none")
+        ).form(),
+        **{
+            f"{word} found": Share(
+                total(result.leak_named, word), total(result.cycles, word)
+            ).form()
+            for word in ("weak", "severe")
+        },
+        "off profile unknown": Share(off["cycles with unknown"], off["cycles"]).form(),
+        "off profile named": Share(off["seconds with a fault named"], off["seconds"]).form(),
+    }
+
+
+def _show(laws: Mapping[str, tuple[Score, dict[str, Any]]]) -> None:
+    for law, (outcome, found) in laws.items():
         _print(law, outcome)
-        kinds: dict[str, int] = {}
-        for entry in found["findings"]:
-            kinds[entry["fault"]] = kinds.get(entry["fault"], 0) + 1
-        print("  findings:", kinds)
-        texts: dict[str, int] = {}
-        for entry in found["unknown"]:
-            texts[entry["text"]] = texts.get(entry["text"], 0) + 1
-        for text, count in sorted(texts.items(), key=lambda t: -t[1])[:6]:
+        kinds = Counter(entry["fault"] for entry in found["findings"])
+        print("  findings:", dict(kinds))
+        texts = Counter(entry["text"] for entry in found["unknown"])
+        for text, count in texts.most_common(6):
             print(f"  unknown {count}: {text}")
+
+
+if __name__ == "__main__":
+    measured = {law: run(recordings_folder() / "zema-hydraulic", law) for law in PLANTS}
+    if sys.argv[1:] == ["--json", "-"]:
+        print(json.dumps({law: form(outcome) for law, (outcome, _) in measured.items()}, indent=1))
+    else:
+        _show(measured)

@@ -2,6 +2,6 @@
 
 Files in order of data flow: `cases` (what is recorded), `commission` (a calibration for every
 replicate), `judge` (recording to answers), `run` (all of them), `measure` (answers to figures),
-`goals`, `show`, `__main__`.
+`goals`, `show`, `form` (machine form), `__main__`.
 Nothing here knows how the tool decides: it reads the machine form of a diagnosis and the trace.
 """
