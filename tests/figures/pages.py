@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.conftest import ROOT
 from tests.figures.ledger import Ledger
-from tests.figures.templates import find, holes, rendered
+from tests.figures.templates import everywhere, find, holes, rendered
 
 DIGITS = re.compile(r"\d[\d.,]*")
 NO_PROSE = re.compile(
@@ -52,8 +52,7 @@ def unclaimed(ledger: Ledger, root: Path = ROOT) -> Iterator[Unclaimed]:
         text = (root / file).read_text(encoding="utf-8")
         spans = [match.span() for match in NO_PROSE.finditer(text)]
         for template in _texts(ledger, file):
-            found = find(template, text)
-            spans += [(found.start, found.end)] if found else []
+            spans += everywhere(template, text)
         for match in DIGITS.finditer(text):
             if not any(start <= match.start() < end for start, end in spans):
                 line = text.count("\n", 0, match.start())

@@ -47,6 +47,23 @@ def rendered(hole: str, figures: Mapping[str, Figure]) -> str:
 
 def find(template: str, text: str, figures: Mapping[str, Figure] | None = None) -> Found | None:
     """Where a text holds the template: with these figures; without, with any numbers."""
+    match = re.search(_pattern(template, figures), text, re.DOTALL)
+    if match is None:
+        return None
+    spans = [(hole, *match.span(k + 1)) for k, hole in enumerate(holes(template))]
+    return Found(match.start(), match.end(), tuple(spans))
+
+
+REST = r"(?:(?!\n\s*\n|\n\s*(?:[-*|#]|\d+\.)).)*"
+"""The rest of a paragraph, a list item or a row."""
+
+
+def everywhere(template: str, text: str) -> list[tuple[int, int]]:
+    """Start and end of every passage that the template fits, with any numbers."""
+    return [match.span() for match in re.finditer(_pattern(template, None), text, re.DOTALL)]
+
+
+def _pattern(template: str, figures: Mapping[str, Figure] | None) -> str:
     parts = HOLE.split(template)
     pattern = []
     for k, part in enumerate(parts):
@@ -56,15 +73,7 @@ def find(template: str, text: str, figures: Mapping[str, Figure] | None = None) 
             pattern.append(r"(?:(?!\n\s*\n).)*?" if k + 2 < len(parts) or parts[-1] else REST)
         else:
             pattern.append(f"({re.escape(rendered(part, figures)) if figures else NUMBER})")
-    match = re.search("".join(pattern), text, re.DOTALL)
-    if match is None:
-        return None
-    spans = [(hole, *match.span(k + 1)) for k, hole in enumerate(holes(template))]
-    return Found(match.start(), match.end(), tuple(spans))
-
-
-REST = r"(?:(?!\n\s*\n|\n\s*(?:[-*|#]|\d+\.)).)*"
-"""The rest of a paragraph, a list item or a row."""
+    return "".join(pattern)
 
 
 def replaced(template: str, text: str, figures: Mapping[str, Figure]) -> str:
