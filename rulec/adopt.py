@@ -79,7 +79,7 @@ def adopt(workshop: PlantWorkshop, network: Network, repair: Repair) -> Adoption
         if candidate is None and joined.id.split("[")[0] not in free:
             message = f"'{joined.id}' does not fit {network.plant.name}; has it changed since?"
             raise AdoptRefused(f"{message} Run rulec mismatch again")
-        reason = NOT_PHYSICS["free"] if candidate is None else _why_not(candidate, readings)
+        reason = NOT_PHYSICS["free"] if candidate is None else why_not(candidate, network)
         if candidate is None or reason:
             left.append((joined.id, reason))
         else:
@@ -112,10 +112,11 @@ def _refuse_strangers(workshop: PlantWorkshop, repair: Repair) -> None:
             raise AdoptRefused(f"{message} Run rulec mismatch again")
 
 
-def _why_not(candidate: Candidate, readings: Gathering) -> str:
+def why_not(candidate: Candidate, network: Network) -> str:
     """Why a candidate cannot be written into a module type; empty if it can."""
     if candidate.sort in NOT_PHYSICS:
         return NOT_PHYSICS[candidate.sort]
+    readings = Gathering(network)
     for source in candidate.drivers.values():
         if source == TIME:
             return "a module type knows no time"

@@ -150,6 +150,11 @@ def _parser() -> argparse.ArgumentParser:
     made["adopt"].add_argument(
         "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
     )
+    made["adopt"].add_argument(
+        "--recalibrated",
+        action="store_true",
+        help="write the plain model with recalibrated values alone",
+    )
     _simulate(made["simulate"])
     _mismatch(made["mismatch"])
     _study(made["study"])

@@ -19,6 +19,26 @@ class AdoptRefused(Exception):
 
 
 @dataclass(frozen=True)
+class Basis:
+    """What an analysis was made from: hashes by path, of the plant's files and of recordings."""
+
+    plant: Mapping[str, str]
+    recording: str
+    recordings: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Told:
+    """Held-out errors of a reading, as shown, of the recalibrated plant and of this one."""
+
+    signal: str
+    unit: str
+    recalibrated: float
+    own: float
+    points: int
+
+
+@dataclass(frozen=True)
 class Joined:
     """A candidate that was accepted, with the values of its unknowns by id, SI."""
 
@@ -45,21 +65,97 @@ class Repair:
     ranges: Mapping[str, tuple[float, float]]
 
 
-def read_repair(file: Path) -> Repair:
-    """Read the machine form of a mismatch; raises `AdoptRefused` where it says nothing to adopt."""
+@dataclass(frozen=True)
+class Proven:
+    """What stands in the machine form beside a repair, that it must keep.
+
+    `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
+    nothing is to be written. `told` are errors that were told, `checks` those over all held-out
+    rows by signal, as shown, in the spans `heldout`, s.
+    """
+
+    basis: Basis | None
+    left_out: tuple[tuple[str, str], ...]
+    refused: str
+    told: tuple[Told, ...]
+    checks: Mapping[str, float]
+    heldout: tuple[tuple[float, float], ...]
+
+
+def read_proven(file: Path, recalibrated: bool = False) -> Proven:
+    """What a machine form says of the repair in it, or of the `recalibrated` plant."""
+    data = _data(file)
+    part = data["repair"]
+    try:
+        kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
+        told = tuple(
+            Told(
+                str(fit["signal"]),
+                str(fit["unit"]),
+                _maybe(fit["heldout"]["recalibrated"]),
+                _maybe(fit["heldout"][kind]),
+                int(fit["heldout"]["points"]),
+            )
+            for fit in data.get("fits", ())
+        )
+        checks = {str(c["signal"]): _number(c[row]) for c in part.get("checks", ())}
+        basis = part.get("made_from")
+        return Proven(
+            None if basis is None else _basis(basis),
+            tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
+            "" if recalibrated else str(part.get("refused") or ""),
+            told,
+            checks,
+            tuple((_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())),
+        )
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise _broken(file, error) from None
+
+
+def _basis(data: Mapping[str, Any]) -> Basis:
+    return Basis(
+        {str(k): str(v) for k, v in data["plant"].items()},
+        str(data["recording"]),
+        {str(k): str(v) for k, v in data["recordings"].items()},
+    )
+
+
+def _maybe(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _data(file: Path) -> dict[str, Any]:
+    """The machine form; raises `AdoptRefused` where it has no repair."""
     try:
         data = read_json(file)
     except Damaged as error:
         message = f"{file}: this is not JSON ({error}); write it with rulec mismatch"
         raise AdoptRefused(message) from None
-    part = data.get("repair") if isinstance(data, dict) else None
-    if not isinstance(part, dict):
+    if not isinstance(data, dict) or not isinstance(data.get("repair"), dict):
         raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")
+    return data
+
+
+def _broken(file: Path, error: Exception) -> AdoptRefused:
+    message = f"{file}: the repair in this file is broken ({type(error).__name__}: {error})"
+    return AdoptRefused(f"{message}; write it again with rulec mismatch")
+
+
+def read_repair(file: Path, recalibrated: bool = False) -> Repair:
+    """Read the machine form of a mismatch, or what is to be written of the `recalibrated` plant.
+
+    Raises `AdoptRefused` where it says nothing to adopt.
+    """
+    data = _data(file)
+    part = data["repair"]
+    if recalibrated:
+        if not isinstance(part.get("recalibrated"), dict):
+            raise AdoptRefused(f"{file}: it holds no recalibrated plant; run rulec mismatch again")
+        part = {"plant": part.get("plant"), "joined": [], **part["recalibrated"]}
     try:
         return _repair(file, _in_one_line(data.get("recording", "")), part)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        message = f"{file}: the repair in this file is broken ({type(error).__name__}: {error})"
-        raise AdoptRefused(f"{message}; write it again with rulec mismatch") from None
+        raise _broken(file, error) from None
 
 
 def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:

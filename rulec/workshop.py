@@ -23,10 +23,10 @@ from rulec.module_type import ENDS, Parameter
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.places import survey
 from rulec.plant import Module
-from rulec.read import read_plant
+from rulec.read import Sources, read_plant
 from rulec.spots import shift_of, spots_of, stores_of
 from runtime.dynamic.balances import Balances
-from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
+from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Repair, Spot
 from runtime.plan import Plan
 from runtime.ruleset import Ruleset
 
@@ -39,7 +39,7 @@ def open_workshop(path: Path) -> tuple[Ruleset, PlantWorkshop]:
     sources = read_plant(path, effects=True)
     models: Models = run_passes(sources, symbolic[1:])
     ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
-    return ruleset, PlantWorkshop(models, reference_readings(models, ruleset))
+    return ruleset, PlantWorkshop(models, reference_readings(models, ruleset), sources)
 
 
 def reference_readings(models: Models, ruleset: Ruleset) -> dict[str, float]:
@@ -60,8 +60,10 @@ def reference_readings(models: Models, ruleset: Ruleset) -> dict[str, float]:
 class PlantWorkshop:
     """The workshop of one plant; see `Workshop` of the runtime."""
 
-    def __init__(self, models: Models, readings: Mapping[str, float]) -> None:
-        self._models, self._readings = models, readings
+    def __init__(
+        self, models: Models, readings: Mapping[str, float], sources: Sources | None = None
+    ) -> None:
+        self._models, self._readings, self.sources = models, readings, sources
         self.network = models.residuals.network
         self._free: dict[str, Matched] = {}
         self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
@@ -169,6 +171,18 @@ class PlantWorkshop:
         if id_ not in self._free:
             self._free[id_] = free_form(self._spot_by_id[spot], id_, features)
         return self._free[id_].candidate
+
+    def why_not(self, candidate: Candidate) -> str:
+        """Why a candidate cannot be written into a module type; empty if it can."""
+        from rulec.adopt import why_not
+
+        return why_not(candidate, self.network)
+
+    def written(self, repair: Repair) -> Ruleset:
+        """The plant that `rulec adopt` would write, read and compiled; raises `Unwritable`."""
+        from rulec.adopted_plant import trial
+
+        return trial(self, repair)
 
     def _of(self, candidate: str) -> Matched:
         return self._free.get(candidate) or self._matched_by_id[candidate]

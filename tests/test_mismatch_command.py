@@ -52,6 +52,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     opened = (compiled("abc"), "workshop")
     monkeypatch.setattr(command, "analyse", replaced.analyse)
     monkeypatch.setattr(command, "open_workshop", lambda path: opened)
+    monkeypatch.setattr(command, "basis_of", lambda workshop, recording: {})
     return replaced
 
 

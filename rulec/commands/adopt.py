@@ -1,51 +1,114 @@
-"""`rulec adopt`: write the plant that a mismatch asks for, usable like any other."""
+"""`rulec adopt`: write the plant that a mismatch asks for."""
 
 from __future__ import annotations
 
 import argparse
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from rulec.adopt import Adoption, adopt
+from rulec.adopt import Adoption
+from rulec.adopted_plant import adoption_of, put_in_place, write_plant
+from rulec.commands.made_from import AGAIN, check_unchanged
 from rulec.commands.output import console
+from rulec.language.diagnostics import Refused
 from rulec.pipeline import compile_plant
-from rulec.read import read_plant
-from rulec.repair import AdoptRefused, read_repair
+from rulec.repair import AdoptRefused, Proven, Told, read_proven, read_repair
 from rulec.workshop import open_workshop
-from rulec.write_plant import plant_files
+from runtime.equations import SimulationRefused
+from runtime.mismatch.public import row_errors, simulated
+from runtime.recording import read_recording
+from runtime.report.text import number
 from runtime.terminal import styled
-from runtime.write_file import write_text
+
+AGREE = 1e-3
+"""Share by which an error may differ from what was told: digits in files, and solvers."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the folder, compile it, and tell what was taken over and what was not."""
-    out, target = console(options), Path(options.output)
+    """Check, write aside, try what was written, put it in place, and tell what it is worth."""
+    out, target, file = console(options), Path(options.output), Path(options.mismatch)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise AdoptRefused(f"{target} is not empty; name a new folder")
-    repair = read_repair(Path(options.mismatch))
+    repair = read_repair(file, options.recalibrated)
+    proven = read_proven(file, options.recalibrated)
+    if proven.refused:
+        raise AdoptRefused(
+            f"nothing is written: {proven.refused}. The plant with recalibrated values alone can "
+            "be written with --recalibrated"
+        )
+    if proven.basis is None:
+        raise AdoptRefused(f"{file}: it does not say which files it was made from; {AGAIN}")
+    if not repair.joined and not options.recalibrated:
+        reasons = "; ".join(f"{name}: {why}" for name, why in proven.left_out)
+        raise AdoptRefused(
+            f"nothing was found that a model may hold{f' ({reasons})' * bool(reasons)}; "
+            "recalibrated values alone can be written with --recalibrated"
+        )
     _, workshop = open_workshop(repair.plant)
-    adoption = adopt(workshop, workshop.network, repair)
-    if not adoption.taken and not repair.parameters:
-        reasons = "; ".join(f"{name}: {why}" for name, why in adoption.left)
-        raise AdoptRefused(f"there is nothing to adopt{': ' * bool(reasons)}{reasons}")
-    for name, text in plant_files(read_plant(repair.plant), adoption, repair):
-        file = target / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_text(file, text)
-    compile_plant(target)
-    _tell(out, target, adoption)
+    assert workshop.sources is not None
+    recording = check_unchanged(proven.basis, workshop.sources)
+    adoption = adoption_of(workshop, repair)
+    with put_in_place(target) as folder:
+        write_plant(folder, workshop.sources, adoption, repair)
+        try_out(folder, recording, proven)
+    _tell(out, target, adoption, proven)
     return 0
 
 
-def _tell(out: Console, target: Path, adoption: Adoption) -> None:
+def try_out(plant: Path, recording: Path, proven: Proven) -> None:
+    """Load, check and compile a plant, simulate the recording, and compare with what was told.
+
+    Raises `AdoptRefused` where it does not hold.
+    """
+    try:
+        ruleset = compile_plant(plant)
+    except Refused as error:
+        raise AdoptRefused(f"what was to be written does not compile: {error}") from None
+    if not proven.checks:
+        return
+    readings = read_recording(recording, ruleset)
+    try:
+        found = row_errors(ruleset, simulated(ruleset, readings), readings, proven.heldout)
+    except SimulationRefused as error:
+        raise AdoptRefused(f"what was to be written cannot be simulated: {error}") from None
+    for name, told in proven.checks.items():
+        off = found.get(name, (math.nan, 0))[0]
+        if not abs(off - told) <= AGREE * max(abs(told), 1e-12):
+            unit = ruleset.signal_by_id[name].unit if name in ruleset.signal_by_id else ""
+            raise AdoptRefused(
+                f"nothing is written: simulated over the held-out parts of the recording, {name} "
+                f"is off by {number(off)} {unit}, and {number(told)} {unit} was found in the "
+                f"analysis; {AGAIN}"
+            )
+
+
+def _tell(out: Console, target: Path, adoption: Adoption, proven: Proven) -> None:
     for candidate in adoption.taken:
         kind = adoption.instances[candidate.module].type
         what = f"{candidate.module}: {candidate.title}, in {kind.name} version {kind.version}"
         out.print(styled("[green]✓[/] {}", what))
         out.print(f"  {candidate.equation}", soft_wrap=True)
-    for name, reason in adoption.left:
+    for name, reason in proven.left_out:
         out.print(styled("[yellow]![/] not adopted: {}: {}", name, reason))
     if not adoption.taken:
         out.print("values only: no equation was changed")
+    for line in _errors(proven.told, bool(adoption.taken)):
+        out.print(line, soft_wrap=True)
     out.print(styled("[green]✓[/] {}: a plant like any other", target))
+
+
+def _errors(told: Sequence[Told], amended: bool) -> list[str]:
+    """What the new plant is worth, where something was held out."""
+    lines = []
+    for part in told:
+        if part.points and math.isfinite(part.own):
+            unit = "" if part.unit == "1" else f" {part.unit}"
+            than = f", recalibrated alone by {number(part.recalibrated)}{unit}" * amended
+            lines.append(
+                f"simulated on {part.points} held-out samples, {part.signal} is off by "
+                f"{number(part.own)}{unit}{than}"
+            )
+    return lines

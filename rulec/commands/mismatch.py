@@ -8,10 +8,12 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
+from rulec.commands.made_from import basis_of
 from rulec.commands.output import console, without_folder, write_json
 from rulec.workshop import open_workshop
 from runtime.mismatch.analyse import analyse
@@ -36,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
         say_aside(f"rulec mismatch: {mistake}")
         return 2
     out = console(options)
-    found = _compare(out, options, heldout)
+    found, basis = _compare(out, options, heldout)
     tell(out, found)
     if options.report:
         write_text(Path(options.report), report(found))
@@ -45,7 +47,9 @@ def run(options: argparse.Namespace) -> int:
         write_text(Path(options.series), series_csv(found.series))
         out.print(styled("[dim]courses of the models: {}[/]", options.series))
     hidden = _write_hidden(out, options, found)
-    write_json(options, mismatch_form(found, Path(options.plant).resolve().as_posix(), hidden))
+    form = mismatch_form(found, Path(options.plant).resolve().as_posix(), hidden)
+    form["repair"]["made_from"] = basis
+    write_json(options, form)
     return 0
 
 
@@ -88,18 +92,21 @@ def _check(options: argparse.Namespace) -> None:
         raise ValueError(unwritable)
 
 
-def _compare(out: Console, options: argparse.Namespace, heldout: Periods) -> Mismatch:
-    """Compile, read, analyse, telling on a terminal what is being done."""
+def _compare(
+    out: Console, options: argparse.Namespace, heldout: Periods
+) -> tuple[Mismatch, dict[str, Any]]:
+    """Compile, read, analyse, telling on a terminal what is being done; what it was made from."""
     with _progress(out) as progress:
         progress("reading the plant")
         ruleset, workshop = open_workshop(Path(options.plant))
+        basis = basis_of(workshop, Path(options.recording))
         progress("reading the recording")
         recording = read_recording(Path(options.recording), ruleset)
         check_heldout(recording, heldout)
         found = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
     name = Path(options.recording).resolve().name
     notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
-    return replace(found, recording=name, notes=notes)
+    return replace(found, recording=name, notes=notes), basis
 
 
 def check_heldout(recording: Recording, heldout: Periods) -> None:

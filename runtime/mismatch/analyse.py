@@ -17,15 +17,26 @@ from runtime.mismatch.interval import confounded
 from runtime.mismatch.locate import alike, noise_scale, region_of, suspects, variables_of
 from runtime.mismatch.predict import Predictor, predictors_for
 from runtime.mismatch.prepare import HELDOUT, Data, prepare
-from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove, series_of
-from runtime.mismatch.result import Curves, Finding, HiddenDriver, Location, Mismatch, Series
+from runtime.mismatch.prove import Models, Proof, gain_shown, models_of, prove
+from runtime.mismatch.public import checks_of, refusal
+from runtime.mismatch.result import (
+    Curves,
+    Finding,
+    HiddenDriver,
+    Location,
+    Mismatch,
+    Repair,
+    Series,
+)
 from runtime.mismatch.rows import rows_of
 from runtime.mismatch.search import Search, search
+from runtime.mismatch.series import heldout_spans
 from runtime.mismatch.setting import Setting
-from runtime.mismatch.settle import Repair, repair_of, with_sensors_as_they_are
+from runtime.mismatch.settle import with_sensors_as_they_are
 from runtime.mismatch.system import System
 from runtime.mismatch.tell import findings_of, location_of, shares_of, term_of
 from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
+from runtime.mismatch.writable import Told, Writable, told, writable
 from runtime.plan import Array
 from runtime.recording import Recording
 from runtime.report.text import counted, fixed, listed
@@ -73,9 +84,9 @@ def analyse(
         if stored is not None:
             return stored
         why = lacking(recording, ruleset)
-        told = counted_rows((), [*unread(recording), *[why] * len(recording)])
+        counted = counted_rows((), [*unread(recording), *[why] * len(recording)])
         blind = _cannot(recording, ruleset, None, why, begin)
-        return replace(blind, next="Record again, with what lacks.", evidence=told)
+        return replace(blind, next="Record again, with what lacks.", evidence=counted)
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())
@@ -87,8 +98,8 @@ def analyse(
     if rows.groups < FEWEST:
         why = "no two estimates of one flow can be compared with the readings of this recording"
         blind = _cannot(recording, ruleset, data, why, begin)
-        told = evidence_of(recording, data, rows)
-        return replace(blind, next=_to_be_read(recording) or blind.next, evidence=told)
+        counted = evidence_of(recording, data, rows)
+        return replace(blind, next=_to_be_read(recording) or blind.next, evidence=counted)
     found = search(rows, tell)
     hidden = _hidden(found)
     tell("working out uncertainties")
@@ -100,11 +111,13 @@ def analyse(
     # A fault may hold all samples of a reading that are held out: nothing is proven there.
     opened = [o for o in opened if o[1].fit.heldout.points] or opened
     predictors, proofs = [p for p, _ in opened], [proof for _, proof in opened]
-    repair = repair_of(settled)
-    answer = _answer(recording, found, findings, predictors, proofs, repair, hidden, begin)
+    tell("writing the plants and simulating them")
+    model = writable(settled, models.faulty)
+    repairs = model.repairs
+    shown = told(recording, model, predictors, proofs, repairs)
+    answer = _answer(recording, found, findings, proofs, model, repairs, shown, hidden, begin)
     judged = np.any([proof.judged for proof in proofs], axis=0) if proofs else None
-    told = evidence_of(recording, data, rows, judged, models.faulty)
-    return replace(answer, evidence=told)
+    return replace(answer, evidence=evidence_of(recording, data, rows, judged, models.faulty))
 
 
 def _hidden(found: Search) -> tuple[Reconstruction, ...]:
@@ -147,9 +160,10 @@ def _answer(
     recording: Recording,
     found: Search,
     findings: tuple[Finding, ...],
-    predictors: Sequence[Predictor],
     proofs: Sequence[Proof],
-    repair: Repair,
+    model: Writable,
+    repairs: tuple[Repair, Repair],
+    shown: Told,
     hidden: Sequence[Reconstruction],
     begin: float,
 ) -> Mismatch:
@@ -164,34 +178,43 @@ def _answer(
     shares = shares_of(found.accepted)
     locations = (*locations, *(_location(fitted, h, shares[h.spot.id]) for h in hidden))
     verdict = verdict_of(findings, bool(hidden))
+    plain, repair = repairs
+    fits, plants = shown.fits, shown.plants
+    spans = heldout_spans(system.data.time, ~system.data.open)
+    checks = checks_of(plants, recording, spans) if plants else ()
+    refused = refusal(verdict, fits, repair.joined, plants.refused if plants else "", checks)
     return Mismatch(
         ruleset.plant,
         ruleset.title,
         "",
         verdict,
-        headline_of(verdict, findings, locations) + remainder_of(verdict, [p.fit for p in proofs]),
+        headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
         locations,
         findings,
-        proofs[0].fit if proofs else None,
-        tuple(p.fit for p in proofs),
+        fits[0] if fits else None,
+        fits,
         confounded(fitted),
         driver,
         _untested(system, findings),
-        next_step(verdict, findings, driver, system.workshop.missing, [p.fit for p in proofs]),
+        next_step(verdict, findings, driver, system.workshop.missing, refused),
         system.data.split,
         system.data.digest,
         _noise_told(fitted),
         found.tried,
-        _notes(recording, proofs, fitted),
-        fitted.setting.ids,
+        (*([shown.note] if shown.note else []), *_notes(recording, proofs, fitted)),
+        repair.joined,
         repair.parameters,
         repair.covariance,
-        _curves(system, predictors[0], proofs[0], findings) if proofs else None,
+        _curves(system, shown, model.used, findings) if fits else None,
         time.perf_counter() - begin,
         repair.fixed,
         repair.misfit,
         repair.ranges,
-        series_of(system.data, predictors, proofs),
+        shown.series,
+        left_out=model.left_out,
+        refused=refused,
+        plain=plain,
+        checks=checks,
     )
 
 
@@ -320,10 +343,10 @@ def _moved(fitted: Fitted) -> Iterator[str]:
             yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
 
 
-def _curves(
-    system: System, predictor: Predictor, proof: Proof, findings: Sequence[Finding]
-) -> Curves:
-    data, signal = system.data, predictor.signal
+def _curves(system: System, told: Told, judged: np.ndarray, findings: Sequence[Finding]) -> Curves:
+    """Courses of the first reading that errors are told of; `judged` flags points that count."""
+    data, name = system.data, told.fits[0].signal
+    signal, predicted = system.ruleset.signal_by_id[name], told.curves[name]
 
     def shown(values: Array) -> Array:
         result: Array = (values - signal.offset) / signal.factor
@@ -338,12 +361,12 @@ def _curves(
     return Curves(
         data.time,
         shown(data.values[signal.id]),
-        shown(proof.shipped),
-        shown(proof.recalibrated),
-        shown(proof.repaired),
+        shown(predicted.shipped),
+        shown(predicted.recalibrated),
+        shown(predicted.repaired),
         data.part == HELDOUT,
         drivers,
-        proof.judged,
+        judged & np.isfinite(predicted.recalibrated) & np.isfinite(predicted.repaired),
     )
 
 

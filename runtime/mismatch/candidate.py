@@ -13,6 +13,7 @@ from typing import Protocol
 
 from runtime.dynamic.balances import Balances
 from runtime.plan import Array, Plan
+from runtime.ruleset import Ruleset
 
 TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""
@@ -146,6 +147,37 @@ class BaseParameters:
     contradicted: frozenset[str] = frozenset()
 
 
+@dataclass(frozen=True)
+class Changed:
+    """A parameter of the plain model, recalibrated (SI), for the repaired model."""
+
+    id: str
+    value: float
+    u: float
+
+
+@dataclass(frozen=True)
+class Repair:
+    """Values of a plant that can be written, SI.
+
+    `joined` are ids of the candidates in it. `parameters` with their joint `covariance`, shape
+    (parameters, parameters), those of joined candidates behind base parameters; `fixed` references
+    of joined candidates; `misfit` what is left per observer, m3/s; `ranges` per signal the readings
+    at which its relations were tested.
+    """
+
+    joined: tuple[str, ...]
+    parameters: tuple[Changed, ...]
+    covariance: Array
+    fixed: Mapping[str, float]
+    misfit: Mapping[str, float]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+class Unwritable(Exception):
+    """A repair cannot be written as a plant; the message says why."""
+
+
 class Workshop(Protocol):
     """Builds modules with candidates in them."""
 
@@ -189,3 +221,9 @@ class Workshop(Protocol):
 
     def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
         """The equation of a place with candidates built in, as text."""
+
+    def why_not(self, candidate: Candidate) -> str:
+        """Why a candidate cannot be written into a module type; empty if it can."""
+
+    def written(self, repair: Repair) -> Ruleset:
+        """The plant that `rulec adopt` would write, read and compiled; raises `Unwritable`."""

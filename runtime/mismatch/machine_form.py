@@ -14,6 +14,7 @@ from runtime.mismatch.result import (
     Location,
     Mismatch,
     Region,
+    Repair,
 )
 from runtime.mismatch.series import heldout_spans
 
@@ -142,6 +143,7 @@ def _fit(fit: Fit) -> dict[str, Any]:
         "signal": fit.signal,
         "unit": fit.unit,
         "relation": fit.relation,
+        "simulated": fit.simulated,
         "estimation": _errors(fit.estimation),
         "heldout": {**_errors(fit.heldout), "gain_interval": list(fit.gain_interval)},
         "closed": fit.closed,
@@ -155,6 +157,7 @@ def _errors(errors: Errors) -> dict[str, Any]:
         "repaired": errors.repaired,
         "noise": errors.noise,
         "points": errors.points,
+        "explained": errors.explained,
     }
 
 
@@ -173,8 +176,10 @@ def _hidden(hidden: HiddenDriver, series: str | None) -> dict[str, Any]:
 def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
     """What ``rulec adopt`` rebuilds the repaired model from; numbers in SI.
 
-    The id of an unknown is that of its candidate, a dot and its name.
+    The id of an unknown is that of its candidate, a dot and its name. `recalibrated` holds the
+    plain plant with other values alone, which can be written at any time.
     """
+    plain = mismatch.plain
     found = {finding.id: finding for finding in mismatch.findings}
     joined = []
     for name in mismatch.joined:
@@ -192,11 +197,25 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
     return {
         "plant": plant_file,
         "joined": joined,
-        "parameters": [p.id for p in mismatch.parameters],
-        "values": [p.value for p in mismatch.parameters],
-        "covariance": [[float(value) for value in row] for row in mismatch.covariance],
-        "misfit": dict(mismatch.misfit),
-        "range": {name: list(ends) for name, ends in mismatch.ranges.items()},
+        **_values(mismatch),
+        "left_out": [{"id": name, "reason": reason} for name, reason in mismatch.left_out],
+        "refused": mismatch.refused or None,
+        "checks": [
+            {"signal": c.signal, "rows": c.rows, "error": c.error, "plain": c.plain}
+            for c in mismatch.checks
+        ],
+        "recalibrated": None if plain is None else _values(plain),
+    }
+
+
+def _values(found: Mismatch | Repair) -> dict[str, Any]:
+    """Values of a plant that can be written, SI."""
+    return {
+        "parameters": [p.id for p in found.parameters],
+        "values": [p.value for p in found.parameters],
+        "covariance": [[float(value) for value in row] for row in found.covariance],
+        "misfit": dict(found.misfit),
+        "range": {name: list(ends) for name, ends in found.ranges.items()},
     }
 
 

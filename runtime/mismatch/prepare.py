@@ -52,10 +52,11 @@ class Data:
 
     `time` shape (n,), s; `part` and `block` shape (n,). `noise` is the statistical standard
     uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
-    `of_rows` tells that each row of the recording is a settled point of its own. `moving` are flags
-    per module, shape (n,): while one ramps, the others may be judged. `sample`, shape (samples,),
-    has the number of the point of each sample of the recording, or `UNSETTLED` or `SPARED`.
-    `timed` tells that points lie on one clock: else nothing can follow time.
+    `of_rows` tells that each row of the recording is a settled point of its own, `stretches` which
+    rows are behind each point. `moving` are flags per module, shape (n,): while one ramps, the
+    others may be judged. `sample`, shape (samples,), has the number of the point of each sample of
+    the recording, or `UNSETTLED` or `SPARED`. `timed` tells that points lie on one clock: else
+    nothing can follow time.
     """
 
     points: Points
@@ -67,6 +68,7 @@ class Data:
     split: str
     digest: str
     moving: Mapping[str, np.ndarray]
+    stretches: Stretches
     sample: NDArray[np.intp]
     timed: bool = True
 
@@ -123,7 +125,18 @@ def prepare(
     sample = _points_of_samples(stretches, rests)
     timed = recording.one_clock and not of_rows
     return Data(
-        points, time, statistical, block, part, of_rows, text, digest, moving, sample, timed
+        points,
+        time,
+        statistical,
+        block,
+        part,
+        of_rows,
+        text,
+        digest,
+        moving,
+        stretches,
+        sample,
+        timed,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +10,9 @@ from runtime.mismatch.fit import Fitted, fit
 from runtime.mismatch.locate import noise_scale
 from runtime.mismatch.periods import in_periods
 from runtime.mismatch.predict import Predictor
-from runtime.mismatch.prepare import HELDOUT, Data
-from runtime.mismatch.result import Errors, Fit, Series
+from runtime.mismatch.prepare import HELDOUT
+from runtime.mismatch.result import Errors, Fit
 from runtime.mismatch.rows import Rows
-from runtime.mismatch.series import Predicted, course_of
 from runtime.mismatch.setting import HIDDEN, Setting
 from runtime.mismatch.settle import plain_of, with_sensors_as_they_are
 from runtime.plan import Array
@@ -107,19 +105,6 @@ def prove(predictor: Predictor, models: Models) -> Proof:
         predictor.residual.id,
     )
     return Proof(found, predictions[0], predictions[1], predictions[2], judged, int(faulty.sum()))
-
-
-def series_of(data: Data, predictors: Sequence[Predictor], proofs: Sequence[Proof]) -> Series:
-    """What was measured and predicted, for all proofs."""
-    courses = (
-        course_of(
-            predictor.signal,
-            data.values[predictor.signal.id],
-            Predicted(proof.shipped, proof.recalibrated, proof.repaired),
-        )
-        for predictor, proof in zip(predictors, proofs, strict=True)
-    )
-    return Series(data.time, ~data.open, tuple(courses))
 
 
 def _without_periods(setting: Setting) -> Setting:

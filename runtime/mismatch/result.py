@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from runtime.mismatch.candidate import Changed, Repair
 from runtime.plan import Array
+
+__all__ = ["Changed", "Repair"]
 
 
 class MismatchRefused(Exception):
@@ -117,13 +120,19 @@ class Finding:
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean square errors of the predicted signal, as shown."""
+    """Root mean square errors of the predicted signal, as shown.
+
+    `repaired` is that of the plant that `rulec adopt` writes; `explained` that of the whole
+    explanation, with what no model may hold (faults, sensors, courses in time), NaN where it was
+    not judged by this signal.
+    """
 
     shipped: float
     recalibrated: float
     repaired: float
     noise: float
     points: int
+    explained: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -132,8 +141,8 @@ class Fit:
     of the fall of the held-out error by the repair, as a share of the recalibrated error.
 
     `closed` is the share of the explainable mismatch (in squares) that is gone, held out.
-    `relation` is the id of the residual that was solved for the signal; None where the plant was
-    simulated.
+    Errors are those of plants that were `simulated`, or else (and in the search) of the residual
+    with the id `relation`, solved for the signal; None where only simulation tells the signal.
     """
 
     signal: str
@@ -143,6 +152,7 @@ class Fit:
     gain_interval: tuple[float, float]
     closed: float
     relation: str | None = None
+    simulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -181,12 +191,17 @@ class HiddenDriver:
 
 
 @dataclass(frozen=True)
-class Changed:
-    """A parameter of the plain model, recalibrated (SI), for the repaired model."""
+class Check:
+    """What anybody finds who simulates the written plant over the recording, as shown.
 
-    id: str
-    value: float
-    u: float
+    `error` is the root mean square over the `rows` of the held-out spans that have a reading and a
+    prediction; `plain` that of the recalibrated plant over the same rows.
+    """
+
+    signal: str
+    rows: int
+    error: float
+    plain: float
 
 
 @dataclass(frozen=True)
@@ -239,10 +254,13 @@ class Mismatch:
     `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
     ``cannot judge``. `fits` has one for each predicted signal, `fit` is the first. `split` says in
     words which blocks served for what, `digest` is its hash. `noise` says where the size of the
-    noise comes from. `parameters` and `covariance` (SI) are those of the repaired model, `joined`
-    the ids of the candidates in it, in order. `fixed` holds their parameters that are no unknowns,
-    `misfit` the scatter of each observer about its repaired law, `ranges` the readings it was
-    fitted to, all SI by id. `series` holds the courses of all `fits`; None where nothing was split.
+    noise comes from. `parameters` and `covariance` (SI) are those of the plant that `rulec adopt`
+    writes, `joined` the ids of the candidates in it, in order. `fixed` holds their parameters that
+    are no unknowns, `misfit` the scatter of each observer about its repaired law, `ranges` the
+    readings at which it was tested, all SI by id. `left_out` are explanations that no model may
+    hold, with the reason, `refused` says why nothing is to be written, empty where it may be;
+    `plain` is the recalibrated plant, which can be written at any time. `checks` are for whoever
+    writes a plant. `series` holds the courses of all `fits`; None where nothing was split.
     `evidence` counts every row of the recording once.
     """
 
@@ -274,3 +292,7 @@ class Mismatch:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     series: Series | None = None
     evidence: tuple[Evidence, ...] = ()
+    left_out: tuple[tuple[str, str], ...] = ()
+    refused: str = ""
+    plain: Repair | None = None
+    checks: tuple[Check, ...] = ()

@@ -6,13 +6,10 @@ sensors: their errors belong into the parameters then, as in any calibration on 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 
 from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.result import Changed
+from runtime.mismatch.result import Changed, Repair
 from runtime.mismatch.setting import ERROR, Setting
 from runtime.plan import Array
 
@@ -21,22 +18,6 @@ FAR = 5.0
 
 REPAIRING = ("physics", "ageing")
 """Sorts of explanations that become part of a model."""
-
-
-@dataclass(frozen=True)
-class Repair:
-    """Values of a repaired model, SI.
-
-    `parameters` with their joint `covariance`, shape (parameters, parameters), those of joined
-    candidates behind base parameters; `fixed` references of joined candidates; `misfit` what is
-    left per observer, m3/s; `ranges` per signal the readings it was fitted to.
-    """
-
-    parameters: tuple[Changed, ...]
-    covariance: Array
-    fixed: Mapping[str, float]
-    misfit: Mapping[str, float]
-    ranges: Mapping[str, tuple[float, float]]
 
 
 def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> Fitted:
@@ -53,28 +34,22 @@ def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> 
 
 
 def repair_of(settled: Fitted) -> Repair:
-    """What to write into a plant of the repaired model."""
+    """What to write into a plant of a refitted model."""
     setting, system = settled.setting, settled.rows.system
-    repairing = [c for c in setting.joined if c.sort in REPAIRING]
-    touched = {m for c in repairing for m in c.modules}
-    unknowns = {u.id for c in repairing for u in c.unknowns if not u.fixed}
-    base = set(system.workshop.parameters.ids)
-    names = [
-        n
-        for n in settled.prior.names
-        if n in unknowns or (n in base and n.partition(".")[0] in touched)
-    ]
+    known = {*system.workshop.parameters.ids, *setting.free_unknowns()}
+    names = [n for n in settled.prior.names if n in known]
     places = [settled.prior.names.index(n) for n in names]
     return Repair(
+        setting.ids,
         tuple(Changed(n, float(setting.values[n]), settled.u(n)) for n in names),
         settled.covariance[np.ix_(places, places)],
-        {u.id: setting.fixed[u.id] for c in repairing for u in c.unknowns if u.fixed},
-        _misfit(settled, touched),
-        _ranges(settled, touched),
+        {u.id: setting.fixed[u.id] for c in setting.joined for u in c.unknowns if u.fixed},
+        _misfit(settled),
+        _ranges(settled),
     )
 
 
-def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
+def _misfit(settled: Fitted) -> dict[str, float]:
     """What two estimates of a flow still differ by, noise of the readings included, as calibration
     counts it.
 
@@ -86,7 +61,7 @@ def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
     found: dict[str, float] = {}
     for spec in system.ruleset.residuals:
         ids = [t.observer for t in spec.terms]
-        if spec.module not in touched or len(ids) != 2 or not all(o in system.number for o in ids):
+        if len(ids) != 2 or not all(o in system.number for o in ids):
             continue
         first, second = (system.number[o] for o in ids)
         difference = flows.values[first] - flows.values[second]
@@ -94,8 +69,7 @@ def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
         off = difference[usable & np.isfinite(difference)]
         if not len(off):
             continue
-        spread = 1.4826 * float(np.median(np.abs(off - np.median(off))))
-        near = off[np.abs(off - np.median(off)) <= FAR * max(spread, 1e-300)]
+        near = off[_near(off)]
         own = [o for o in ids if system.ruleset.observer_by_id[o].misfit > 0] or ids
         for name in own:
             value = float(np.sqrt(np.mean(near**2) / len(own)))
@@ -103,18 +77,67 @@ def _misfit(settled: Fitted, touched: set[str]) -> dict[str, float]:
     return found
 
 
-def _ranges(settled: Fitted, touched: set[str]) -> dict[str, tuple[float, float]]:
-    """Readings that the repaired laws have seen, for the signals they speak of."""
+def _ranges(settled: Fitted) -> dict[str, tuple[float, float]]:
+    """Readings at which the relations that speak of a signal were tested, and held.
+
+    A relation is tested where all its estimates may be used. Where one of them is missing (no flow
+    through a closed valve, say), what is left says nothing of the others; where the two are far
+    apart, the model is wrong or the plant is. A signal that only drives a law is tested with its
+    module's relations. A meter is no law: what it may show is not known from where it was used.
+    """
     system, setting = settled.rows.system, settled.setting
-    drivers = {d for c in setting.joined if c.sort in REPAIRING for d in c.drivers.values()}
-    read = {s for o in system.observers if o.module in touched for s in o.signals}
+    tested, fitted = _tested(settled), _with_values(settled)
+    laws = {(c.module, d) for c in setting.joined for d in c.drivers.values()}
     found = {}
-    for name in sorted((read | drivers) & set(system.data.values)):
-        values = system.data.values[name][settled.used]
-        values = values[np.isfinite(values)]
+    for name in sorted(system.data.values):
+        readers = {o.id for o in system.observers if name in o.signals and o.id in fitted}
+        modules = {m for m, d in laws if d == name} if not readers else set()
+        readers |= {o.id for o in system.observers if o.module in modules}
+        own = [flags for ids, flags in tested.items() if readers.intersection(ids)]
+        values = system.data.values[name]
+        values = values[np.all(own, axis=0) & np.isfinite(values)] if own else values[:0]
         if len(values):
             found[name] = (float(values.min()), float(values.max()))
     return found
+
+
+def _with_values(settled: Fitted) -> set[str]:
+    """Observers with values that were fitted."""
+    system, found = settled.rows.system, set()
+    for observer in system.observers:
+        plan = system.workshop.plan(observer.module, settled.setting.ids)
+        used = plan.select([f"q:{observer.id}"]).used_inputs
+        if set(settled.prior.names).intersection(used):
+            found.add(observer.id)
+    return found
+
+
+def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
+    """Per relation (its observers) the points at which it was tested and held, shape (n,).
+
+    Relations that were tested nowhere in this recording are left out.
+    """
+    system = settled.rows.system
+    flows = system.flows(settled.setting).values
+    found = {}
+    for spec in system.ruleset.residuals:
+        ids = tuple(t.observer for t in spec.terms)
+        if not all(o in system.number for o in ids):
+            continue
+        rows = [system.number[o] for o in ids]
+        off = np.asarray(sum(t.sign * flows[i] for t, i in zip(spec.terms, rows, strict=True)))
+        usable = settled.used & np.all(system.valid[rows], axis=0) & np.isfinite(off)
+        if usable.any():
+            usable[usable] = _near(off[usable])
+            found[ids] = usable
+    return found
+
+
+def _near(off: Array) -> np.ndarray:
+    """Which of some errors are not far off."""
+    far = np.abs(off - np.median(off))
+    flags: np.ndarray = far <= FAR * max(1.4826 * float(np.median(far)), 1e-300)
+    return flags
 
 
 def plain_of(setting: Setting) -> Setting:

@@ -20,6 +20,7 @@ from runtime.mismatch.wording import (
     errors_of,
     evidence_rows,
     evidence_words,
+    explained_words,
     fit_words,
     interval,
     labelled,
@@ -160,6 +161,8 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
         table.add_row(name, number(seen), number(kept), _bar(name, kept, largest))
     out.print(_inset(table))
     out.print(_inset(Text(proof(fit, repaired))))
+    if words := explained_words(mismatch):
+        out.print(_inset(Text(words)))
     _facts(out, (("also", fit_words(f, repaired)) for f in other_fits(mismatch)[:SHOWN]))
     for finding in mismatch.findings[:SHOWN]:
         if finding.rivals:

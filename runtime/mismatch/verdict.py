@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from runtime.mismatch.candidate import Missing
 from runtime.mismatch.result import Finding, Fit, HiddenDriver, Location
-from runtime.report.text import number
 
 MAJOR = 0.5
 """Share of what could be explained that names must have, beside a driver that nobody recorded."""
@@ -22,6 +21,10 @@ ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with t
 OPEN = 0.1
 """Probability from which on another explanation is named beside the best one [assumed]: who acts on
 the headline had better know of one chance in ten."""
+
+NOT_YET = "Do not adopt this as it is"
+
+PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
 CERTAIN = 0.6
 """Probability below which the best name is one of several."""
@@ -117,9 +120,9 @@ def next_step(
     findings: Sequence[Finding],
     hidden: HiddenDriver | None,
     missing: Sequence[Missing],
-    fits: Sequence[Fit] = (),
+    refused: str = "",
 ) -> str:
-    """What to do next: adopt, act, or measure."""
+    """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
     if hidden is not None:
         return (
             f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."
@@ -135,8 +138,7 @@ def next_step(
             "or add a sensor that only one of them depends on."
         )
     if verdict == "named":
-        spoiled = next((f for f in fits if _is_spoiled(f)), None)
-        return _not_yet(spoiled) if spoiled is not None else ADOPT
+        return f"{NOT_YET}: {refused}. {PLAIN}" if refused else ADOPT
     if first is not None:
         return first.action
     if missing:
@@ -144,17 +146,7 @@ def next_step(
     return "Vary the operating point at this place, and compare once more."
 
 
-def _not_yet(spoiled: Fit) -> str:
-    """Why a repair that makes a reading worse had better wait."""
-    before, after = number(spoiled.heldout.recalibrated), number(spoiled.heldout.repaired)
-    unit = "" if spoiled.unit == "1" else f" {spoiled.unit}"
-    return (
-        f"Do not adopt this as it is: with it, the error of {spoiled.signal} on held-out points "
-        f"rises from {before} to {after}{unit}. Look at that module first."
-    )
-
-
-def _is_spoiled(fit: Fit) -> bool:
+def is_spoiled(fit: Fit) -> bool:
     """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
     held = fit.heldout
     rise = held.repaired - held.recalibrated

@@ -214,6 +214,20 @@ def evidence_words(mismatch: Mismatch) -> str:
     return f"{used} of {counted(rows, 'row')} {'was' if rows == 1 else 'were'} used"
 
 
+def explained_words(mismatch: Mismatch) -> str:
+    """What the whole explanation reaches, where a model may not hold all of it; else empty."""
+    fit, left = mismatch.fit, {name for name, _ in mismatch.left_out}
+    if fit is None or not left or not np.isfinite(fit.heldout.explained):
+        return ""
+    titles = [titled(f) for f in mismatch.findings if f.id in left]
+    what = f" ({listed(titles)})" if titles else ""
+    unit = "" if fit.unit == "1" else f" {fit.unit}"
+    return (
+        f"Errors are those of plants that can be written. With what no model may hold{what} the "
+        f"analysis reaches {number(fit.heldout.explained)}{unit}."
+    )
+
+
 def titled(finding: Finding) -> str:
     """A finding and the module that it is about; two may differ by the module alone."""
     return f"{finding.title} in {', '.join(finding.members) or finding.module}"

@@ -183,7 +183,9 @@ def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
     if not fit or verdict not in ("named", "ambiguous", "fault", "sensor"):
         return None
     error = known.errors.get(fit["signal"], NAN)
-    repaired = fit["heldout"]["repaired"]
+    # The true model knows faults and sensors too: it is compared with the whole explanation.
+    held = fit["heldout"]
+    repaired = held["repaired"] if held.get("explained") is None else held["explained"]
     if repaired is None or not error > 0:
         return None
     return float(repaired) / error

@@ -15,7 +15,13 @@ from runtime.mismatch.report.page import report
 from runtime.mismatch.result import Errors, Evidence, Fit, Mismatch, Period, Region, Rival
 from runtime.mismatch.sparkline import sparkline
 from runtime.mismatch.story import tell
-from runtime.mismatch.wording import evidence_rows, region_words, rivals_words, value_and_u
+from runtime.mismatch.wording import (
+    evidence_rows,
+    explained_words,
+    region_words,
+    rivals_words,
+    value_and_u,
+)
 from runtime.terminal import Terminal
 from tests.runtime.mismatches import (
     ALL,
@@ -336,6 +342,10 @@ def test_machine_form_carries_the_repair() -> None:
         "covariance": [[1e-36, -9e-22], [-9e-22, 1.2e-6]],
         "misfit": {"A.pump": 2.5e-7},
         "range": {},
+        "left_out": [],
+        "refused": None,
+        "checks": [],
+        "recalibrated": None,
     } == repair
 
 
@@ -383,3 +393,16 @@ def test_open_periods_are_told() -> None:
     """A period without an end is no reason to fail."""
     finding = dataclasses.replace(FAULT.findings[0], periods=(Period(5.0, NAN, 0.1, NAN),))
     assert "5 to – s: degree 0.100 ± –" in words(dataclasses.replace(FAULT, findings=(finding,)))
+
+
+def test_what_no_model_may_hold_is_told_apart() -> None:
+    """The errors are those of plants that can be written; the whole explanation stands beside."""
+    assert NAMED.fit is not None
+    assert "" == explained_words(NAMED)
+    held = dataclasses.replace(NAMED.fit.heldout, explained=0.25)
+    found = NAMED.findings[0]
+    told = dataclasses.replace(
+        NAMED, fit=dataclasses.replace(NAMED.fit, heldout=held), left_out=((found.id, "why"),)
+    )
+    words = explained_words(told)
+    assert f"With what no model may hold ({found.title} in A) the analysis reaches 0.25" in words

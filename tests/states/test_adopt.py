@@ -111,11 +111,10 @@ def test_initial_states_are_taken_over(tmp_path: Path) -> None:
         assert 0.08 != pytest.approx(fitted, rel=1e-3)
 
 
-def test_values_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_values_alone(tmp_path: Path) -> None:
     """Nothing but other parameters: the types stay, states and readings as they were written."""
     data, workshop = mismatch(TANKS, [])
     new = adopted(tmp_path, data)
-    assert "no equation was changed" in " ".join(capsys.readouterr().out.split())
     assert 1 == type_of(new, "upper").version
     assert_same_course(tmp_path, new, data, workshop)
 

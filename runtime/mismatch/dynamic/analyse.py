@@ -24,9 +24,12 @@ from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import findings_of, location_of, place_of
 from runtime.mismatch.dynamic.terms import variables_of
+from runtime.mismatch.dynamic.writable import Told, Writable, told, writable
 from runtime.mismatch.evidence import NO_CLOCK, stored_evidence
 from runtime.mismatch.failed import failed_at, impossible
-from runtime.mismatch.result import Changed, Curves, Finding, Location, Mismatch
+from runtime.mismatch.public import checks_of, refusal
+from runtime.mismatch.result import Curves, Finding, Location, Mismatch, Repair
+from runtime.mismatch.series import Predicted, heldout_spans
 from runtime.mismatch.settle import REPAIRING
 from runtime.mismatch.verdict import FAR, headline_of, next_step, remainder_of, verdict_of
 from runtime.recording import Recording
@@ -93,8 +96,25 @@ def analyse_stores(
     tell("working out uncertainties")
     broken = (*failing(recording, ruleset), *impossible(recording, ruleset))
     findings = (*findings_of(searcher, best, accepted), *broken)
-    whole = fitted_to_all(searcher, best)
-    answer = _answer(recording, bench, found, best, whole, accepted, findings, left, proofs, begin)
+    tell("writing the plants and simulating them")
+    model = writable(bench, found.plain, best, searcher.kept(best))
+    repairs = model.repairs
+    proofs = sorted(proofs, key=lambda p: -_worse(p))
+    shown = told(recording, bench, model, proofs, repairs)
+    answer = _answer(
+        recording,
+        bench,
+        found,
+        best,
+        accepted,
+        findings,
+        left,
+        proofs,
+        model,
+        repairs,
+        shown,
+        begin,
+    )
     return replace(answer, notes=(*_took_part(dropped), *answer.notes))
 
 
@@ -147,46 +167,18 @@ def _floors(bench: Bench) -> dict[str, float]:
     }
 
 
-def fitted_to_all(searcher: Searcher, best: Fitted) -> Fitted:
-    """What is adopted: the proven model fitted to all blocks, held-out ones too.
-
-    Faults and errors of sensors are there in the fit, or other values would make up for them; what
-    they bring is left out afterwards.
-    """
-    bench = searcher.bench
-    known = {n: np.isfinite(v) for n, v in bench.record.measured.items()}
-    judged = replace(
-        searcher.judged, known=known, noise=best.noise, slow=best.slow, drift=best.drift
-    )
-    fitter = Fitter(bench, best.joined, searcher.kept(best))
-    fitted = fitter.finish(fitter.vector(best.values), judged, 60, 2)
-    return _adopted(fitter.with_covariance(fitted, judged))
-
-
-def _adopted(fitted: Fitted) -> Fitted:
-    """The model without what is mended in the plant, and not in its model."""
-    joined = tuple(c for c in fitted.joined if c.sort in REPAIRING)
-    gone = {u.id for c in fitted.joined if c not in joined for u in c.unknowns}
-    kept = [i for i, n in enumerate(fitted.free) if n not in gone]
-    return replace(
-        fitted,
-        joined=joined,
-        values={n: v for n, v in fitted.values.items() if n not in gone},
-        free=tuple(fitted.free[i] for i in kept),
-        covariance=fitted.covariance[np.ix_(kept, kept)],
-    )
-
-
 def _answer(
     recording: Recording,
     bench: Bench,
     found: Found,
     best: Fitted,
-    whole: Fitted,
     accepted: tuple[Accepted, ...],
     findings: tuple[Finding, ...],
     left: list[Suspect],
-    proofs: list[Proof],
+    proofs: Sequence[Proof],
+    model: Writable,
+    repairs: tuple[Repair, Repair],
+    shown: Told | None,
     begin: float,
 ) -> Mismatch:
     ruleset = bench.ruleset
@@ -198,21 +190,24 @@ def _answer(
         locations = (*nameless, *locations)
     unnamed = bool(nameless) and not best.joined
     verdict = verdict_of(findings, unnamed)
-    proofs = sorted(proofs, key=lambda p: -_worse(p))
+    plain, repair = repairs
+    fits = shown.fits if shown else tuple(p.fit for p in proofs)
+    refused = refusal(verdict, fits, repair.joined, shown.plants.refused if shown else "")
+    spans = heldout_spans(bench.record.time, ~bench.record.open)
     return Mismatch(
         ruleset.plant,
         ruleset.title,
         "",
         verdict,
-        headline_of(verdict, findings, locations) + remainder_of(verdict, [p.fit for p in proofs]),
+        headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
         locations,
         findings,
-        proofs[0].fit,
-        tuple(p.fit for p in proofs),
+        fits[0],
+        fits,
         confounded(best),
         None,
         _untested(bench, best, findings),
-        next_step(verdict, findings, None, bench.workshop.missing, [p.fit for p in proofs]),
+        next_step(verdict, findings, None, bench.workshop.missing, refused),
         bench.record.split,
         bench.record.digest,
         _noise_told(best),
@@ -221,19 +216,43 @@ def _answer(
             *_hiding(found, accepted),
             *_still(nameless, findings),
             *_notes(recording, bench),
-            "values to adopt are fitted to all blocks, held-out ones too; errors above are not",
+            *_unproven(shown, model),
         ),
-        best.ids,
-        tuple(Changed(n, float(whole.values[n]), whole.u(n)) for n in whole.free),
-        whole.covariance,
-        _curves(bench, best, proofs[0], findings),
+        repair.joined,
+        repair.parameters,
+        repair.covariance,
+        _curves(bench, best, fits[0].signal, _predicted(shown, proofs), findings),
         time.perf_counter() - begin,
-        {n: v for n, v in whole.values.items() if n not in whole.free},
-        {},
-        {},
-        series_of(bench, proofs),
+        repair.fixed,
+        repair.misfit,
+        repair.ranges,
+        shown.series if shown else series_of(bench, proofs),
         stored_evidence(recording, bench.record),
+        model.left_out,
+        refused,
+        plain,
+        checks_of(shown.plants, recording, spans) if shown else (),
     )
+
+
+def _predicted(shown: Told | None, proofs: Sequence[Proof]) -> Predicted:
+    """What the three plants predict of the first reading."""
+    if shown:
+        return shown.curves[shown.fits[0].signal]
+    return Predicted(proofs[0].shipped, proofs[0].recalibrated, proofs[0].repaired)
+
+
+def _unproven(shown: Told | None, model: Writable) -> list[str]:
+    """What the errors that are told do not show."""
+    notes = []
+    if shown is None:
+        notes.append("errors are those of the analysis: rulec simulate cannot predict this plant")
+    if np.isfinite(model.until):
+        notes.append(
+            f"a fault begins at {model.until:.4g} s; values to adopt are fitted to what lies "
+            "before it, errors are those of all samples"
+        )
+    return notes
 
 
 def _worse(proof: Proof) -> float:
@@ -321,8 +340,10 @@ def _still(nameless: tuple[Location, ...], findings: Sequence[Finding]) -> list[
     ]
 
 
-def _curves(bench: Bench, best: Fitted, proof: Proof, findings: Sequence[Finding]) -> Curves:
-    signal = bench.ruleset.signal_by_id[proof.fit.signal]
+def _curves(
+    bench: Bench, best: Fitted, name: str, predicted: Predicted, findings: Sequence[Finding]
+) -> Curves:
+    signal = bench.ruleset.signal_by_id[name]
     module = findings[0].module if findings else signal.id.partition(".")[0]
 
     def shown(values: np.ndarray) -> np.ndarray:
@@ -336,9 +357,9 @@ def _curves(bench: Bench, best: Fitted, proof: Proof, findings: Sequence[Finding
     return Curves(
         bench.record.time,
         shown(measured),
-        shown(proof.shipped),
-        shown(proof.recalibrated),
-        shown(proof.repaired),
+        shown(predicted.shipped),
+        shown(predicted.recalibrated),
+        shown(predicted.repaired),
         ~bench.record.open,
         drivers,
         np.isfinite(measured),

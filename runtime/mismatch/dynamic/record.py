@@ -79,13 +79,10 @@ def record_of(
     glitches: dict[str, int] = {}
     strange: dict[str, Flags] = {}
     for name in shown:
-        odd = glitches_in(recording.values[name])
-        signal = ruleset.signal_by_id[name]
-        ends = (signal.lowest, signal.highest)
-        for first, behind in standing_still(recording.values[name], ends=ends):
-            odd[first + 1 : behind] = True
-        measured[name] = np.where(odd, np.nan, recording.values[name])
-        glitches[name], strange[name] = int(odd.sum()), odd
+        values = recording.values[name]
+        measured[name] = without_odd(ruleset.signal_by_id[name], values)
+        strange[name] = np.isfinite(values) & ~np.isfinite(measured[name])
+        glitches[name] = int(strange[name].sum())
     rows, whole = np.arange(len(recording.time)), measured
     inputs = {n: v for n, v in recording.values.items() if n in given}
     factor = -(-len(recording.time) // BUDGET)
@@ -107,6 +104,14 @@ def record_of(
     return Record(
         time, inputs, measured, steps, glitches, part, text, digest, sample, read, odd, timed
     )
+
+
+def without_odd(signal: SignalSpec, values: Array) -> Array:
+    """Readings without those that no neighbour bears out, or that stand still, shape (n,)."""
+    odd = glitches_in(values)
+    for first, behind in standing_still(values, ends=(signal.lowest, signal.highest)):
+        odd[first + 1 : behind] = True
+    return np.where(odd, np.nan, values)
 
 
 def _resolution(values: Array, signal: SignalSpec) -> float:

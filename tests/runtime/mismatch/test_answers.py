@@ -142,8 +142,9 @@ def test_a_finding_is_proved(name: str) -> None:
     assert found.fit is not None
     kept = found.fit.heldout
     assert kept.repaired <= kept.shipped
-    # Beside the noise there are the systematic errors of the other sensors, which stay.
-    assert kept.repaired < 1.5 * kept.noise
+    # Beside the noise there are the systematic errors of the other sensors, which stay. No plant
+    # file holds what a sensor does: the whole explanation does.
+    assert (kept.explained if found.left_out else kept.repaired) < 1.5 * kept.noise
 
 
 def test_a_fault_that_comes_and_goes_is_told_with_its_degrees() -> None:

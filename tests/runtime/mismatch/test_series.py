@@ -73,10 +73,11 @@ def test_spans_hold_the_held_out_samples_and_no_other() -> None:
 
 
 def test_a_fit_names_its_residual() -> None:
-    """That which was solved for the reading."""
+    """That which was solved for the reading in the search; errors are those of simulation."""
     [first, *_] = mismatch_form(answer("warm"), "x")["fits"]
     ruleset, _ = plant(CASES["warm"].plant)
     assert first["relation"] in {r.id for r in ruleset.residuals}
+    assert first["simulated"] is True
 
 
 def test_plants_that_store_have_the_same_table() -> None:

@@ -8,7 +8,8 @@ from dataclasses import replace
 import pytest
 
 from runtime.mismatch.candidate import Missing
-from runtime.mismatch.result import Alternative, Errors, Estimate, Finding, Fit, Location
+from runtime.mismatch.public import refusal
+from runtime.mismatch.result import Alternative, Check, Errors, Estimate, Finding, Fit, Location
 from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
 from runtime.mismatch.wording import quantity
 from tests.runtime.mismatches import UNNAMED, WARM
@@ -119,11 +120,31 @@ def test_a_repair_that_does_harm_is_not_to_be_adopted(
     repaired: float, interval: tuple[float, float], noise: float, spoiled: bool
 ) -> None:
     """On a real station two of eight pumps were predicted worse, and the rest better."""
-    errors = Errors(2.0, 1.0, repaired, noise, 10)
-    fit = Fit("A.Q", "l/min", errors, errors, interval, 1.0)
-    step = next_step("named", (SURE,), None, (), [fit])
-    assert spoiled == step.startswith("Do not adopt this as it is")
-    assert spoiled == ("rises from 1 to 1.2 l/min" in step)
+    well, errors = Errors(2.0, 1.0, 0.5, noise, 10), Errors(2.0, 1.0, repaired, noise, 10)
+    fits = [
+        Fit("A.dp", "bar", well, well, (0.4, 0.6), 1.0),
+        Fit("A.Q", "l/min", errors, errors, interval, 1.0),
+    ]
+    refused = refusal("named", fits, ["A.x@Q"], "")
+    assert spoiled == refused.startswith("simulated with it, A.Q is off by 1.2 l/min")
+    step = next_step("named", (SURE,), None, (), refused)
+    assert spoiled == step.startswith("Do not adopt this as it is: simulated with it")
+
+
+def test_what_is_worse_than_recalibration_is_not_written() -> None:
+    """However little, where it is the reading that the proof is about; fitted data do not count."""
+    fitted, held = Errors(2.0, 1.0, 0.1, 0.1, 10), Errors(2.0, 1.0, 1.001, 0.1, 10)
+    fit = Fit("A.Q", "l/min", fitted, held, (-0.1, 0.1), 1.0)
+    assert "off by 1 l/min on held-out samples" in refusal("named", [fit], ["A.x@Q"], "")
+    assert "" == refusal("named", [fit], [], "")
+    better = replace(fit, heldout=Errors(2.0, 1.0, 0.9, 0.1, 10))
+    whole = Check("A.Q", 100, 1.4, 1.3)
+    assert "" == refusal("named", [better], ["A.x@Q"], "", [replace(whole, error=1.2)])
+    assert "off by 1.4 l/min over all held-out rows" in refusal(
+        "named", [better], ["A.x@Q"], "", [whole]
+    )
+    assert "does not tell which" in refusal("ambiguous", [better], ["A.x@Q"], "")
+    assert "it cannot be written: why" == refusal("named", [], ["A.x@Q"], "why")
 
 
 def test_a_hidden_driver_is_to_be_recorded() -> None:

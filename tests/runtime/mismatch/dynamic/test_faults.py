@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.dynamic.analyse import fitted_to_all
 from runtime.mismatch.dynamic.doubt import doubted
 from runtime.mismatch.dynamic.drift import no_drift
 from runtime.mismatch.dynamic.fit import Fitter, Judged
@@ -16,6 +15,7 @@ from runtime.mismatch.dynamic.search import search
 from runtime.mismatch.dynamic.searcher import Searcher
 from runtime.mismatch.dynamic.sharpen import sharpened
 from runtime.mismatch.dynamic.tell import findings_of, location_of, period_of
+from runtime.mismatch.dynamic.writable import writable
 from runtime.mismatch.result import Estimate
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
 
@@ -87,12 +87,15 @@ def test_what_begins_nowhere_stays_as_it_is() -> None:
 
 
 def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
-    """Values are fitted beside the fault, which is no part of the model."""
+    """Values are fitted to what lies before the fault, which is no part of the model."""
     fault = "lower.blockage"
     place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
     found = searcher.trial(searcher.plain(), (place.candidate(fault),))
-    adopted = fitted_to_all(searcher, found)
+    model = writable(place, searcher.plain(), found, searcher.kept(found))
+    adopted = model.fitted
+    assert found.values[f"{fault}.since"] == pytest.approx(model.until - place.record.time[0])
+    assert [fault] == [name for name, _ in model.left_out]
     assert adopted.joined == ()
     assert not any(name.startswith(fault) for name in (*adopted.free, *adopted.values))
     assert (len(adopted.free), len(adopted.free)) == adopted.covariance.shape

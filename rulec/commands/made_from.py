@@ -1,0 +1,70 @@
+"""What an analysis was made from, by hash: what is adopted must be made from the same."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rulec.read import Sources, yaml_files_in
+from rulec.repair import AdoptRefused, Basis
+from rulec.workshop import PlantWorkshop
+from runtime.recording_file import files_of
+
+AGAIN = "run rulec mismatch again"
+
+
+def basis_of(workshop: PlantWorkshop, recording: Path) -> dict[str, Any]:
+    """Hashes of the plant's files, of the whole knowledge base, and of the recordings, by path.
+
+    Paths are absolute, so that `rulec adopt` finds them wherever it is called.
+    """
+    assert workshop.sources is not None
+    return {
+        "plant": _hashes(_plant_files(workshop.sources)),
+        "recording": recording.resolve().as_posix(),
+        "recordings": _hashes(files_of(recording)),
+    }
+
+
+def check_unchanged(basis: Basis, sources: Sources) -> Path:
+    """The recording, where nothing has changed since the analysis; else raises `AdoptRefused`."""
+    _compare("plant", basis.plant, _hashes(_plant_files(sources)))
+    recording = Path(basis.recording)
+    if not recording.exists():
+        raise AdoptRefused(
+            f"the recording '{recording}' is not there any more, and what is adopted is tried on "
+            f"it; put it back, or {AGAIN}"
+        )
+    _compare("recording", basis.recordings, _hashes(files_of(recording)))
+    return recording
+
+
+def _compare(what: str, then: Mapping[str, str], now: Mapping[str, str]) -> None:
+    if then == now:
+        return
+    other = sorted(name for name in then.keys() | now.keys() if then.get(name) != now.get(name))
+    name = other[0]
+    happened = "is gone" if name not in now else "is new" if name not in then else "has changed"
+    more = f" (and {len(other) - 1} other files)" if len(other) > 1 else ""
+    raise AdoptRefused(
+        f"'{name}'{more} {happened} since the analysis; what was found may not hold for this "
+        f"{what}. Put it back as it was, or {AGAIN}"
+    )
+
+
+def _plant_files(sources: Sources) -> Iterator[Path]:
+    assert sources.plant is not None
+    file = Path(sources.plant.path)
+    yield file
+    data = sources.plant.data
+    names = [data.get("columns"), data.get("adjacency"), *data.get("calibration", ())]
+    yield from (file.parent / name for name in names if name)
+    yield from yaml_files_in(sources.kb)
+
+
+def _hashes(files: Iterator[Path] | list[Path]) -> dict[str, str]:
+    return {
+        file.resolve().as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in files
+    }
