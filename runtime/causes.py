@@ -48,20 +48,32 @@ def causes_of(
         hypotheses = combine(ruleset, seen.plain, seen.baselines, seen.isolation, members, known)
     if not hypotheses:
         hypotheses = [_average(seen.isolation, members)]
-    return [_cause(ruleset, hypotheses, place) for place in range(len(hypotheses[0].faults))]
+    fitting = seen.isolation.probability[:, members].max(axis=1) > 0.0
+    places = range(len(hypotheses[0].faults))
+    return [_cause(ruleset, hypotheses, place, fitting) for place in places]
 
 
-def _cause(ruleset: Ruleset, hypotheses: Sequence[Hypothesis], place: int) -> Cause:
-    """One fault of the best hypothesis, and what could be in its stead."""
+def _cause(
+    ruleset: Ruleset, hypotheses: Sequence[Hypothesis], place: int, fitting: np.ndarray
+) -> Cause:
+    """One fault of the best hypothesis, and what could be in its stead.
+
+    `fitting` flags the faults that fit some stretch of the run, shape (faults,).
+    """
     best = hypotheses[0]
     fault = best.faults[place]
     own = [h for h in hypotheses if fault in h.faults]
     plausible = [h for h in own if h.probability >= RIVAL * best.probability]
     spans = [h.bounds(fault) for h in plausible]
     chance = sum(h.probability for h in own)
-    others = [o for o in _others(hypotheses, best, fault) if o[1] > MENTION]
-    twins = _twins(ruleset, fault)
-    rivals = tuple(o for o in others if o[1] >= RIVAL * chance or o[0] in twins)
+    found = _others(hypotheses, best, fault)
+    twins = {t for t in _twins(ruleset, fault) if t != fault and (t in found or fitting[t])}
+    if twins:
+        # No reading tells them apart: whatever favours one of them is an assumption.
+        chance = (chance + sum(found.get(t, 0.0) for t in twins)) / (1 + len(twins))
+        found |= dict.fromkeys(sorted(twins), chance)
+    others = sorted((o for o in found.items() if o[1] > MENTION), key=lambda o: -o[1])
+    rivals = tuple(o for o in others if o[1] >= RIVAL * chance)
     return Cause(
         fault,
         best.degrees[place],
@@ -75,24 +87,18 @@ def _cause(ruleset: Ruleset, hypotheses: Sequence[Hypothesis], place: int) -> Ca
     )
 
 
-def _others(
-    hypotheses: Sequence[Hypothesis], best: Hypothesis, fault: int
-) -> list[tuple[int, float]]:
-    """What stands in a fault's stead in the other hypotheses, the most probable first."""
+def _others(hypotheses: Sequence[Hypothesis], best: Hypothesis, fault: int) -> dict[int, float]:
+    """What stands in a fault's stead in the other hypotheses, with its probability."""
     chance: dict[int, float] = {}
     for hypothesis in hypotheses:
         if fault not in hypothesis.faults:
             for other in set(hypothesis.faults) - set(best.faults):
                 chance[other] = chance.get(other, 0.0) + hypothesis.probability
-    return sorted(chance.items(), key=lambda o: -o[1])
+    return chance
 
 
 def _twins(ruleset: Ruleset, fault: int) -> frozenset[int]:
-    """Faults that move all residuals in the same proportion.
-
-    They are rivals even where assumptions (the tolerance of a law) favour one of them: no reading
-    tells them apart.
-    """
+    """Faults that move all residuals in the same proportion, the fault itself among them."""
     name = ruleset.faults[fault].id
     groups = [g.faults for g in ruleset.ambiguous if g.kind == "coincide" and name in g.faults]
     return frozenset(i for i, f in enumerate(ruleset.faults) if any(f.id in g for g in groups))

@@ -18,6 +18,7 @@ from runtime.wording import (
     LEFT_OUT,
     SHOWN,
     STATUS,
+    actions,
     advice,
     agreement,
     causes,
@@ -125,7 +126,7 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     when = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
-    tree.add(f"do: {finding.fault.action}")
+    tree.add(f"do: {actions(ruleset, finding)}")
     unit = flow_unit(ruleset)
     flow = "" if ruleset.dynamics is not None else f" ({unit.name})"
     why = tree.add(f"because {ground(ruleset)}{flow}")

@@ -98,10 +98,22 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
 def headline(ruleset: Ruleset, finding: Finding) -> str:
     """What is wrong, and what else it may be if that is nearly as probable."""
     text = finding.text
-    for name, probability in finding.alternatives:
-        if probability > EITHER:
-            text += f"; or {titled(ruleset.fault_by_id[name])} ({100 * probability:.0f} %)"
+    for name, probability in _as_probable(finding):
+        text += f"; or {titled(ruleset.fault_by_id[name])} ({100 * probability:.0f} %)"
     return text
+
+
+def actions(ruleset: Ruleset, finding: Finding) -> str:
+    """What to do: for the fault, and for what is nearly as probable."""
+    others = (ruleset.fault_by_id[name].action for name, _ in _as_probable(finding))
+    return "; or ".join(dict.fromkeys((finding.fault.action, *others)))
+
+
+def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
+    """Alternatives that stand beside the fault wherever it is told."""
+    for name, probability in finding.alternatives:
+        if probability > EITHER or probability >= finding.probability:
+            yield name, probability
 
 
 def titled(fault: FaultSpec) -> str:

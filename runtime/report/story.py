@@ -17,6 +17,7 @@ from runtime.wording import (
     LEFT_OUT,
     STATUS,
     FlowUnit,
+    actions,
     advice,
     agreement,
     causes,
@@ -131,7 +132,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
         ),
         ("When", safe(_when(diagnosis, finding))),
         ("How sure", safe(_sure(diagnosis, finding))),
-        ("What to do", safe(fault.action)),
+        ("What to do", safe(actions(ruleset, finding))),
     ]
     if finding.alternatives:
         others = [
