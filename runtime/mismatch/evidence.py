@@ -102,7 +102,7 @@ def _points(
 
 def _why_not(rows: Rows | None, point: int) -> str:
     """Why the first of the estimates that cannot be used at a point cannot; empty where all can."""
-    if rows is None:
+    if rows is None or not rows.system.observers:
         return ""
     system = rows.system
     for number in np.flatnonzero(~system.valid[:, point]).tolist():

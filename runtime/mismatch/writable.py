@@ -203,7 +203,7 @@ def _noise(ruleset: Ruleset, system: System, name: str) -> float:
     variance = data.noise[name] ** 2
     for given in plain.given:
         if given in data.noise:
-            moved = {**table, given: table[given] + data.noise[given]}
+            moved = {**table, given: table[given] + np.nan_to_num(data.noise[given])}
             course = predict(ruleset, [replace(file, values=moved)]).values[name]
             variance = variance + np.nan_to_num(course - plain.values[name]) ** 2
     known = np.isfinite(variance)
