@@ -86,9 +86,9 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
             continue
         u = float(np.median(systematic_u(signal, values[np.isfinite(values)])))
         zero = at_zero(signal, values)
-        for a, b in standing_still(
-            values, u if signal.is_input else np.inf, (signal.lowest, signal.highest)
-        ):
+        # Below its minimum the module stands, and nothing is read from there.
+        low = signal.lowest if signal.minimum is None else signal.minimum
+        for a, b in standing_still(values, u if signal.is_input else np.inf, (low, signal.highest)):
             if zero[a]:
                 continue  # a clipped zero; whether it is a dead one the others say
             yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
