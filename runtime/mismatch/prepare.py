@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from runtime.health.judge import examine
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
-from runtime.point_table import each_row, is_point_table
+from runtime.point_table import each_row, follows_a_course, is_point_table
 from runtime.recording import Recording
 from runtime.ruleset import ObserverSpec, Ruleset
 from runtime.stationary import LONGEST, Stretches, find_stretches, noise_at_work, systematic_u
@@ -123,7 +123,7 @@ def prepare(
         np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
     ).hexdigest()[:16]
     sample = _points_of_samples(stretches, rests)
-    timed = recording.one_clock and not of_rows
+    timed = recording.one_clock and (not of_rows or follows_a_course(recording, ruleset))
     return Data(
         points,
         time,
