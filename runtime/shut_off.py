@@ -14,8 +14,8 @@ from runtime.reading_unit import parse_unit
 from runtime.ruleset import Ruleset, SignalSpec
 from runtime.stationary import systematic_u
 
-VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0)
-"""Exponents of m, kg, s, K."""
+VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0, 0.0)
+"""Exponents of m, kg, s, K, A."""
 
 TINY = 1e-4
 """Share of the reference flow that stands for none. Pressures and torques change by less than this
