@@ -42,17 +42,15 @@ class Readings:
     """Settled readings of one module: per local variable shape (n,), and the true flow.
 
     `systematic` gives the standard uncertainty shared by all readings of a sensor, as
-    derivative: how much each reading would change, shape (n,), one standard deviation on;
-    `noise` the standard uncertainty that is new in each reading. `flow_errors` gives per source
-    how much the flow would change; a reading that both rest on has the same name in both.
+    derivative: how much each reading would change, shape (n,), one standard deviation on.
+    `flow_errors` gives per source how much the flow would; a reading that both rest on has the
+    same name in both.
     """
 
     values: Mapping[str, Array]
     systematic: Mapping[str, Array]
-    noise: Mapping[str, Array]
     flow: Array
     flow_errors: Mapping[str, Array]
-    flow_noise: Array
     flow_name: str
 
 
@@ -276,18 +274,7 @@ def _own_misfit(
         misfit = float(np.linalg.norm(near.off + slopes @ change) / np.sqrt(max(freedom, 1.0)))
         if np.isclose(before, misfit, rtol=SETTLED, atol=0.0):
             break
-    return _without_noise(misfit, near, readings, rows)
-
-
-def _without_noise(scatter: float, near: _Near, readings: Readings, rows: np.ndarray) -> float:
-    """What of a scatter, m3/s, the noise of the readings does not explain.
-
-    Not less than the noise may hide: a variance from n points is known to its share sqrt(2/n).
-    """
-    parts = [slope * readings.noise[name][rows] for name, slope in near.slopes.items()]
-    noise = float(np.mean(np.sum(np.square([*parts, readings.flow_noise[rows]]), axis=0)))
-    left = max(scatter**2 - noise, np.sqrt(2.0 / len(rows)) * scatter**2)
-    return float(np.sqrt(left))
+    return misfit
 
 
 def _spread(off: Array, count: int) -> float:

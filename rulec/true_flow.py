@@ -24,8 +24,7 @@ from runtime.plan import Array
 
 @dataclass(frozen=True)
 class TrueFlow:
-    """`values` shape (n,), m3/s, NaN where not known; `errors` per source, shape (n,); `noise` what
-    is new at every point, shape (n,), m3/s.
+    """`values` shape (n,), m3/s, NaN where not known; `errors` per source, shape (n,).
 
     Sources that are readings of the module itself have their local names.
     """
@@ -33,14 +32,10 @@ class TrueFlow:
     name: str
     values: Array
     errors: Mapping[str, Array]
-    noise: Array
 
 
-Table = Mapping[str, Array]
-
-Local = Mapping[str, tuple[Table, Table, Table]]
-"""Per module its readings, their systematic standard uncertainties and their noise, by local
-names."""
+Local = Mapping[str, tuple[Mapping[str, Array], Mapping[str, Array]]]
+"""Per module its readings and their systematic standard uncertainties, by local names."""
 
 
 def true_flows(models: Models, local: Local) -> dict[str, TrueFlow]:
@@ -63,16 +58,16 @@ def reference_of(module: Module) -> str | None:
 
 
 def _own(
-    module: Module, model: TypeModel, values: Table, systematic: Table, noise: Table
+    module: Module, model: TypeModel, values: Mapping[str, Array], systematic: Mapping[str, Array]
 ) -> TrueFlow | None:
     reference = reference_of(module)
     if reference is not None:
-        return _by_equation(module, model, reference, values, systematic, noise)
+        return _by_equation(module, model, reference, values, systematic)
     for signal in module.type.signals.values():
         if signal.quantity == "volume flow" and signal.name in values:
             name = signal.name
-            errors = {name: systematic[name]}
-            return TrueFlow(f"{module.name}.{name}", values[name], errors, noise[name])
+            flow, u = values[name], systematic[name]
+            return TrueFlow(f"{module.name}.{name}", flow, {name: u})
     return None
 
 
@@ -80,9 +75,8 @@ def _by_equation(
     module: Module,
     model: TypeModel,
     reference: str,
-    values: Table,
-    systematic: Table,
-    noise: Table,
+    values: Mapping[str, Array],
+    systematic: Mapping[str, Array],
 ) -> TrueFlow | None:
     """The flow by a reference observer; None where a reading of it was not recorded."""
     gradient = model.gradients[reference]
@@ -104,20 +98,15 @@ def _by_equation(
         for name, u in uncertain.items()
     }
     sources = " + ".join(f"{module.name}.{name.removeprefix(GATHERED)}" for name in read)
-    new = np.sqrt(
-        sum(((out[f"d:{name}"] * noise[name]) ** 2 for name in read), np.zeros(len(flow)))
-    )
-    return TrueFlow(sources, flow, errors, new)
+    return TrueFlow(sources, flow, errors)
 
 
 def _balanced(own: Mapping[str, TrueFlow], terms: Mapping[str, int]) -> TrueFlow:
     """A flow as sum of others; the errors of several meters count as one."""
     flow: Array = np.sum([sign * own[m].values for m, sign in terms.items()], axis=0)
     name = " + ".join(own[m].name for m in terms)
-    noise = np.sqrt(np.sum([own[m].noise ** 2 for m in terms], axis=0))
     parts = [(m, source, e) for m in terms for source, e in own[m].errors.items()]
     if len(terms) == 1:
         (sign,) = terms.values()
-        return TrueFlow(name, flow, {f"{m}.{source}": sign * e for m, source, e in parts}, noise)
-    several = {name: np.sqrt(np.sum([e**2 for _, _, e in parts], axis=0))}
-    return TrueFlow(name, flow, several, noise)
+        return TrueFlow(name, flow, {f"{m}.{source}": sign * e for m, source, e in parts})
+    return TrueFlow(name, flow, {name: np.sqrt(np.sum([e**2 for _, _, e in parts], axis=0))})

@@ -49,13 +49,6 @@ its drift apart."""
 SECOND = 6.0**0.5
 """Standard deviation of a second difference of white noise over that of the noise."""
 
-ENOUGH = 8
-"""Second differences from which noise is estimated: about what a stretch of PERSISTENCE samples
-before a fault and one behind it give. The root mean square of 8 is known to a third."""
-
-OUTLYING = 3.5
-"""Standard deviations beyond which a difference is no noise: one normal difference in 2000."""
-
 GAP = 3.0
 """A pause longer than this many sampling intervals ends a stretch."""
 
@@ -92,39 +85,14 @@ def _typical(differences: Array) -> float:
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
-    """Settled stretches, and the noise of every reading within them, SI.
+    """Settled stretches, and the noise of every reading, SI.
 
-    Between stretches readings move; in a short recording that is half of what looks like noise.
+    The noise is that of the whole recording, its transients too. Within the stretches it is less,
+    but what wanders there from one to the next is noise as well: with the scatter within them
+    alone, the flow meter of a real rig raised six false alarms in 907 sound cycles.
     """
     noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
-    return stretches, _noise_within(recording, stretches, noise)
-
-
-def _noise_within(
-    recording: Recording, stretches: Stretches, before: Mapping[str, float]
-) -> dict[str, float]:
-    """Noise from the second differences that lie within a stretch.
-
-    What lies far out is left out; of the rest the root mean square is taken, which scatters less
-    than the median. Where too few are left, what was known `before` stands.
-
-    Source: Rousseeuw and Leroy, Robust Regression and Outlier Detection (1987), 1.2: one-step
-    reweighted scale.
-    """
-    changes = np.zeros(len(recording) + 1, dtype=int)
-    np.add.at(changes, stretches.first, 1)
-    np.add.at(changes, stretches.last, -1)
-    settled, starts = np.cumsum(changes)[:-1] > 0, changes[:-1] > 0
-    middle = settled[:-2] & settled[1:-1] & settled[2:] & ~starts[1:-1] & ~starts[2:]
-    found = dict(before)
-    for name, values in recording.values.items():
-        second = np.diff(values, 2)[middle]
-        second = second[np.isfinite(second)]
-        if len(second) >= ENOUGH:
-            inside = np.abs(second) <= OUTLYING * _typical(second)
-            found[name] = float(np.sqrt(np.mean(second[inside] ** 2))) / SECOND
-    return found
+    return find_stretches(recording, ruleset, noise), noise
 
 
 def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:

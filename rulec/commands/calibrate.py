@@ -44,8 +44,7 @@ def run(options: argparse.Namespace) -> int:
     table = is_point_table(recording, ruleset)
     stretches, noise = settle(recording, ruleset)
     if table:
-        # What differs from row to row is the operating point; the noise of a row is not known.
-        stretches, noise = each_row(recording), dict.fromkeys(noise, 0.0)
+        stretches = each_row(recording)
     if not len(stretches):
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
     points = points_of_stretches(recording, ruleset, stretches, noise)
@@ -86,7 +85,7 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
         flow = flows[module.name]
         if not np.isfinite(flow.values).any():  # it stood all the time: what it was remains
             continue
-        readings = Readings(*local[module.name], flow.values, flow.errors, flow.noise, flow.name)
+        readings = Readings(*local[module.name], flow.values, flow.errors, flow.name)
         fits.append(fit_module(module, model, readings))
     if not fits:
         raise CalibrationRefused(
@@ -98,12 +97,11 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
 
 def _local(
     models: Models, ruleset: Ruleset, points: Points, module: Module
-) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
-    """Readings under the local names of a module, below-minimum ones blanked; their shared
-    standard uncertainties, and their noise."""
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Readings under the local names of a module, below-minimum ones blanked, and their
+    shared standard uncertainties."""
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
-    noise: dict[str, Array] = {}
     for name in module.type.signals:
         signal = ruleset.signal_by_id[f"{module.name}.{name}"]
         if signal.id not in points.values:
@@ -113,7 +111,6 @@ def _local(
             readings[~(readings >= signal.minimum)] = np.nan
         values[name] = readings
         systematic[name] = np.broadcast_to(systematic_u(signal, readings), readings.shape)
-        noise[name] = points.statistical(signal.id)
     n = len(next(iter(points.values.values())))
     missing = np.full(n, np.nan)
     for name in module.type.gathers:
@@ -124,9 +121,7 @@ def _local(
         systematic[GATHERED + name] = np.broadcast_to(
             np.sqrt(sum((s**2 for s in shared), np.zeros(1))), (n,)
         )
-        new = [points.statistical(i) for i in ids if i in points.values]
-        noise[GATHERED + name] = np.sqrt(sum((s**2 for s in new), np.zeros(n)))
-    return values, systematic, noise
+    return values, systematic
 
 
 def _file(models: Models, fits: list[ModuleFit]) -> dict[str, Any]:
