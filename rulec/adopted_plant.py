@@ -20,6 +20,7 @@ from rulec.write_plant import plant_files
 from runtime.mismatch.candidate import Repair as Found
 from runtime.mismatch.candidate import Unwritable
 from runtime.ruleset import Ruleset
+from runtime.write_file import write_text
 
 
 def trial(workshop: PlantWorkshop, found: Found) -> Ruleset:
@@ -46,7 +47,7 @@ def write_plant(folder: Path, sources: Sources, adoption: Adoption, repair: Repa
     for name, text in plant_files(sources, adoption, repair):
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8", newline="\n")
+        write_text(file, text)
 
 
 @contextmanager

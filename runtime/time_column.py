@@ -76,7 +76,8 @@ def _date(cell: str) -> tuple[float, float]:
     try:
         date = datetime.fromisoformat(text)
         zone = date.utcoffset()
-        seconds = (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
-    except (ValueError, OverflowError):
+        date = date if date.tzinfo else date.replace(tzinfo=UTC)
+        seconds = date.astimezone(UTC).timestamp()
+    except (ValueError, OverflowError):  # no date, or in UTC one that no calendar has
         return float("nan"), float("nan")
     return seconds, float("nan") if zone is None else zone.total_seconds()

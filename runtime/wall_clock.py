@@ -82,7 +82,7 @@ def duration(seconds: float) -> str:
     """How long something lasts, for people.
 
     >>> duration(8.0), duration(90.0), duration(7260.0), duration(200000.0)
-    ('8 s', '1 min 30 s', '2 h 1 min', '2 d 8 h')
+    ('8 s', '1 min 30 s', '2 h 1 min', '2 d 7 h')
     """
     if seconds < MINUTE:
         return f"{seconds:.3g} s"

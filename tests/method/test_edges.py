@@ -151,13 +151,17 @@ def test_cannot_judge(edge: str) -> None:
 PARTS = {
     "no pump pressure": "A.dp: no reading; cannot see A.leakage, A.clogging, A.widening, "
     "A.dp.high, ...",
-    "no pressure": "A.dp is below 0.05 bar; cannot see A.leakage, A.clogging, A.widening, "
+    "no pressure": "A.dp: dead at zero; cannot see A.leakage, A.clogging, A.widening, "
     "A.dp.high, ...",
     "no mixer reading": "C.dp: no reading; cannot see A.leakage, A.clogging, A.widening, "
     "B.leakage, ...",
-    "pump at rest": "A.n is below 40 rpm; cannot see A.leakage, A.P_el.high, A.P_el.low",
+    "pump at rest": "A.n: dead at zero; cannot see A.leakage, A.P_el.high, A.P_el.low",
     "no power": "A.P_el: no reading; cannot see A.P_el.high, A.P_el.low",
 }
+
+
+DEAD = {"pump at rest": ("A.n.dead",), "no pressure": ("A.dp.dead",)}
+"""Readings of zero while others say that liquid flows: a pump at rest cannot lift it."""
 
 
 @NO_WARNING
@@ -165,7 +169,8 @@ PARTS = {
 def test_blind_module_is_named(edge: str) -> None:
     """The operator is told which part of the plant could not be judged, and why."""
     found = judged(edge, "default")
-    assert "ok" == found.status
+    assert DEAD.get(edge, ()) == tuple(sensor.id for sensor in found.sensors)
+    assert ("F" if edge in DEAD else "ok") == found.status
     assert [(0.0, 29.0, f"in part: {PARTS[edge]}")] == [astuple(p) for p in found.not_judged]
 
 

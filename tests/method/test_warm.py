@@ -131,10 +131,12 @@ def test_calibration_over_temperatures_finds_the_parameters(tmp_path: Path) -> N
 
 
 def test_without_the_temperature_the_estimates_disagree(tmp_path: Path) -> None:
-    """The same healthy readings at 60 degC, with thermometers that say 0: the law needs them."""
+    """The same healthy readings at 60 degC, with thermometers that say 0: they are dead."""
     cold = {n: 0.0 if n.endswith("degC]") else v for n, v in readings(60.0).items()}
     found = diagnosed(tmp_path, [cold])
-    assert 1 == len(found.findings) + len(found.unknown)
+    assert {"F"} == {sensor.condition.status for sensor in found.sensors}
+    assert all(sensor.id.endswith(".T.dead") for sensor in found.sensors)
+    assert () == found.findings
 
 
 def test_leaving_the_range_of_the_fluid_is_said(tmp_path: Path) -> None:
