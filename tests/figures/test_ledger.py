@@ -124,10 +124,10 @@ def test_figures_grow_stale_with_their_files(ledger: Ledger, tmp_path: Path) -> 
 
 def test_what_contradicts_itself_is_told(ledger: Ledger) -> None:
     """A value outside of its interval, an unknown set of files, a count of another value."""
-    wrong = dataclasses.replace(isolation(ledger), low=0.99, high=1.0, depends=("nothing",))
+    wrong = dataclasses.replace(isolation(ledger), low=0.999, high=1.0, depends=("nothing",))
     other = dataclasses.replace(isolation(ledger), id="other", count=1)
     told = mistakes(dataclasses.replace(ledger, figures={"wrong": wrong, "other": other}))
-    for word in ("lies outside of 0.99 to 1.0", "no set of files 'nothing'", "1 of 180 is not"):
+    for word in ("lies outside of 0.999 to 1.0", "no set of files 'nothing'", "1 of 180 is not"):
         assert 1 == sum(word in line for line in told), word
 
 
