@@ -26,6 +26,7 @@ CONTRACT = {
     "runtime.mismatch.candidate",
     "runtime.dynamic.balances",
     "runtime.json_file",
+    "runtime.write_file",
 }
 """What the compiler writes; `runtime.tangent` differentiates its plans at the reference point."""
 FILES = sorted(
