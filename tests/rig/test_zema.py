@@ -64,9 +64,9 @@ def test_nothing_known_fits_where_the_pressure_leaves_its_profile(warm: Score) -
 
 
 def test_temperature_in_the_pump_law_pays(warm: Score, cold: Score) -> None:
-    """Without oil temperature a third of the weak leakages is lost; still no false alarm."""
+    """Without oil temperature half of the weak leakages are lost; still no false alarm."""
     assert 0 == _sum(cold.alarmed, "none")
-    assert _sum(cold.leak_named, "weak") < 0.7 * _sum(warm.leak_named, "weak")
+    assert _sum(cold.leak_named, "weak") < 0.6 * _sum(warm.leak_named, "weak")
 
 
 def test_labels_are_not_read_by_the_tool() -> None:
