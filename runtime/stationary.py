@@ -46,9 +46,6 @@ SETTLED = 4.0
 """A reading has settled when it differs from the next few by this many times its noise, or less,
 its drift apart."""
 
-SECOND = 6.0**0.5
-"""Standard deviation of a second difference of white noise over that of the noise."""
-
 GAP = 3.0
 """A pause longer than this many sampling intervals ends a stretch."""
 
@@ -76,20 +73,14 @@ def noise_of(values: Array) -> float:
     absolute values into a standard deviation of normal noise.
     """
     second = np.diff(values[np.isfinite(values)], 2)
-    return _typical(second) / SECOND if len(second) else 0.0
-
-
-def _typical(differences: Array) -> float:
-    """Standard deviation of normal values around zero, from their median: half may be anything."""
-    return float(1.4826 * np.median(np.abs(differences)))
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if len(second) else 0.0
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
     """Settled stretches, and the noise of every reading, SI.
 
     The noise is that of the whole recording, its transients too. Within the stretches it is less,
-    but what wanders there from one to the next is noise as well: with the scatter within them
-    alone, the flow meter of a real rig raised six false alarms in 907 sound cycles.
+    but what wanders from one to the next is noise as well, and false alarms follow without it.
     """
     noise = noise_at_work(recording, ruleset)
     return find_stretches(recording, ruleset, noise), noise

@@ -36,6 +36,10 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if len(judged) < 2:
         return None
     test = _stacked(ruleset, observed, judged)
+    # Stretches that lack an estimate say nothing of the rest.
+    judged = judged[(observed.valid[:, judged] == test.valid[:, None]).all(axis=0)]
+    if len(judged) < 2:
+        return None
     chance = isolation.chance
     scores = _scores(test)
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
@@ -47,14 +51,15 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     evidence: Array = np.array([_evidence(fit, limit) for fit in fits])
     if not float(evidence.max()) + BEFORE > _best_change(test, limit):
         return None
-    probability = np.zeros_like(isolation.probability)
+    probability = isolation.probability.copy()
     probability[:, judged] = shares(evidence[:, None])
     degree, u = isolation.degree.copy(), isolation.u.copy()
     for i in np.flatnonzero(np.isfinite(evidence)):
         fit = fits[i]
         assert fit is not None  # it has evidence
         degree[i, judged], u[i, judged] = fit.degree[0, 0], fit.u[0, 0]
-    deviating, pair = isolation.judged.copy(), np.full_like(isolation.pair, -1)
+    deviating, pair = isolation.deviating.copy(), isolation.pair.copy()
+    deviating[judged], pair[judged] = True, -1
     return replace(
         isolation, deviating=deviating, degree=degree, u=u, probability=probability, pair=pair
     )
