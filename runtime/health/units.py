@@ -65,8 +65,9 @@ def _spellings(own: UnitSpec, units: Mapping[str, UnitSpec], per_time: bool) -> 
 
 
 def _name(signal: SignalSpec, scale: tuple[float, float], known: Mapping[str, UnitSpec]) -> str:
-    """The unit that a column was read in."""
+    """The unit that a column was read in, for people."""
     if scale == (signal.factor, signal.offset):
         return signal.unit
     names = [n for n, u in known.items() if (u.factor, u.offset) == scale]
-    return min(names, key=len, default=signal.unit)
+    # mbar and hPa are one: the header may have said either.
+    return " or ".join(sorted(names, key=len)[:2]) or signal.unit
