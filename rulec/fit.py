@@ -19,6 +19,7 @@ from rulec.data_sheet import Sheet
 from rulec.differentiate import GATHERED, TypeModel
 from rulec.graph import Graph
 from rulec.plant import Module
+from rulec.true_flow import Local, TrueFlow
 from runtime.plan import Array, Plan
 
 FAR = 5.0
@@ -39,19 +40,13 @@ class CalibrationRefused(Exception):
 
 @dataclass(frozen=True)
 class Readings:
-    """Settled readings of one module: per local variable shape (n,), and the true flow.
+    """Settled readings of one module, and the true flow.
 
-    `systematic` gives the standard uncertainty shared by all readings of a sensor, as
-    derivative: how much each reading would change, shape (n,), one standard deviation on.
-    `flow_errors` gives per source how much the flow would; a reading that both rest on has the
-    same name in both.
+    A reading that both rest on has the same name in both.
     """
 
-    values: Mapping[str, Array]
-    systematic: Mapping[str, Array]
-    flow: Array
-    flow_errors: Mapping[str, Array]
-    flow_name: str
+    own: Local
+    true: TrueFlow
 
 
 @dataclass(frozen=True)
@@ -90,7 +85,7 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
     names: list[str] = []
     parts: list[_Part] = []
     held = _held(module, model)
-    kept_all = np.zeros(len(readings.flow), dtype=bool)
+    kept_all = np.zeros(len(readings.true.values), dtype=bool)
     for observer in model.observers:
         if module.type.observers[observer].is_reference:
             continue
@@ -143,7 +138,7 @@ def _fit_observer(
     readings: Readings,
 ) -> _Part:
     plan = _observer_plan(model, observer)
-    inputs: dict[str, Array | float] = {**current, **readings.values}
+    inputs: dict[str, Array | float] = {**current, **readings.own.values}
     rows = _usable_rows(module, model, observer, len(free), readings)
     scale = np.array([_scale(module, n) for n in free])
     begin = np.array([current[n] for n in free]) / scale
@@ -152,12 +147,14 @@ def _fit_observer(
         fixed = dict(zip(free, (scaled * scale).tolist(), strict=True))
         local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
         flows = np.broadcast_to(plan.run({**local, **fixed})["Q"], (len(chosen),))
-        off = flows - readings.flow[chosen]
-        far = 10.0 * float(np.max(np.abs(readings.flow[chosen])))
+        off = flows - readings.true.values[chosen]
+        far = 10.0 * float(np.max(np.abs(readings.true.values[chosen])))
         bounded: Array = np.where(np.isfinite(off), off, far)
         return bounded
 
-    size = float(np.std(readings.flow[rows])) or float(np.mean(np.abs(readings.flow[rows])))
+    size = float(np.std(readings.true.values[rows])) or float(
+        np.mean(np.abs(readings.true.values[rows]))
+    )
     best, kept = _robust(error, begin, rows, size)
 
     def near(at: Array) -> _Near:
@@ -186,7 +183,7 @@ def _fit_observer(
         near, best, sheet, lambda found: found.covariance(noise, kept, readings)
     )
     statistical = noise**2 * weight @ joined.inverse @ weight.T + sheet.share(weight)
-    total = float(np.sum((readings.flow[kept] - readings.flow[kept].mean()) ** 2))
+    total = float(np.sum((readings.true.values[kept] - readings.true.values[kept].mean()) ** 2))
     summary = ObserverFit(
         observer,
         _own_misfit(joined, best, sheet, readings, kept),
@@ -251,7 +248,8 @@ def _joined(
 def _own_misfit(
     near: _Near, at: Array, sheet: Sheet, readings: Readings, rows: np.ndarray
 ) -> float:
-    """Scatter, m3/s, that neither the parameters nor the calibrating sensors' errors explain.
+    """Scatter, m3/s, that neither the parameters nor the calibrating sensors' errors explain, nor
+    the noise of the readings, which a diagnosis knows of its own recording.
 
     A bench meter that reads 5 W high moves all points alike. Where the data sheet holds the
     parameter that could follow, the points lie beside the law by the meter's error; it says
@@ -274,7 +272,19 @@ def _own_misfit(
         misfit = float(np.linalg.norm(near.off + slopes @ change) / np.sqrt(max(freedom, 1.0)))
         if np.isclose(before, misfit, rtol=SETTLED, atol=0.0):
             break
-    return misfit
+    return float(np.sqrt(max(misfit**2 - _noise(near.slopes, rows, readings), 0.0)))
+
+
+def _noise(slopes: Mapping[str, Array], rows: np.ndarray, readings: Readings) -> float:
+    """Mean variance by which points scatter about the law for the noise of readings, (m3/s)^2."""
+    own, true = readings.own.statistical, readings.true.noise
+    none = np.zeros(len(rows))
+    variance = none
+    for name in dict.fromkeys([*own, *true]):
+        moved = slopes[name] * own[name][rows] if name in slopes else none
+        shown = true[name][rows] if name in true else none
+        variance = variance + (moved - shown) ** 2
+    return float(np.mean(variance))
 
 
 def _spread(off: Array, count: int) -> float:
@@ -285,15 +295,15 @@ def _usable_rows(
     module: Module, model: TypeModel, observer: str, count: int, readings: Readings
 ) -> np.ndarray:
     """Points with all readings and a true flow; refuses if they are too few for `count`."""
-    usable = np.isfinite(readings.flow)
+    usable = np.isfinite(readings.true.values)
     for name in _variables(model, observer):
-        usable &= np.isfinite(readings.values.get(name, np.full(len(usable), np.nan)))
+        usable &= np.isfinite(readings.own.values.get(name, np.full(len(usable), np.nan)))
     rows = np.flatnonzero(usable)
     needed = 3 * max(count, 1)
     if len(rows) < needed:
         raise CalibrationRefused(
             f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
-            f"{readings.flow_name}; {needed} are needed for {count} parameters"
+            f"{readings.true.name}; {needed} are needed for {count} parameters"
         )
     return rows
 
@@ -402,7 +412,7 @@ def _joint_covariance(parts: Sequence[_Part], readings: Readings) -> Array:
 
 def _calibrating(readings: Readings) -> list[str]:
     """Names of all sensors that a calibration rests on."""
-    return list(dict.fromkeys([*readings.systematic, *readings.flow_errors]))
+    return list(dict.fromkeys([*readings.own.systematic, *readings.true.errors]))
 
 
 def _shift(
@@ -421,9 +431,9 @@ def _error(slopes: Mapping[str, Array], rows: np.ndarray, name: str, readings: R
     """How far points move off the law, m3/s, if one sensor is one standard deviation off."""
     off: Array = np.zeros(len(rows))
     if name in slopes:
-        off = off + slopes[name] * readings.systematic[name][rows]
-    if name in readings.flow_errors:
-        off = off - readings.flow_errors[name][rows]
+        off = off + slopes[name] * readings.own.systematic[name][rows]
+    if name in readings.true.errors:
+        off = off - readings.true.errors[name][rows]
     return off
 
 
@@ -436,9 +446,9 @@ def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, 
     used = {n for o in laws for n in _variables(model, o)}
     found = {}
     for name in model.type.signals:
-        values = readings.values.get(name)
+        values = readings.own.values.get(name)
         if name in used and values is not None:
             inside = kept & np.isfinite(values)
             if inside.any():
-                found[name] = range_of(values[inside], readings.systematic[name][inside])
+                found[name] = range_of(values[inside], readings.own.systematic[name][inside])
     return found

@@ -62,6 +62,7 @@ class Observed:
     valid : shape (observers, n).
     noise : shape (n, observers, observers), covariance of what is new at every point: the noise
         of readings and the observers' own misfit; (m3/s)^2.
+    scatter : as `noise`, of the noise of readings alone.
     shared : shape (observers, errors, n): derivative by each error that stays over a recording
         (systematic errors of sensors, the calibration) times its standard uncertainty, m3/s.
     offsets : shape (observers, n), what the baseline says to take from each flow, m3/s.
@@ -76,6 +77,7 @@ class Observed:
     flows: Array
     valid: np.ndarray
     noise: Array
+    scatter: Array
     shared: Array
     offsets: Array
     covariance: Array
@@ -185,12 +187,13 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= _usable(ruleset, observer, points, out, n)
-    noise, lasting, shared = _errors(ruleset, points, n)
+    scatter, noise, lasting, shared = _errors(ruleset, points, n)
     return Observed(
         points,
         flows,
         valid,
         noise,
+        scatter,
         shared,
         np.zeros_like(flows),
         noise + lasting,
@@ -216,31 +219,43 @@ def _usable(
     return usable
 
 
-def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array]:
-    """Covariances, shape (n, observers, observers), of what is new at every point and of what
-    stays over a recording, and gradients by the latter, shape (observers, errors, n)."""
+def flows_at(ruleset: Ruleset, points: Points) -> Array:
+    """What each observer estimates, m3/s, shape (observers, n), without a question."""
+    names = [f"q:{o.id}" for o in ruleset.observers]
+    n = max((len(v) for v in points.values.values()), default=0)
+    results = ruleset.plan.select(names).run(plan_inputs(points))
+    return np.array([np.broadcast_to(results[name], (n,)) for name in names])
+
+
+def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array, Array]:
+    """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
+    at every point and of what stays over a recording, and gradients by the latter, shape
+    (observers, errors, n)."""
     names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
     unit = dict.fromkeys(points.values, np.ones(n))
     slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
     row = ruleset.observer_index
-    fleeting: Gradients = {}
+    scatter: Gradients = {}
+    misfits: Gradients = {}
     lasting: Gradients = {}
     # A reading beyond all limits has no slope; its estimate is not used.
     with np.errstate(invalid="ignore"):
         for name in names:
             _, observer, error = name.split(":", 2)
             if error in ruleset.misfits:
-                fleeting.setdefault(error, {})[row[observer]] = slopes[name]
+                misfits.setdefault(error, {})[row[observer]] = slopes[name]
                 lasting.setdefault(error, {})
                 continue
             systematic: Array | float = 1.0
             if error in points.values:
                 systematic = points.systematic[error]
-                new = slopes[name] * points.statistical(error)
-                fleeting.setdefault(error, {})[row[observer]] = new
+                own = slopes[name] * points.statistical(error)
+                scatter.setdefault(error, {})[row[observer]] = own
             lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
         shape = (len(row), n)
-        return _covariance(fleeting, shape), _covariance(lasting, shape), _stacked(lasting, shape)
+        read = _covariance(scatter, shape)
+        new = read + _covariance(misfits, shape)
+        return read, new, _covariance(lasting, shape), _stacked(lasting, shape)
 
 
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:

@@ -17,6 +17,7 @@ from runtime.redundancy import Block, blocks_of
 from runtime.ruleset import Ruleset
 from runtime.stationary import Stretches
 from runtime.throughout import throughout
+from runtime.wander import Halves, halves_of, wander_of, wandering
 
 BATCH = 16_384
 """Samples judged at a time, so that memory stays flat."""
@@ -30,7 +31,8 @@ class Seen:
     """Everything known of points, as far as one block of estimates goes.
 
     `observed` is seen against the baselines, `plain` is not. Where points are not `combined`
-    (paper mode) a run says the mean of what each of them says.
+    (paper mode) a run says the mean of what each of them says. `wander` is the part of the noise
+    that `wander_of` found, shape (n, observers, observers).
     """
 
     block: Block
@@ -39,6 +41,7 @@ class Seen:
     baselines: Baselines
     isolation: Isolation
     combined: bool
+    wander: Array
 
 
 def see_stretches(
@@ -50,24 +53,31 @@ def see_stretches(
 ) -> list[Seen]:
     """Observe the stretches, learn the baseline of each block, isolate."""
     whole = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
-    return [see_block(ruleset, whole, block, mode) for block in blocks_of(ruleset)]
+    halves = halves_of(recording, ruleset, stretches, noise)
+    return [see_block(ruleset, whole, block, mode, halves) for block in blocks_of(ruleset)]
 
 
-def see_block(ruleset: Ruleset, whole: Observed, block: Block, mode: str) -> Seen:
+def see_block(
+    ruleset: Ruleset, whole: Observed, block: Block, mode: str, halves: Halves | None = None
+) -> Seen:
     """Learn the baseline of one block of estimates, and isolate."""
     plain = within(whole, block)
+    wander = np.zeros_like(plain.noise)
     if mode == PAPER:
         # The paper knows no baseline.
         paper = _by_paper(ruleset, plain, isolate(ruleset, plain))
-        return Seen(block, plain, plain, _nothing(plain), paper, combined=False)
+        return Seen(block, plain, plain, _nothing(plain), paper, False, wander)
+    if halves is not None:
+        wander = wander_of(ruleset, plain, halves)
+        plain = wandering(plain, wander)
     baselines = learn(ruleset, plain)
     compared = against(ruleset, plain, baselines)
     isolation = isolate(ruleset, compared)
     lasting = throughout(ruleset, plain, isolation)
     if lasting is None:
-        return Seen(block, plain, compared, baselines, isolation, combined=True)
+        return Seen(block, plain, compared, baselines, isolation, True, wander)
     # What was learned from these stretches is the fault.
-    return Seen(block, plain, plain, _nothing(plain), lasting, combined=True)
+    return Seen(block, plain, plain, _nothing(plain), lasting, True, wander)
 
 
 def _nothing(observed: Observed) -> Baselines:
@@ -101,6 +111,7 @@ def _see_samples(
     if not seen.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
         return replace(seen, plain=plain, observed=plain, isolation=isolation)
+    plain = wandering(plain, seen.wander[place])
     compared = against(ruleset, plain, seen.baselines, seen.baselines.at[place])
     isolation = isolate(ruleset, compared, looks)
     return replace(seen, plain=plain, observed=compared, isolation=isolation)

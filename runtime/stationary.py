@@ -72,18 +72,35 @@ def noise_of(values: Array) -> float:
     A second difference of white noise has the variance 6 sigma^2; 1.4826 turns the median of
     absolute values into a standard deviation of normal noise.
     """
-    second = np.diff(values[np.isfinite(values)], 2)
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if len(second) else 0.0
+    return _noise_of_second(np.diff(values[np.isfinite(values)], 2), 0.0)
+
+
+def _noise_of_second(second: Array, unknown: float) -> float:
+    """Noise by second differences, some of which may be no numbers; `unknown` where none is."""
+    second = second[np.isfinite(second)]
+    if not len(second):
+        return unknown
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
-    """Settled stretches, and the noise of every reading, SI.
-
-    The noise is that of the whole recording, its transients too. Within the stretches it is less,
-    but what wanders from one to the next is noise as well, and false alarms follow without it.
-    """
+    """Settled stretches, and the noise of every reading within them, SI."""
     noise = noise_at_work(recording, ruleset)
-    return find_stretches(recording, ruleset, noise), noise
+    stretches = find_stretches(recording, ruleset, noise)
+    within = _within(stretches, len(recording))
+    return stretches, {
+        name: _noise_of_second(np.diff(values, 2)[within], noise[name])
+        for name, values in recording.values.items()
+    }
+
+
+def _within(stretches: Stretches, samples: int) -> np.ndarray:
+    """Which second differences lie within one stretch, shape (samples - 2,)."""
+    stretch = np.full(samples, -1)
+    for i, (low, high) in enumerate(zip(stretches.first, stretches.last, strict=True)):
+        stretch[low:high] = i
+    within: np.ndarray = (stretch[2:] >= 0) & (stretch[2:] == stretch[:-2])
+    return within
 
 
 def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:

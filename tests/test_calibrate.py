@@ -136,6 +136,21 @@ def test_the_error_of_a_bench_meter_is_no_misfit(tmp_path: Path) -> None:
     assert 0.5 > misfit["power"]["value"]
 
 
+def test_the_noise_of_readings_is_no_misfit(tmp_path: Path) -> None:
+    """Laws that hold have no misfit, however the readings scatter; one that does not, its own."""
+    run = calibration_run(abc())
+    own, bent = [], []
+    for seed in range(21, 29):
+        readings = record(run, seed=seed).readings
+        write_csv(tmp_path / "r.csv", readings)
+        own.append(_calibrate(tmp_path / "r.csv", tmp_path)["A"]["misfit"]["pump"]["value"])
+        share = 1.0 + 0.02 * np.sin(readings["A.n [rpm]"] / 20.0)
+        write_csv(tmp_path / "r.csv", {**readings, "A.Q [l/h]": readings["A.Q [l/h]"] * share})
+        bent.append(_calibrate(tmp_path / "r.csv", tmp_path)["A"]["misfit"]["pump"]["value"])
+    assert np.median(own) < 0.15
+    assert 1.0 < np.median(bent)
+
+
 def test_points_off_the_law_are_set_aside(tmp_path: Path) -> None:
     """A tenth of the points with a wrong flow does not bend the fit."""
     readings = record(calibration_run(abc()), NOISE_FREE).readings

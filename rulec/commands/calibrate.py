@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from rulec.differentiate import GATHERED, Models
 from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.pipeline import PASSES, run_passes, up_to
 from rulec.plant import Module
-from rulec.true_flow import true_flows
+from rulec.true_flow import Local, true_flows
 from runtime.health.judge import examine
 from runtime.observe import Points, points_of_stretches
 from runtime.plan import Array
@@ -44,7 +44,8 @@ def run(options: argparse.Namespace) -> int:
     table = is_point_table(recording, ruleset)
     stretches, noise = settle(recording, ruleset)
     if table:
-        stretches = each_row(recording)
+        # One row says nothing of its own noise: that is part of the misfit.
+        stretches, noise = each_row(recording), dict.fromkeys(noise, 0.0)
     if not len(stretches):
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
     points = points_of_stretches(recording, ruleset, stretches, noise)
@@ -85,7 +86,7 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
         flow = flows[module.name]
         if not np.isfinite(flow.values).any():  # it stood all the time: what it was remains
             continue
-        readings = Readings(*local[module.name], flow.values, flow.errors, flow.name)
+        readings = Readings(local[module.name], flow)
         fits.append(fit_module(module, model, readings))
     if not fits:
         raise CalibrationRefused(
@@ -95,13 +96,11 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
     return fits
 
 
-def _local(
-    models: Models, ruleset: Ruleset, points: Points, module: Module
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Readings under the local names of a module, below-minimum ones blanked, and their
-    shared standard uncertainties."""
+def _local(models: Models, ruleset: Ruleset, points: Points, module: Module) -> Local:
+    """Readings of a module, below-minimum ones blanked."""
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
+    statistical: dict[str, Array] = {}
     for name in module.type.signals:
         signal = ruleset.signal_by_id[f"{module.name}.{name}"]
         if signal.id not in points.values:
@@ -111,17 +110,22 @@ def _local(
             readings[~(readings >= signal.minimum)] = np.nan
         values[name] = readings
         systematic[name] = np.broadcast_to(systematic_u(signal, readings), readings.shape)
+        statistical[name] = points.statistical(signal.id)
     n = len(next(iter(points.values.values())))
-    missing = np.full(n, np.nan)
     for name in module.type.gathers:
         ids = [f"{m}.{s}" for m, s in models.residuals.network.gathers[module.name, name]]
-        parts = [points.values.get(i, missing) for i in ids]
+        known = all(i in points.values for i in ids)
+        parts = [points.values[i] for i in ids] if known else [np.full(n, np.nan)]
+        shared = [systematic_u(ruleset.signal_by_id[i], points.values[i]) for i in ids if known]
+        new = [points.statistical(i) for i in ids if known]
         values[GATHERED + name] = np.sum(parts, axis=0) if parts else np.zeros(n)
-        shared = [systematic_u(ruleset.signal_by_id[i], v) for i, v in zip(ids, parts, strict=True)]
-        systematic[GATHERED + name] = np.broadcast_to(
-            np.sqrt(sum((s**2 for s in shared), np.zeros(1))), (n,)
-        )
-    return values, systematic
+        systematic[GATHERED + name] = _root_of_squares(shared, n)
+        statistical[GATHERED + name] = _root_of_squares(new, n)
+    return Local(values, systematic, statistical)
+
+
+def _root_of_squares(parts: Sequence[Array], n: int) -> Array:
+    return np.sqrt(sum((np.broadcast_to(p, (n,)) ** 2 for p in parts), np.zeros(n)))
 
 
 def _file(models: Models, fits: list[ModuleFit]) -> dict[str, Any]:
