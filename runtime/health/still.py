@@ -51,8 +51,24 @@ def standing_still(
     if not _restless(rest, u):
         return []
     chance = max((b - a for a, b in runs if b - a < LONGEST), default=1)
-    long = [run for run in long if run[1] - run[0] >= TIMES * chance]
+    long = [
+        run for run in long if run[1] - run[0] >= TIMES * chance and _moves_beside(values, *run)
+    ]
     return [run for run in long if not _clipped(values, *run, ends)]
+
+
+def _moves_beside(values: Array, first: int, behind: int) -> bool:
+    """Does a reading move from sample to sample right before and behind, as long as it stood?
+
+    Noise changes with the operating point; what hides below the last digit there as well is no
+    standstill.
+    """
+    long = behind - first
+    for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
+        steps = np.diff(beside[np.isfinite(beside)])
+        if len(steps) >= LONGEST and np.mean(steps == 0) > REPEATED:
+            return False
+    return True
 
 
 def _clipped(

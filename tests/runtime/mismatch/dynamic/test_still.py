@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.dynamic.still import coarse_step
-from runtime.health.still import standing_still
+from runtime.health.still import runs_of_equals, standing_still
 
 COURSE = 3.0 + np.sin(np.arange(600) / 40.0)
 NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 3)
@@ -41,3 +41,12 @@ def test_a_coarse_display_is_told_by_its_step() -> None:
     assert coarse_step(many, 0.01) == pytest.approx(0.1)
     assert coarse_step(NOISY, 0.025) == 0.0
     assert coarse_step(np.where(COURSE > 3.0, 1.0, 0.0), 0.025) == 0.0
+
+
+def test_noise_below_the_last_digit_is_no_standstill() -> None:
+    """A plateau on which noise is half a digit, after one on which it is three digits."""
+    random = np.random.default_rng(4)
+    loud, quiet = random.normal(0.0, 3.0, 600), random.normal(0.0, 0.22, 600)
+    values = np.round(np.concatenate([100.0 + loud, 120.0 + quiet]))
+    assert max(b - a for a, b in runs_of_equals(values)) > 40
+    assert standing_still(values) == []
