@@ -116,9 +116,9 @@ def refusal(
 ) -> str:
     """Why the repaired plant is not to be written; empty if it may.
 
-    Held-out blocks decide nothing but this. The first reading must not be met worse, neither where
-    errors are told nor over all held-out rows, those in periods of faults too: a fault may be none.
-    No other reading may be met worse beyond chance.
+    Held-out blocks decide nothing but this. The first reading must be met better beyond chance
+    where errors are told, and not worse over all held-out rows, those in periods of faults too: a
+    fault may be none. No other reading may be met worse beyond chance.
     """
     if verdict == "ambiguous" and joined:
         return "the recording does not tell which of several explanations is right"
@@ -131,6 +131,12 @@ def refusal(
         worse = held.repaired > held.recalibrated * (1.0 + SAME)
         if (i == 0 and worse) or is_spoiled(fit):
             return _worse(fit, held.repaired, held.recalibrated, f"on {which} samples")
+        if i == 0 and fit.gain_interval[0] <= 0.0:
+            low, high = (number(100.0 * share) for share in fit.gain_interval)
+            return (
+                f"simulated with it, the error of {fit.signal} on held-out samples falls by {low} "
+                f"to {high} % (95 %) beside recalibrated values alone, which may be chance"
+            )
     for check in checks if joined else ():
         if check.signal == fits[0].signal and check.error > check.plain * (1.0 + SAME):
             return _worse(fits[0], check.error, check.plain, "over all held-out rows")

@@ -137,7 +137,10 @@ def test_what_is_worse_than_recalibration_is_not_written() -> None:
     fit = Fit("A.Q", "l/min", fitted, held, (-0.1, 0.1), 1.0)
     assert "off by 1 l/min on held-out samples" in refusal("named", [fit], ["A.x@Q"], "")
     assert "" == refusal("named", [fit], [], "")
-    better = replace(fit, heldout=Errors(2.0, 1.0, 0.9, 0.1, 10))
+    perhaps = replace(fit, heldout=Errors(2.0, 1.0, 0.9, 0.1, 10), gain_interval=(-0.004, 0.2))
+    chance = refusal("named", [perhaps], ["A.x@Q"], "")
+    assert "0.4 to 20 % (95 %) beside recalibrated values alone" in chance
+    better = replace(perhaps, gain_interval=(0.02, 0.2))
     whole = Check("A.Q", 100, 1.4, 1.3)
     assert "" == refusal("named", [better], ["A.x@Q"], "", [replace(whole, error=1.2)])
     assert "off by 1.4 l/min over all held-out rows" in refusal(
