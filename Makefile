@@ -11,14 +11,14 @@ export OMP_NUM_THREADS ?= 1
 help: ## list the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
 
-$(BIN)/rulec: pyproject.toml
+$(BIN)/rulec: pyproject.toml runtime/pyproject.toml
 	@echo "preparing $(VENV) (once, about a minute)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable .
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable .
 	@touch $@
 
 $(VENV)/dev: $(BIN)/rulec
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[dev]'
 	@touch $@
 
 demo: $(BIN)/rulec ## see a leakage found and explained on a shipped example

@@ -8,11 +8,17 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import io
-import os
-import sys
 from collections.abc import Sequence
-from typing import NoReturn
+
+from rulec_runtime.commands.frame import (
+    REFUSALS,
+    Parser,
+    carried_out,
+    diagnose_options,
+    json_option,
+    message_of,
+    prepare_process,
+)
 
 _COMMANDS = {
     "check": "validate knowledge and plant files",
@@ -30,8 +36,7 @@ _COMMANDS = {
 }
 
 _REFUSALS = (
-    "RecordingRefused",
-    "RulesetRefused",
+    *REFUSALS,
     "CalibrationRefused",
     "SimulationRefused",
     "AdoptRefused",
@@ -42,49 +47,10 @@ _REFUSALS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage)."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            # A terminal that lacks a symbol shows a replacement, not a traceback.
-            stream.reconfigure(errors="replace")
-    # Matrices are small here: threads of the linear algebra wait for each other, and on a machine
-    # that has other work to do they cost several times what they save.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    parser = _parser()
-    options = parser.parse_args(arguments)
+    prepare_process()
+    options = _parser().parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
-    try:
-        code: int = module.run(options)
-        sys.stdout.flush()
-        return code
-    except KeyboardInterrupt:
-        _say("rulec: interrupted")
-        return 130
-    except BrokenPipeError:
-        # The reader of a pipe has gone (`rulec ... | head`): no message, and no flush at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except Exception as error:
-        message = _message(error)
-        if message is None:
-            raise
-        _say(message)
-        return 1
-
-
-def _say(message: str) -> None:
-    """A message for standard error; it may quote whatever stands in a file."""
-    from runtime.terminal import say_aside
-
-    say_aside(message)
-
-
-class _Parser(argparse.ArgumentParser):
-    """Quotes wrong arguments as text: a script may have handed over anything."""
-
-    def error(self, message: str) -> NoReturn:
-        from runtime.terminal import one_line
-
-        super().error(one_line(message))
+    return carried_out(lambda: int(module.run(options)), _message)
 
 
 def _message(error: Exception) -> str | None:
@@ -95,17 +61,11 @@ def _message(error: Exception) -> str | None:
 
         assert isinstance(error, Refused)
         return render_all(error.diagnostics)
-    from runtime.terminal import one_line
-
-    if kind in _REFUSALS:
-        return one_line(f"rulec: {error}")
-    if isinstance(error, OSError):
-        return one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
-    return None
+    return message_of(error, _REFUSALS)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="rulec",
         description="Fault diagnosis for modular hydraulic plants, compiled from module files.",
         epilog="PLANT is a folder with a plant.yaml, or the file itself. "
@@ -122,30 +82,14 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
     )
     made["matrix"].add_argument("plant", metavar="PLANT")
-    _json(made["matrix"])
+    json_option(made["matrix"])
     made["show"].add_argument("step", metavar="PASS", help="name of a pass, or 'passes' for a list")
     made["show"].add_argument("plant", metavar="PLANT")
     made["calibrate"].add_argument("plant", metavar="PLANT")
     made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
-    _json(made["calibrate"])
-    diagnose = made["diagnose"]
-    diagnose.add_argument("plant", metavar="PLANT_OR_RULESET")
-    diagnose.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
-    diagnose.add_argument(
-        "--mode",
-        choices=("default", "paper"),
-        default="default",
-        help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
-    )
-    diagnose.add_argument("--trace", metavar="FILE.csv", help="one row per sample")
-    diagnose.add_argument(
-        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
-    )
-    diagnose.add_argument(
-        "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
-    )
-    _json(diagnose)
+    json_option(made["calibrate"])
+    diagnose_options(made["diagnose"], "PLANT_OR_RULESET")
     made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
     made["adopt"].add_argument(
         "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
@@ -202,7 +146,7 @@ def _mismatch(mismatch: argparse.ArgumentParser) -> None:
     mismatch.add_argument(
         "--series", metavar="FILE.csv", help="measured and predicted courses, sample by sample"
     )
-    _json(mismatch)
+    json_option(mismatch)
 
 
 def _study(study: argparse.ArgumentParser) -> None:
@@ -225,7 +169,7 @@ def _study(study: argparse.ArgumentParser) -> None:
     study.add_argument(
         "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
     )
-    _json(study)
+    json_option(study)
 
 
 def prove_options(prove: argparse.ArgumentParser) -> None:
@@ -248,10 +192,6 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     )
     prove.add_argument("--json", metavar="FILE", help="all cases as judged")
     prove.add_argument("--report", metavar="FILE.html", help="one page with pictures")
-
-
-def _json(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
 
 
 if __name__ == "__main__":

@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.pipeline import compile_plant
-from runtime.ruleset import Ruleset
+from rulec.passes.pipeline import compile_plant
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from rulec.differentiate import Models
-from rulec.effect import Driver, Effect, EffectLaw, EffectParameter, Join
+from rulec.knowledge.effect import Driver, Effect, EffectLaw, EffectParameter, Join
 from rulec.language.expression import parse
+from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
-from rulec.origin import Origin
+from rulec.passes.differentiate import Models
 
 
 def join(

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.contract.plan import Array
 
-from rulec.adopted_plant import adoption_of, put_in_place, write_plant
 from rulec.cli import main
-from rulec.differentiate import Models
+from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
+from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.effects.places import parameter_values
+from rulec.effects.repair import AdoptRefused, read_repair
 from rulec.language.document import parse_document, read_document
 from rulec.language.yaml_text import flow, lines
-from rulec.lower import Lowering, lower_module
-from rulec.pipeline import compile_plant, run_passes, up_to
-from rulec.places import parameter_values
-from rulec.repair import AdoptRefused, read_repair
-from rulec.workshop import PlantWorkshop, open_workshop
-from runtime.plan import Array
+from rulec.passes.differentiate import Models
+from rulec.passes.lower import Lowering, lower_module
+from rulec.passes.pipeline import compile_plant, run_passes, up_to
 from tests.conftest import ROOT
 
 SLIP = "slip-temperature"
@@ -34,18 +34,18 @@ def plant_path(name: str) -> Path:
 
 
 @functools.cache
-def opened(plant: Path) -> PlantWorkshop:
-    """The workshop of a plant, opened once."""
-    return open_workshop(plant)[1]
+def opened(plant: Path) -> ModelBuilder:
+    """The builder of a plant, opened once."""
+    return open_builder(plant)[1]
 
 
-def mismatch(plant: Path, found: Found, **extra: Any) -> tuple[dict[str, Any], PlantWorkshop]:
+def mismatch(plant: Path, found: Found, **extra: Any) -> tuple[dict[str, Any], ModelBuilder]:
     """What `rulec mismatch` writes, as far as it is adopted; values by local names, SI.
 
     All uncertain parameters of the plain plant are moved by a tenth of their uncertainty.
     """
-    workshop = opened(plant)
-    base, by_id = workshop.parameters, {c.id: c for c in workshop.candidates}
+    builder = opened(plant)
+    base, by_id = builder.parameters, {c.id: c for c in builder.candidates}
     joined, ids, values = [], [], []
     for name, given in found:
         candidate = by_id[name]
@@ -67,7 +67,7 @@ def mismatch(plant: Path, found: Found, **extra: Any) -> tuple[dict[str, Any], P
         "covariance": covariance.tolist(),
         **extra,
     }
-    return {"recording": "day.csv", "repair": repair}, workshop
+    return {"recording": "day.csv", "repair": repair}, builder
 
 
 def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
@@ -75,10 +75,10 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
     file = folder / "mismatch.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     repair = read_repair(file)
-    workshop = open_workshop(repair.plant)[1]
-    assert workshop.sources is not None
+    builder = open_builder(repair.plant)[1]
+    assert builder.sources is not None
     with put_in_place(folder / "new") as place:
-        write_plant(place, workshop.sources, adoption_of(workshop, repair), repair)
+        write_plant(place, builder.sources, adoption_of(builder, repair), repair)
         compile_plant(place)
     return folder / "new"
 
@@ -89,7 +89,7 @@ def models_of(plant: Path) -> Models:
 
 
 def assert_same_flows(
-    plant: Path, data: Mapping[str, Any], workshop: PlantWorkshop, module: str
+    plant: Path, data: Mapping[str, Any], builder: ModelBuilder, module: str
 ) -> None:
     """The new plant, read from its files, gives what the analysis had: to 1e-12."""
     repair = data["repair"]
@@ -97,12 +97,12 @@ def assert_same_flows(
     random = np.random.default_rng(7)
     readings: dict[str, Array | float] = {
         name: value * (1.0 + 0.02 * random.standard_normal(20))
-        for name, value in workshop._readings.items()
+        for name, value in builder._readings.items()
     }
-    values = {**workshop.parameters.constants}
+    values = {**builder.parameters.constants}
     values |= dict(zip(repair["parameters"], repair["values"], strict=True))
     values |= {k: v for entry in repair["joined"] for k, v in entry["fixed"].items()}
-    expected = workshop.plan(module, names).run({**readings, **values})
+    expected = builder.plan(module, names).run({**readings, **values})
     network = models_of(plant).residuals.network
     read = parameter_values(network.plant)
     found = lower_module(Lowering(network, {}), module).run({**read, **readings})
@@ -119,7 +119,7 @@ def test_one_effect_in_the_only_instance(tmp_path: Path) -> None:
     plant = plant_path("zema-hydraulic/without-temperature.yaml")
     found = [(f"main.{SLIP}@Q_law", {"b": 0.021, "T0": 318.0})]
     extra = {"misfit": {"main.pump": 2e-7}, "range": {"main.T": [308.15, 331.15]}}
-    data, workshop = mismatch(plant, found, **extra)
+    data, builder = mismatch(plant, found, **extra)
     new = adopted(tmp_path, data)
     kind = models_of(new).residuals.network.plant.modules["main"].type
     assert ("pump-set", 2) == (kind.name, kind.version)
@@ -131,7 +131,7 @@ def test_one_effect_in_the_only_instance(tmp_path: Path) -> None:
     assert 0.0021 == pytest.approx(module.parameters["b"].u)
     assert 2e-7 == pytest.approx(module.misfit["pump"])
     assert (308.15, 331.15) == pytest.approx(module.valid["T"])
-    assert_same_flows(new, data, workshop, "main")
+    assert_same_flows(new, data, builder, "main")
 
 
 def test_calibration_keeps_what_belongs_together(tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_instances_that_differ_get_types_of_their_own(tmp_path: Path) -> None:
         (f"B.{SLIP}@Q_geo", {"b": 0.03, "T0": 294.0}),
         ("B.line-laminar@plant", {"a": 1e-6}),
     ]
-    data, workshop = mismatch(plant_path("mixing-rig"), found)
+    data, builder = mismatch(plant_path("mixing-rig"), found)
     new = adopted(tmp_path, data)
     modules = models_of(new).residuals.network.plant.modules
     names = {name: modules[name].type.name for name in "ABC"}
@@ -166,7 +166,7 @@ def test_instances_that_differ_get_types_of_their_own(tmp_path: Path) -> None:
     assert 1 == modules["C"].type.version
     assert 2 == modules["A"].type.version
     for module in ("A", "B", "C", "M1"):
-        assert_same_flows(new, data, workshop, module)
+        assert_same_flows(new, data, builder, module)
 
 
 def test_instances_amended_alike_share_the_type(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_a_reading_from_downstream_is_provided(tmp_path: Path) -> None:
     flow = 0.9
     found = [(f"P{i}.shared-riser@head", {"h_s": 1.5, "Qs0": flow}) for i in (11, 12)]
     extra = {"range": {"channel.Q": [0.5, 1.3]}}
-    data, workshop = mismatch(plant_path("hsy-pumping"), found, **extra)
+    data, builder = mismatch(plant_path("hsy-pumping"), found, **extra)
     new = adopted(tmp_path, data)
     network = models_of(new).residuals.network
     kind = network.plant.modules["P11"].type
@@ -195,18 +195,18 @@ def test_a_reading_from_downstream_is_provided(tmp_path: Path) -> None:
     assert "grundfos-s3-145-P12" == network.plant.modules["P12"].type.name
     assert "grundfos-s3-145" == network.plant.modules["P13"].type.name
     for module in ("P11", "P12", "P13"):
-        assert_same_flows(new, data, workshop, module)
+        assert_same_flows(new, data, builder, module)
 
 
 def test_physics_at_a_signal_is_written_too(tmp_path: Path) -> None:
     """A speed that falls under load: the law stands wherever the reading stood."""
     found = [("A.speed-loss@n", {"s": 0.02, "dp0": 1.8e5})]
-    data, workshop = mismatch(plant_path("abc"), found)
+    data, builder = mismatch(plant_path("abc"), found)
     new = adopted(tmp_path, data)
     kind = models_of(new).residuals.network.plant.modules["A"].type
     assert "n_true" == next(iter(kind.definitions))
     assert "n_true*V - Q_slip" == kind.definitions["Q_geo"].expression.text
-    assert_same_flows(new, data, workshop, "A")
+    assert_same_flows(new, data, builder, "A")
 
 
 @pytest.mark.parametrize(
@@ -245,13 +245,13 @@ def left_out(folder: Path) -> str:
 def test_a_driver_of_a_neighbour_cannot_be_written(tmp_path: Path) -> None:
     """A mixer without thermometer, driven by that of a module upstream of it."""
     plant = plant_path("abc")
-    workshop = opened(plant)
+    builder = opened(plant)
     name = next(
         c.id
-        for c in workshop.candidates
+        for c in builder.candidates
         if c.module == "C" and c.sort == "physics" and "A.T" in c.drivers.values()
     )
-    given = dict.fromkeys((u.name for u in workshop._of(name).candidate.unknowns), 0.1)
+    given = dict.fromkeys((u.name for u in builder._of(name).candidate.unknowns), 0.1)
     data, _ = mismatch(plant, [(name, given)])
     adopted(tmp_path, data)
     assert "A.T is neither for C" in left_out(tmp_path)

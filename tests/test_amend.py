@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.differentiate import Models
-from rulec.lower import Lowering, lower_module
-from rulec.pipeline import PASSES, run_passes, up_to
-from rulec.places import parameter_values
-from rulec.workshop import PlantWorkshop, open_workshop, reference_readings
-from runtime.plan import Array
-from runtime.ruleset import Ruleset
+from rulec.effects.model_builder import ModelBuilder, open_builder, reference_readings
+from rulec.effects.places import parameter_values
+from rulec.passes.differentiate import Models
+from rulec.passes.lower import Lowering, lower_module
+from rulec.passes.pipeline import PASSES, run_passes, up_to
 from tests.conftest import ROOT
 from tests.effects import ALL, LAMINAR, OFFSET, SPEED, WARM, with_effects
 
@@ -30,21 +30,21 @@ PLANTS = (
 SYMBOLIC = up_to("differentiate")
 
 
-def opened(plant: str) -> tuple[Models, Ruleset, PlantWorkshop]:
+def opened(plant: str) -> tuple[Models, Ruleset, ModelBuilder]:
     """A shipped plant with the effects of the tests."""
     plain: Models = run_passes(ROOT / "plants" / Path(plant), SYMBOLIC)
     ruleset: Ruleset = run_passes(plain, PASSES[len(SYMBOLIC) :])
     models = with_effects(plain, *ALL)
-    return models, ruleset, PlantWorkshop(models, reference_readings(models, ruleset))
+    return models, ruleset, ModelBuilder(models, reference_readings(models, ruleset))
 
 
 @pytest.fixture(scope="module")
-def rig() -> tuple[Models, Ruleset, PlantWorkshop]:
+def rig() -> tuple[Models, Ruleset, ModelBuilder]:
     return opened("mixing-rig")
 
 
 @pytest.fixture(scope="module")
-def pump_set() -> tuple[Models, Ruleset, PlantWorkshop]:
+def pump_set() -> tuple[Models, Ruleset, ModelBuilder]:
     return opened("zema-hydraulic/without-temperature.yaml")
 
 
@@ -81,16 +81,16 @@ def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 def test_at_the_null_the_plain_relation_comes_back(plant: str) -> None:
     """Every candidate at every place it fits, whatever its other parameters are."""
-    models, ruleset, workshop = opened(plant)
+    models, ruleset, builder = opened(plant)
     values = around(models, ruleset) | {"time": 100.0}
-    for candidate in workshop.candidates:
+    for candidate in builder.candidates:
         own = {
             u.id: u.null if u.null is not None else _first(values, u.driver)
             for u in candidate.unknowns
         }
         for module in {o.split(".")[0] for o in candidate.observers}:
-            plain = workshop.plan(module, ()).run(values)
-            joined = workshop.plan(module, (candidate.id,)).run({**values, **own})
+            plain = builder.plan(module, ()).run(values)
+            joined = builder.plan(module, (candidate.id,)).run({**values, **own})
             for name, value in flows(plain):
                 np.testing.assert_allclose(joined[name], value, rtol=1e-12, err_msg=candidate.id)
 
@@ -100,13 +100,13 @@ def _first(values: Mapping[str, Array | float], driver: str | None) -> float:
 
 
 def test_slip_that_grows_with_temperature(
-    pump_set: tuple[Models, Ruleset, PlantWorkshop],
+    pump_set: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """The plan of an amended module, against the formula written out by hand."""
-    models, ruleset, workshop = pump_set
+    models, ruleset, builder = pump_set
     values = around(models, ruleset)
     name = "main.warm-slip@Q_law"
-    out = workshop.plan("main", (name,)).run({**values, f"{name}.b": 0.03, f"{name}.T0": 310.0})
+    out = builder.plan("main", (name,)).run({**values, f"{name}.b": 0.03, f"{name}.T0": 310.0})
     q0, c1 = values["main.Q0"], values["main.C1"]
     slip = c1 * values["main.dp"] * np.exp(0.03 * (values["main.T"] - 310.0))
     np.testing.assert_allclose(out["q:main.pump"], q0 - slip, rtol=1e-13)
@@ -117,7 +117,7 @@ def test_slip_that_grows_with_temperature(
 
 
 def test_equations_are_told_over_what_an_author_wrote(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """Definitions that were brought in are written out; a driver replaced goes all the way in."""
     told = {c.id: c.equation for c in rig[2].candidates}
@@ -132,21 +132,21 @@ def test_equations_are_told_over_what_an_author_wrote(
 
 
 def test_joined_one_after_the_other_at_one_place(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """The second law stands on the first; their parameters have names of their own."""
-    models, ruleset, workshop = rig
+    models, ruleset, builder = rig
     values = around(models, ruleset)
     warm, slow = f"A.{WARM.name}@Q_geo", f"A.{SPEED.name}@Q_geo"
     own = {f"{warm}.b": 0.02, f"{warm}.T0": 290.0, f"{slow}.s": 1e-7}
-    out = workshop.plan("A", (slow, warm)).run({**values, **own})
+    out = builder.plan("A", (slow, warm)).run({**values, **own})
     v = {name: values[f"A.{name}"] for name in ("n", "dp", "T", "V", "C0", "C1", "C2")}
     speed = v["n"] * (1.0 - 1e-7 * v["dp"])
     without = v["n"] * v["V"] - v["C0"] - v["C1"] * v["n"]
     plain = speed * v["V"] - v["C0"] - v["C1"] * speed - v["C2"] * v["dp"] ** 2
     expected = without - (without - plain) * np.exp(0.02 * (v["T"] - 290.0))
     np.testing.assert_allclose(out["q:A.pump"], expected, rtol=1e-12)
-    assert "law" not in workshop.equation("A", (slow, warm), "Q_geo")
+    assert "law" not in builder.equation("A", (slow, warm), "Q_geo")
 
 
 def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
@@ -154,86 +154,86 @@ def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
 
     Friction over a flow divides by it: there the law beneath counts.
     """
-    _, workshop = open_workshop(ROOT / "plants" / "hsy-pumping")
-    own = [c for c in workshop.candidates if c.module == "P11" and not c.members]
+    _, builder = open_builder(ROOT / "plants" / "hsy-pumping")
+    own = [c for c in builder.candidates if c.module == "P11" and not c.members]
     names = [c.id for c in own if c.place == "head" and c.sort != "fault"]
     assert len(names) > 2
-    told = [workshop.equation("P11", joined, "head") for joined in itertools.permutations(names, 3)]
+    told = [builder.equation("P11", joined, "head") for joined in itertools.permutations(names, 3)]
     assert all("law" not in text and "/0" not in text for text in told)
 
 
 def test_a_corrected_reading_drives_what_is_joined_before_and_after(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """The order of acceptance does not matter, and the reading counts everywhere as corrected."""
-    models, ruleset, workshop = rig
+    models, ruleset, builder = rig
     values = around(models, ruleset)
     slow, offset = f"A.{SPEED.name}@Q_geo", f"A.{OFFSET.name}@dp"
     own = {f"{slow}.s": 1e-7, f"{offset}.a": 2e4}
-    one = workshop.plan("A", (slow, offset)).run({**values, **own})
-    other = workshop.plan("A", (offset, slow)).run({**values, **own})
+    one = builder.plan("A", (slow, offset)).run({**values, **own})
+    other = builder.plan("A", (offset, slow)).run({**values, **own})
     true = {**values, "A.dp": values["A.dp"] - 2e4}
-    expected = workshop.plan("A", (slow,)).run({**true, **own})
+    expected = builder.plan("A", (slow,)).run({**true, **own})
     for name, value in flows(expected):
         np.testing.assert_allclose(one[name], value, rtol=1e-13)
         np.testing.assert_allclose(other[name], value, rtol=1e-13)
 
 
 def test_a_sensor_error_reaches_the_modules_that_read_it(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """The offset of a mixer's transmitter shifts the back pressure of a dosing module."""
-    models, ruleset, workshop = rig
+    models, ruleset, builder = rig
     values = around(models, ruleset)
     offset = f"M1.{OFFSET.name}@dp"
-    out = workshop.plan("A", (offset,)).run({**values, f"{offset}.a": 1e4})
+    out = builder.plan("A", (offset,)).run({**values, f"{offset}.a": 1e4})
     true = {**values, "M1.dp": values["M1.dp"] - 1e4}
-    expected = workshop.plan("A", ()).run(true)
+    expected = builder.plan("A", ()).run(true)
     np.testing.assert_allclose(out["q:A.plant"], expected["q:A.plant"], rtol=1e-13)
     other = f"B.{LAMINAR.name}@plant"
-    assert workshop.plan("A", (offset,)) is workshop.plan("A", (offset, other))
+    assert builder.plan("A", (offset,)) is builder.plan("A", (offset, other))
 
 
-def test_a_spot_shifts_its_place(rig: tuple[Models, Ruleset, PlantWorkshop]) -> None:
+def test_a_spot_shifts_its_place(rig: tuple[Models, Ruleset, ModelBuilder]) -> None:
     """An error in a definition is added, an error in a reading is taken off."""
-    models, ruleset, workshop = rig
+    models, ruleset, builder = rig
     values = around(models, ruleset)
-    spots = {s.id: s for s in workshop.spots}
+    spots = {s.id: s for s in builder.spots}
     loss, reading = spots["definition:A.loss"], spots["signal:A.dp"]
-    plain = workshop.plan("A", ()).run(values)["q:A.plant"]
-    added = workshop.plan("A", (), (loss.id,)).run({**values, loss.unknown: 1e4})["q:A.plant"]
+    plain = builder.plan("A", ()).run(values)["q:A.plant"]
+    added = builder.plan("A", (), (loss.id,)).run({**values, loss.unknown: 1e4})["q:A.plant"]
     np.testing.assert_allclose(added**2 - plain**2, 1e4 / values["A.k2"], rtol=1e-9)
-    taken = workshop.plan("A", (), (reading.id,)).run({**values, reading.unknown: 1e4})
-    true = workshop.plan("A", ()).run({**values, "A.dp": values["A.dp"] - 1e4})
+    taken = builder.plan("A", (), (reading.id,)).run({**values, reading.unknown: 1e4})
+    true = builder.plan("A", ()).run({**values, "A.dp": values["A.dp"] - 1e4})
     for name, value in flows(true):
         np.testing.assert_allclose(taken[name], value, rtol=1e-13)
 
 
 def test_free_form_is_a_sum_of_products_of_readings(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """Each reading less its median and over its spread; the same call, the same candidate."""
-    models, ruleset, workshop = rig
+    models, ruleset, builder = rig
     values = around(models, ruleset)
-    spot = next(s for s in workshop.spots if s.id == "definition:A.Q_geo")
-    free = workshop.free_form(spot.id, ("A.T", "A.T*A.dp"))
-    assert free is workshop.free_form(spot.id, ("A.T", "A.T*A.dp"))
+    spot = next(s for s in builder.spots if s.id == "definition:A.Q_geo")
+    free = builder.free_form(spot.id, ("A.T", "A.T*A.dp"))
+    assert free is builder.free_form(spot.id, ("A.T", "A.T*A.dp"))
     assert ["c1", "c2", "x1_m", "x1_s", "x2_m", "x2_s"] == [u.name for u in free.unknowns]
     numbers = dict(zip((u.id for u in free.unknowns), (1e-6, 2e-6, 290, 5, 2e5, 1e4), strict=True))
-    out = workshop.plan("A", (free.id,)).run({**values, **numbers})["q:A.pump"]
-    plain = workshop.plan("A", ()).run(values)["q:A.pump"]
+    out = builder.plan("A", (free.id,)).run({**values, **numbers})["q:A.pump"]
+    plain = builder.plan("A", ()).run(values)["q:A.pump"]
     warm, high = (values["A.T"] - 290) / 5, (values["A.dp"] - 2e5) / 1e4
     np.testing.assert_allclose(out - plain, 1e-6 * warm + 2e-6 * warm * high, rtol=1e-9)
 
 
 def test_free_curve_goes_straight_from_quantile_to_quantile(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """Bands left out are zero at their quantile; beyond the ends the curve stays."""
-    models, ruleset, workshop = rig
+    models, ruleset, builder = rig
     values = around(models, ruleset)
-    spot = next(s for s in workshop.spots if s.id == "definition:A.Q_geo")
-    free = workshop.free_form(spot.id, tuple(f"A.T~{i}/4" for i in (0, 1, 3, 4)))
+    spot = next(s for s in builder.spots if s.id == "definition:A.Q_geo")
+    free = builder.free_form(spot.id, tuple(f"A.T~{i}/4" for i in (0, 1, 3, 4)))
     own = {u.name: u for u in free.unknowns}
     knots = np.quantile(values["A.T"], [0.1, 0.3, 0.5, 0.8, 0.9])
     level = {"c1": 1e-6, "c2": 3e-6, "c3": -2e-6, "c4": 5e-6}
@@ -241,14 +241,14 @@ def test_free_curve_goes_straight_from_quantile_to_quantile(
     assert [(i / 4,) for i in range(5)] == [own[f"x_{i}"].quantiles for i in range(5)]
     numbers = level | {f"x_{i}": x for i, x in enumerate(knots.tolist())}
     given = {own[name].id: value for name, value in numbers.items()}
-    out = workshop.plan("A", (free.id,)).run({**values, **given})["q:A.pump"]
-    plain = workshop.plan("A", ()).run(values)["q:A.pump"]
+    out = builder.plan("A", (free.id,)).run({**values, **given})["q:A.pump"]
+    plain = builder.plan("A", ()).run(values)["q:A.pump"]
     curve = np.interp(values["A.T"], knots, [1e-6, 3e-6, 0.0, -2e-6, 5e-6])
     np.testing.assert_allclose(out - plain, curve, rtol=1e-9, atol=1e-15)
 
 
 def test_base_parameters_carry_their_covariance(
-    rig: tuple[Models, Ruleset, PlantWorkshop],
+    rig: tuple[Models, Ruleset, ModelBuilder],
 ) -> None:
     """Uncertain ones may be moved, with the correlations of the calibration; others are given."""
     base = rig[2].parameters

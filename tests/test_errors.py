@@ -17,7 +17,7 @@ import yaml
 from rulec.commands.check import collect
 from rulec.language.diagnostics import Refused, render_all
 from rulec.language.document import MAX_BYTES
-from rulec.pipeline import compile_plant
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 
 ERRORS = Path("tests/errors")

@@ -22,7 +22,7 @@ from rulec.language.document import parse_document
 from rulec.language.expression import Rejected, parse
 from rulec.language.symbolic import Absolute, Larger, Signum, Smaller, to_sympy
 from rulec.language.units import NONE, VOLUME_FLOW
-from rulec.pipeline import compile_plant
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 
 CANARY = "RULEC_CANARY"

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import pytest
+from rulec_runtime.contract.ruleset_file import read_ruleset
 
-from runtime.ruleset_file import read_ruleset
 from tests.conftest import compiled
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -1,4 +1,4 @@
-"""Who may import whom, and what the runtime verbs load."""
+"""Who may import whom, by folder, and what the commands load."""
 
 from __future__ import annotations
 
@@ -9,36 +9,70 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from tests.conftest import ROOT, compiled
 
 HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema", "numba"}
 OPERATOR_STATION = {"numpy", "rich"}
-"""All that the runtime needs; `runtime/mismatch` may use scipy, imported when it is used."""
+"""All that the runtime needs."""
 
-INTEGRATOR = "runtime/dynamic/machine.py"
+INTEGRATOR = "rulec_runtime.simulation.integrator"
 """Compiled by numba where that is installed; loaded when something is integrated."""
 
-CONTRACT = {
-    "runtime.ruleset",
-    "runtime.plan",
-    "runtime.mismatch.candidate",
-    "runtime.dynamic.balances",
-    "runtime.json_file",
-    "runtime.write_file",
-}
-"""What the compiler writes; `runtime.tangent` differentiates its plans at the reference point."""
-FILES = sorted(
-    path.relative_to(ROOT).as_posix()
-    for package in ("rulec", "runtime")
-    for path in (ROOT / package).rglob("*.py")
+ROOMS = (
+    "rulec_runtime.output",
+    "rulec_runtime.contract",
+    "rulec_runtime.recordings",
+    "rulec_runtime.simulation",
+    "rulec_runtime.diagnosis.steady",
+    "rulec_runtime.diagnosis.stores",
+    "rulec_runtime.diagnosis.sensors",
+    "rulec_runtime.diagnosis",
+    "rulec_runtime.report",
+    "rulec_runtime.commands",
+    "rulec_runtime",
+    "rulec.language",
+    "rulec.knowledge",
+    "rulec.algebra",
+    "rulec.passes",
+    "rulec.effects",
+    "rulec.calibration",
+    "rulec.study",
+    "rulec.mismatch.answer_types",
+    "rulec.mismatch.evidence.steady",
+    "rulec.mismatch.evidence.stores",
+    "rulec.mismatch.evidence",
+    "rulec.mismatch.search",
+    "rulec.mismatch.search.stores",
+    "rulec.mismatch.inference",
+    "rulec.mismatch.answer",
+    "rulec.mismatch",
+    "rulec.commands",
+    "rulec",
 )
+"""From the ground up: a file may import from its own room and from those above it in this list."""
+
+CONTRACT = {"rulec_runtime.contract", "rulec_runtime.output"}
+COMPILER = {"rulec.language", "rulec.knowledge", "rulec.algebra", "rulec.passes"}
+STORED = "rulec_runtime.simulation.balances"
+"""What is stored stands in the ruleset as a plan in the form that the integrator reads."""
 
 
-def imports(file: str) -> Iterator[tuple[str, bool]]:
-    """Modules that a file imports, also inside functions; second: at the top of the file."""
-    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+def modules() -> dict[str, Path]:
+    """All modules of the product and where they stand."""
+    found = {}
+    for folder, package in ((ROOT, "rulec"), (ROOT / "runtime", "rulec_runtime")):
+        for file in sorted((folder / package).rglob("*.py")):
+            parts = file.relative_to(folder).with_suffix("").parts
+            found[".".join(parts).removesuffix(".__init__")] = file
+    return found
+
+
+MODULES = modules()
+
+
+def imports(module: str) -> Iterator[tuple[str, bool]]:
+    """Modules that one imports, also inside functions; second: at the top of the file."""
+    tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
     inside = {
         id(node)
         for function in ast.walk(tree)
@@ -50,68 +84,86 @@ def imports(file: str) -> Iterator[tuple[str, bool]]:
             for alias in node.names:
                 yield alias.name, id(node) not in inside
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{file}: relative import"
-            module = node.module or ""
-            if module in ("rulec", "runtime", "rulec.commands"):
-                for alias in node.names:
-                    yield f"{module}.{alias.name}", id(node) not in inside
-            else:
-                yield module, id(node) not in inside
+            assert node.level == 0, f"{module}: relative import"
+            source = node.module or ""
+            for alias in node.names:
+                inner = f"{source}.{alias.name}"
+                yield inner if inner in MODULES else source, id(node) not in inside
+
+
+def room_of(module: str) -> str:
+    return module if module in ROOMS else module.rpartition(".")[0]
 
 
 def top(module: str) -> str:
     return module.partition(".")[0]
 
 
-@pytest.mark.parametrize("file", [f for f in FILES if f.startswith("runtime/")])
-def test_runtime_needs_numpy_and_rich_alone(file: str) -> None:
+def test_every_file_has_a_room() -> None:
+    assert {room_of(module) for module in MODULES} == set(ROOMS)
+
+
+def test_arrows_run_downwards() -> None:
+    """No circle between folders, and the runtime knows nothing of the compiler."""
+    climbs = [
+        (module, found)
+        for module in MODULES
+        for found, _ in imports(module)
+        if found in MODULES and ROOMS.index(room_of(found)) > ROOMS.index(room_of(module))
+    ]
+    assert climbs == []
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    """Not even inside a function."""
+    left = {m: {found for found, _ in imports(m) if found in MODULES} - {m} for m in MODULES}
+    while ends := {m for m, found in left.items() if not found & left.keys()}:
+        left = {m: found for m, found in left.items() if m not in ends}
+    assert left == {}
+
+
+def test_runtime_needs_numpy_and_rich_alone() -> None:
     """No compiler, no sympy, no yaml: an operator station stays small."""
-    for module, at_top in imports(file):
-        if file.startswith("runtime/mismatch/") and top(module) == "scipy":
-            assert not at_top, f"{file}: scipy is imported when it is used"
-            continue
-        if (file, top(module)) == (INTEGRATOR, "numba"):
-            continue
-        assert not at_top or f"{module.replace('.', '/')}.py" != INTEGRATOR, file
-        assert top(module) in {"runtime", *OPERATOR_STATION, *sys.stdlib_module_names}, module
+    allowed = {"rulec_runtime", *OPERATOR_STATION, *sys.stdlib_module_names}
+    for module in (m for m in MODULES if top(m) == "rulec_runtime"):
+        for found, at_top in imports(module):
+            assert not at_top or found != INTEGRATOR, module
+            assert top(found) in allowed or (module, found) == (INTEGRATOR, "numba"), module
 
 
-@pytest.mark.parametrize(
-    "file",
-    [
-        f
-        for f in FILES
-        if f.startswith("rulec/")
-        and not f.startswith("rulec/commands/")
-        and f not in ("rulec/cli.py", "rulec/__main__.py")
-    ],
-)
-def test_compiler_knows_the_contract_alone(file: str) -> None:
+def test_compiler_knows_the_contract_alone() -> None:
     """Passes import from the runtime only what they write: the ruleset and its plan."""
-    found = {module for module, _ in imports(file) if top(module) == "runtime"}
-    assert found <= {*CONTRACT, "runtime.tangent"}
-    commands = {m for m, _ in imports(file) if m.startswith(("rulec.commands", "rulec.cli"))}
-    assert commands == set()
+    for module in (m for m in MODULES if room_of(m) in COMPILER):
+        for found, _ in imports(module):
+            known = room_of(found) in CONTRACT or found == STORED
+            assert known or top(found) != "rulec_runtime", (module, found)
 
 
-def test_command_line_imports_commands_when_called() -> None:
-    """At the top of `rulec/cli.py` stands nothing that has to be paid for."""
-    for module, at_top in imports("rulec/cli.py"):
-        assert not at_top or top(module) in sys.stdlib_module_names, module
+def test_command_lines_import_commands_when_called() -> None:
+    """At their top stands nothing that has to be paid for."""
+    for module in ("rulec.cli", "rulec_runtime.cli", "rulec_runtime.commands.frame"):
+        for found, at_top in imports(module):
+            free = top(found) in sys.stdlib_module_names or found.endswith("commands.frame")
+            assert not at_top or free, module
 
 
-def loaded(*arguments: str) -> set[str]:
+def loaded(*arguments: str, package: str = "rulec") -> set[str]:
     """Packages that a call of the command has loaded at its end."""
     program = (
         "import sys, atexit\n"
         "atexit.register(lambda: print(*sorted({m.partition('.')[0] for m in sys.modules}),"
         " file=sys.stderr))\n"
-        "from rulec.cli import main\n"
+        f"from {package}.cli import main\n"
         f"sys.exit(main({list(arguments)!r}))\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    call = [sys.executable, "-c", program]
-    done = subprocess.run(call, capture_output=True, text=True, env=environment, check=False)
+    path = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return set(done.stderr.splitlines()[-1].split())
 
@@ -122,13 +174,16 @@ def test_help_loads_nothing() -> None:
 
 
 def test_diagnosing_with_a_ruleset_loads_no_compiler(tmp_path: Path) -> None:
-    """Neither sympy nor yaml, scipy, networkx, jsonschema, numba."""
+    """Neither sympy nor yaml, scipy, networkx, jsonschema, numba; the runtime not even rulec."""
     file = tmp_path / "abc.ruleset.json"
     file.write_text(compiled("abc").to_json(), encoding="utf-8")
     recording = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
-    found = loaded("diagnose", str(file), str(recording), "--trace", str(tmp_path / "t.csv"))
-    assert not found & HEAVY
-    assert {"runtime", "numpy", "rich"} <= found
+    asked = ("diagnose", str(file), str(recording), "--trace", str(tmp_path / "t.csv"))
+    for package in ("rulec", "rulec_runtime"):
+        found = loaded(*asked, package=package)
+        assert not found & HEAVY
+        assert {package, "rulec_runtime", "numpy", "rich"} <= found
+    assert "rulec" not in found
 
 
 def test_simulating_what_stores_nothing_loads_no_integrator(tmp_path: Path) -> None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.differentiate import Models
-from rulec.places import Site
-from rulec.workshop import PlantWorkshop
-from runtime.ruleset import Ruleset
+from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.places import Site
+from rulec.passes.differentiate import Models
 from tests.effects import driver, effect, join, parameter, with_effects
 from tests.test_amend import opened
 
-Opened = tuple[Models, Ruleset, PlantWorkshop]
+Opened = tuple[Models, Ruleset, ModelBuilder]
 
 
 @pytest.fixture(scope="module")
@@ -24,13 +24,13 @@ def station() -> Opened:
     return opened("hsy-pumping")
 
 
-def places(workshop: PlantWorkshop, name: str) -> set[str]:
+def places(builder: ModelBuilder, name: str) -> set[str]:
     """Where an effect was joined, as ``module.place``."""
-    return {f"{c.module}.{c.place}" for c in workshop.candidates if c.name == name}
+    return {f"{c.module}.{c.place}" for c in builder.candidates if c.name == name}
 
 
-def site(workshop: PlantWorkshop, module: str, kind: str, name: str) -> Site:
-    return next(s for s in workshop.matches.sites[module] if s.key == (kind, name))
+def site(builder: ModelBuilder, module: str, kind: str, name: str) -> Site:
+    return next(s for s in builder.matches.sites[module] if s.key == (kind, name))
 
 
 @pytest.mark.parametrize(
@@ -90,14 +90,14 @@ def test_a_driver_behind_the_module(station: Opened) -> None:
 
 def test_a_driver_in_another_module(rig: Opened) -> None:
     """Where the module has no thermometer, those of its neighbours are tried, the near ones."""
-    models, _, workshop = rig
+    models, _, builder = rig
     cold = effect(
         "cold-line",
         join("law*(1 + b*(T - T0))", gives="volume flow", rises_with="dp"),
         drivers={"dp": driver("pressure difference"), "T": driver("temperature", "plant")},
         parameters={"b": parameter(), "T0": parameter(None, of="T", fixed=True)},
     )
-    own = PlantWorkshop(with_effects(models, cold), workshop._readings)
+    own = ModelBuilder(with_effects(models, cold), builder._readings)
     ids = [c.id for c in own.candidates if c.name == "cold-line" and not c.members]
     assert "A.cold-line@plant" in ids
     assert [f"M1.cold-line@resis(dp, {m}.T)" for m in "ABCDE"] == [i for i in ids if "M1" in i]
@@ -105,14 +105,14 @@ def test_a_driver_in_another_module(rig: Opened) -> None:
 
 def test_what_is_not_measured_is_told(station: Opened) -> None:
     """An effect that lacks a driver is no candidate, but a hint which sensor would make it one."""
-    models, _, workshop = station
+    models, _, builder = station
     warm = effect(
         "warm",
         join("law*(1 + b*T)", gives="electric power", measured=False),
         drivers={"T": driver("temperature")},
         parameters={"b": parameter()},
     )
-    own = PlantWorkshop(with_effects(models, warm), workshop._readings)
+    own = ModelBuilder(with_effects(models, warm), builder._readings)
     assert set() == places(own, "warm")
     lacking = [(m.module, m.place, m.quantity) for m in own.missing]
     assert ("P11", "P_law", "temperature") in lacking
@@ -121,7 +121,7 @@ def test_what_is_not_measured_is_told(station: Opened) -> None:
 
 def test_an_effect_joins_a_place_once(rig: Opened) -> None:
     """The first join that fits counts; ids are unique in the plant."""
-    models, _, workshop = rig
+    models, _, builder = rig
     twice = effect(
         "twice",
         join("law*(1 + a)", gives="volume flow", falls_with="dp"),
@@ -129,17 +129,17 @@ def test_an_effect_joins_a_place_once(rig: Opened) -> None:
         drivers={"dp": driver("pressure difference")},
         parameters={"a": parameter()},
     )
-    own = PlantWorkshop(with_effects(models, twice), workshop._readings)
+    own = ModelBuilder(with_effects(models, twice), builder._readings)
     assert 5 == sum(c.name == "twice" for c in own.candidates if not c.members)
-    ids = [c.id for c in workshop.candidates]
+    ids = [c.id for c in builder.candidates]
     assert len(ids) == len(set(ids))
-    unknowns = [u.id for c in workshop.candidates for u in c.unknowns]
+    unknowns = [u.id for c in builder.candidates for u in c.unknowns]
     assert len(unknowns) == len(set(unknowns))
 
 
 def test_a_law_without_a_value_is_left_out(rig: Opened) -> None:
     """At rest this pump delivers nothing, and nothing cannot divide; others have a slip then."""
-    models, _, workshop = rig
+    models, _, builder = rig
     bad = effect(
         "bad",
         join(
@@ -151,14 +151,14 @@ def test_a_law_without_a_value_is_left_out(rig: Opened) -> None:
         drivers={"dp": driver("pressure difference"), "n": driver("rotational speed")},
         parameters={"a": parameter()},
     )
-    own = PlantWorkshop(with_effects(models, bad), workshop._readings)
+    own = ModelBuilder(with_effects(models, bad), builder._readings)
     assert {f"{m}.Q_geo" for m in "ABCD"} == places(own, "bad")
 
 
 def test_faults_of_the_library_are_candidates(rig: Opened) -> None:
     """With the ids of the ruleset, undone by their degree."""
-    _, ruleset, workshop = rig
-    found = {c.id: c for c in workshop.candidates if c.sort == "fault"}
+    _, ruleset, builder = rig
+    found = {c.id: c for c in builder.candidates if c.sort == "fault"}
     assert {f.id for f in ruleset.faults} == set(found)
     for fault in ruleset.faults:
         assert set(fault.affects) == set(found[fault.id].observers)

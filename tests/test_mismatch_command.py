@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.recordings.recording import Recording
 
 from rulec.cli import main
 from rulec.commands import mismatch as command
 from rulec.commands.mismatch import periods_of
-from runtime.mismatch.result import Mismatch, MismatchRefused
-from runtime.recording import Recording
+from rulec.mismatch.answer_types.result import Mismatch, MismatchRefused
 from tests.conftest import ROOT, compiled
 from tests.runtime.mismatches import NAMED, UNNAMED
 
@@ -32,13 +32,13 @@ class Calls:
         self,
         recording: Recording,
         ruleset: object,
-        workshop: object,
+        builder: object,
         *,
         heldout: tuple[tuple[float, float], ...] = (),
         progress: Callable[[str], None] | None = None,
     ) -> Mismatch:
         assert len(recording) > 0
-        assert "workshop" == workshop
+        assert "builder" == builder
         self.heldout = heldout
         if progress is not None:
             progress("locating [1/3]")
@@ -47,12 +47,12 @@ class Calls:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
-    """Analysis and workshop replaced."""
+    """Analysis and builder replaced."""
     replaced = Calls()
-    opened = (compiled("abc"), "workshop")
+    opened = (compiled("abc"), "builder")
     monkeypatch.setattr(command, "analyse", replaced.analyse)
-    monkeypatch.setattr(command, "open_workshop", lambda path: opened)
-    monkeypatch.setattr(command, "basis_of", lambda workshop, recording: {})
+    monkeypatch.setattr(command, "open_builder", lambda path: opened)
+    monkeypatch.setattr(command, "basis_of", lambda builder, recording: {})
     return replaced
 
 

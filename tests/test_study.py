@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.simulation.equations import equations_of
 from scipy.stats import beta
 
 from rulec.cli import main
-from rulec.perturb import perturbed, true_plan
-from rulec.pipeline import run_passes, up_to
-from runtime.equations import equations_of
-from runtime.study.campaign import Group, Settings, record, run_group
-from runtime.study.judge import Kind, Outcome
-from runtime.study.points import operating_points, range_of
-from runtime.study.summary import percent, reliable_from, rows_of, sentences
-from runtime.study.tally import Tally, tally, upper_bound
+from rulec.passes.perturb import perturbed, true_plan
+from rulec.passes.pipeline import run_passes, up_to
+from rulec.study.campaign import Group, Settings, record, run_group
+from rulec.study.judge import Kind, Outcome
+from rulec.study.points import operating_points, range_of
+from rulec.study.summary import percent, reliable_from, rows_of, sentences
+from rulec.study.tally import Tally, tally, upper_bound
 from tests.conftest import ROOT, compiled
 
 ABC = ROOT / "plants" / "abc"

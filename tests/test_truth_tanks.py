@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import Dynamics
+from rulec_runtime.simulation.balances import Balances
 
-from rulec.pipeline import compile_plant
-from runtime.dynamic.balances import Balances
-from runtime.ruleset import Dynamics
+from rulec.passes.pipeline import compile_plant
 from tests.truth.tanks import LAYOUTS, Layout, build, plant_folder
 from tests.truth.tanks.balance import Course, integrate
 from tests.truth.tanks.build import LITRE_PER_HOUR, Setup

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from rulec.cli import main as rulec
-from rulec.workshop import open_workshop
+from rulec.effects.model_builder import open_builder
 from tests.conftest import ROOT
 from tests.truth import sealed
 from tests.truth.limit import Rival, expected_gain, margin
@@ -156,8 +156,8 @@ def test_the_key_knows_every_effect_and_the_catalogue_every_name() -> None:
 
 def test_places_of_the_key_are_places_of_the_tool() -> None:
     """Of the shipped plant; `y` of a level that is not measured is never one."""
-    _, workshop = open_workshop(ROOT / "plants" / CASCADED.name)
-    known = {f"{c.module}.{c.place}" for c in workshop.candidates} | {"lower.h", "upper.h"}
+    _, builder = open_builder(ROOT / "plants" / CASCADED.name)
+    known = {f"{c.module}.{c.place}" for c in builder.candidates} | {"lower.h", "upper.h"}
     for effect in possible_effects(CASCADED):
         (one,) = made(effect).made.planted
         assert set(right(made(effect).made.setup, one).places) <= known, effect

@@ -8,20 +8,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.report.text import number
+from rulec_runtime.simulation.equations import SimulationRefused
 
-from rulec.adopt import Adoption
-from rulec.adopted_plant import adoption_of, put_in_place, write_plant
 from rulec.commands.made_from import AGAIN, check_unchanged
-from rulec.commands.output import console
+from rulec.effects.adopt import Adoption
+from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
+from rulec.effects.model_builder import open_builder
+from rulec.effects.repair import AdoptRefused, Proven, Told, read_proven, read_repair
 from rulec.language.diagnostics import Refused
-from rulec.pipeline import compile_plant
-from rulec.repair import AdoptRefused, Proven, Told, read_proven, read_repair
-from rulec.workshop import open_workshop
-from runtime.equations import SimulationRefused
-from runtime.mismatch.public import row_errors, simulated
-from runtime.recording import read_recording
-from runtime.report.text import number
-from runtime.terminal import styled
+from rulec.mismatch.answer.public import row_errors, simulated
+from rulec.passes.pipeline import compile_plant
 
 AGREE = 1e-3
 """Share by which an error may differ from what was told: digits in files, and solvers."""
@@ -47,12 +47,12 @@ def run(options: argparse.Namespace) -> int:
             f"nothing was found that a model may hold{f' ({reasons})' * bool(reasons)}; "
             "recalibrated values alone can be written with --recalibrated"
         )
-    _, workshop = open_workshop(repair.plant)
-    assert workshop.sources is not None
-    recording = check_unchanged(proven.basis, workshop.sources)
-    adoption = adoption_of(workshop, repair)
+    _, builder = open_builder(repair.plant)
+    assert builder.sources is not None
+    recording = check_unchanged(proven.basis, builder.sources)
+    adoption = adoption_of(builder, repair)
     with put_in_place(target) as folder:
-        write_plant(folder, workshop.sources, adoption, repair)
+        write_plant(folder, builder.sources, adoption, repair)
         try_out(folder, recording, proven)
     _tell(out, target, adoption, proven)
     return 0

@@ -10,24 +10,24 @@ from typing import Any
 import numpy as np
 import yaml
 from rich.table import Table
+from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
+from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.recordings.stationary import settle, systematic_u
+from rulec_runtime.report.wording import KEPT, LEFT_OUT
 
-from rulec.calibration_notes import STOOD, notes_of
-from rulec.commands.output import console, write_json
-from rulec.differentiate import GATHERED, Models
-from rulec.fit import CalibrationRefused, ModuleFit, Readings, fit_module
-from rulec.pipeline import PASSES, run_passes, up_to
-from rulec.plant import Module
-from rulec.true_flow import Local, true_flows
-from runtime.health.judge import examine
-from runtime.observe import Points, points_of_stretches
-from runtime.plan import Array
-from runtime.point_table import NOTE, each_row, is_point_table
-from runtime.recording import read_recording
-from runtime.ruleset import Ruleset
-from runtime.stationary import settle, systematic_u
-from runtime.terminal import styled
-from runtime.wording import KEPT, LEFT_OUT
-from runtime.write_file import write_text
+from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
+from rulec.calibration.notes import STOOD, notes_of
+from rulec.calibration.true_flow import Local, true_flows
+from rulec.knowledge.plant import Module
+from rulec.passes.differentiate import GATHERED, Models
+from rulec.passes.pipeline import PASSES, run_passes, up_to
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rulec.check_knowledge import check_knowledge
-from rulec.check_plant import check
-from rulec.commands.output import console
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.terminal import styled
+
+from rulec.knowledge.check_knowledge import check_knowledge
+from rulec.knowledge.check_plant import check
+from rulec.knowledge.read import Sources, read_files, read_plant
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
-from rulec.link import link
-from rulec.put_balances import dynamics_of
-from rulec.read import Sources, read_files, read_plant
-from runtime.terminal import styled
+from rulec.passes.link import link
+from rulec.passes.put_balances import dynamics_of
 
 _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 

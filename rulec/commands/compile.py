@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rulec.commands.output import console
-from rulec.pipeline import compile_plant
-from runtime.terminal import styled
-from runtime.write_file import write_text
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
+
+from rulec.passes.pipeline import compile_plant
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.report.terminal_story import explain
+
 from rulec.commands.matrix import show
-from rulec.commands.output import console
-from rulec.pipeline import compile_plant
-from rulec.read import shipped
-from runtime.diagnose import diagnose
-from runtime.explain import explain
-from runtime.recording import read_recording
+from rulec.knowledge.read import shipped
+from rulec.passes.pipeline import compile_plant
 
 
 def run(options: argparse.Namespace) -> int:

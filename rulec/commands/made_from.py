@@ -7,22 +7,23 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec.read import Sources, yaml_files_in
-from rulec.repair import AdoptRefused, Basis
-from rulec.workshop import PlantWorkshop
-from runtime.recording_file import files_of
+from rulec_runtime.recordings.recording_file import files_of
+
+from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.repair import AdoptRefused, Basis
+from rulec.knowledge.read import Sources, yaml_files_in
 
 AGAIN = "run rulec mismatch again"
 
 
-def basis_of(workshop: PlantWorkshop, recording: Path) -> dict[str, Any]:
+def basis_of(builder: ModelBuilder, recording: Path) -> dict[str, Any]:
     """Hashes of the plant's files, of the whole knowledge base, and of the recordings, by path.
 
     Paths are absolute, so that `rulec adopt` finds them wherever it is called.
     """
-    assert workshop.sources is not None
+    assert builder.sources is not None
     return {
-        "plant": _hashes(_plant_files(workshop.sources)),
+        "plant": _hashes(_plant_files(builder.sources)),
         "recording": recording.resolve().as_posix(),
         "recordings": _hashes(files_of(recording)),
     }

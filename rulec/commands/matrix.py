@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.contract.degree import smallest_degree
+from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
+from rulec_runtime.output.terminal import styled
 
-from rulec.commands.output import console, write_json
-from rulec.pipeline import compile_plant
-from runtime.degree import smallest_degree
-from runtime.ruleset import Cell, FaultSpec, Ruleset
-from runtime.terminal import styled
+from rulec.passes.pipeline import compile_plant
 
 if TYPE_CHECKING:
-    from runtime.dynamic.signature import Signature
+    from rulec_runtime.diagnosis.stores.signature import Signature
 
 NARROW = 7
 """Characters a column of the matrix takes."""
@@ -80,7 +80,7 @@ def _of_stores(ruleset: Ruleset) -> Signature | None:
     if ruleset.dynamics is None:
         return None
     # The integrator takes a second to load, and plants that store nothing do without it.
-    from runtime.dynamic.signature import signature_of
+    from rulec_runtime.diagnosis.stores.signature import signature_of
 
     return signature_of(ruleset)
 

@@ -12,19 +12,19 @@ from typing import Any
 
 from rich.console import Console
 from rich.text import Text
+from rulec_runtime.commands.destinations import console, without_folder, write_json
+from rulec_runtime.output.terminal import one_line, say_aside, styled
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.commands.made_from import basis_of
-from rulec.commands.output import console, without_folder, write_json
-from rulec.workshop import open_workshop
-from runtime.mismatch.analyse import analyse
-from runtime.mismatch.machine_form import hidden_csv, mismatch_form
-from runtime.mismatch.report.page import report
-from runtime.mismatch.result import Mismatch, MismatchRefused
-from runtime.mismatch.series import series_csv
-from runtime.mismatch.story import tell
-from runtime.recording import Recording, read_recording
-from runtime.terminal import one_line, say_aside, styled
-from runtime.write_file import write_text
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.analyse import analyse
+from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
+from rulec.mismatch.answer.page import report
+from rulec.mismatch.answer.terminal_story import tell
+from rulec.mismatch.answer_types.result import Mismatch, MismatchRefused
+from rulec.mismatch.inference.series import series_csv
 
 Periods = tuple[tuple[float, float], ...]
 
@@ -98,12 +98,12 @@ def _compare(
     """Compile, read, analyse, telling on a terminal what is being done; what it was made from."""
     with _progress(out) as progress:
         progress("reading the plant")
-        ruleset, workshop = open_workshop(Path(options.plant))
-        basis = basis_of(workshop, Path(options.recording))
+        ruleset, builder = open_builder(Path(options.plant))
+        basis = basis_of(builder, Path(options.recording))
         progress("reading the recording")
         recording = read_recording(Path(options.recording), ruleset)
         check_heldout(recording, heldout)
-        found = analyse(recording, ruleset, workshop, heldout=heldout, progress=progress)
+        found = analyse(recording, ruleset, builder, heldout=heldout, progress=progress)
     name = Path(options.recording).resolve().name
     notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
     return replace(found, recording=name, notes=notes), basis

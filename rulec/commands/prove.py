@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from runtime.terminal import say_aside
+from rulec_runtime.output.terminal import say_aside
 
 SOURCE = Path(__file__).parents[2]
 SUITE = "tests.prove"

@@ -7,24 +7,25 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rulec.analyse_isolability import Isolability
-from rulec.assemble import Assembly
-from rulec.commands.output import console
-from rulec.derive_residuals import Residuals
-from rulec.derive_rules import Rules
-from rulec.derive_signatures import Signatures
-from rulec.differentiate import Models
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.effects.match_effects import Matches, match_effects
+from rulec.effects.model_builder import open_builder
+from rulec.effects.tell_balances import balances_told, flow_told
+from rulec.knowledge.plant import Plant
+from rulec.knowledge.read import Sources
 from rulec.language.diagnostics import did_you_mean
-from rulec.link import Network
-from rulec.match_effects import Matches, match_effects
-from rulec.order_equations import Ordered
-from rulec.pipeline import PASSES, run_passes, up_to
-from rulec.plant import Plant
-from rulec.put_balances import Balanced
-from rulec.read import Sources
-from rulec.tell_balances import balances_told, flow_told
-from rulec.workshop import open_workshop
-from runtime.ruleset import Ruleset
+from rulec.passes.analyse_isolability import Isolability
+from rulec.passes.assemble import Assembly
+from rulec.passes.derive_residuals import Residuals
+from rulec.passes.derive_rules import Rules
+from rulec.passes.derive_signatures import Signatures
+from rulec.passes.differentiate import Models
+from rulec.passes.link import Network
+from rulec.passes.order_equations import Ordered
+from rulec.passes.pipeline import PASSES, run_passes, up_to
+from rulec.passes.put_balances import Balanced
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
         out.print(text + "passes in order: " + ", ".join(names))
         return 0 if asked else 2
     if options.step == match_effects.__name__:
-        result: Any = open_workshop(Path(options.plant))[1].matches
+        result: Any = open_builder(Path(options.plant))[1].matches
     else:
         result = run_passes(Path(options.plant), up_to(options.step))
     for line in _LINES[type(result)](result):

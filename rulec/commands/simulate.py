@@ -8,16 +8,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.output.write_file import written
+from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+from rulec_runtime.recordings.rewrite import rewrite
+from rulec_runtime.simulation.predict import Prediction, predict
+from rulec_runtime.simulation.prediction import Injected
 
 from rulec.commands.diagnose import load
-from rulec.commands.output import console
-from runtime.predict import Prediction, predict
-from runtime.prediction import Injected
-from runtime.recording_file import RecordingFile, files_of, read_file
-from runtime.rewrite import rewrite
-from runtime.ruleset import Ruleset
-from runtime.terminal import say_aside, styled
-from runtime.write_file import written
 
 SHOWN = 6
 

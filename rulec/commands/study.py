@@ -14,22 +14,22 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
+from rulec_runtime.commands.destinations import console, without_folder, write_json
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import styled, terminal
+from rulec_runtime.simulation.equations import equations_of
+from rulec_runtime.simulation.sensing import SensorErrors
 
-from rulec.commands.output import console, without_folder, write_json
-from rulec.differentiate import Models
-from rulec.perturb import true_plan
-from rulec.pipeline import PASSES, run_passes, up_to
-from runtime.equations import equations_of
-from runtime.plan import Plan
-from runtime.ruleset import Ruleset
-from runtime.sensing import SensorErrors
-from runtime.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
-from runtime.study.machine_form import study_form
-from runtime.study.points import Points, operating_points
-from runtime.study.pool import run_groups
-from runtime.study.summary import percent, rows_of, sentences
-from runtime.study.tally import Cell, Tally, tally
-from runtime.terminal import styled, terminal
+from rulec.passes.differentiate import Models
+from rulec.passes.perturb import true_plan
+from rulec.passes.pipeline import PASSES, run_passes, up_to
+from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
+from rulec.study.json_form import study_form
+from rulec.study.points import Points, operating_points
+from rulec.study.pool import run_groups
+from rulec.study.summary import percent, rows_of, sentences
+from rulec.study.tally import Cell, Tally, tally
 
 Draw = Callable[[np.random.Generator], Plan]
 

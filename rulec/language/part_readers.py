@@ -5,8 +5,8 @@ from __future__ import annotations
 from rulec.language.diagnostics import Diagnostic, Place, nearest
 from rulec.language.document import Document
 from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit, UnitTable
-from rulec.origin import Origin
 
 
 def origin_of(document: Document, *path: str | int, source: str = "") -> Origin:

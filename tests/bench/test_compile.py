@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
+from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.pipeline import PASSES, compile_plant, without_collector
-from runtime.ruleset import Ruleset
+from rulec.passes.pipeline import PASSES, compile_plant, without_collector
 from tests.bench.conftest import Results
 from tests.bench.rigs import chain, side_by_side
 from tests.conftest import ROOT

@@ -7,8 +7,8 @@ import time as clock
 from collections.abc import Callable
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.bench.conftest import Results
 from tests.states.plants import SHIPPED, random_inputs, two_tanks
 from tests.states.test_integrator import SEEDS, lower, run, values_of

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import sympy
 from pytest_benchmark.fixture import BenchmarkFixture
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import Ruleset
 from uncertainties import ufloat
 
-from runtime.plan import Plan
-from runtime.ruleset import Ruleset
 from tests.bench.conftest import Results
 from tests.runtime.equations import ProgressiveCavity
 from tests.runtime.test_uncertainty import Abc, Case, rule, signed_sum

@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.simulation.equations import equations_of
+from rulec_runtime.simulation.simulate import simulate_with
 
-from rulec.pipeline import compile_plant
-from runtime.diagnose import diagnose
-from runtime.equations import equations_of
-from runtime.plan import Plan
-from runtime.recording import Recording, read_recording
-from runtime.ruleset import Ruleset
-from runtime.simulate import simulate_with
-from runtime.trace import trace
+from rulec.passes.pipeline import compile_plant
 from tests.bench.conftest import Results
 from tests.bench.rigs import side_by_side
 from tests.bench.test_plan import BLOCK, block, by_lambdify, in_blocks, nanoseconds

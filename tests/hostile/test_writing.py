@@ -9,12 +9,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from rulec_runtime.output.write_file import write_text, written
 
-from runtime.write_file import write_text, written
 from tests.conftest import ROOT
 
-WRITER = "runtime/write_file.py"
-SPEAKER = "runtime/terminal.py"
+WRITER = "runtime/rulec_runtime/output/write_file.py"
+SPEAKER = "runtime/rulec_runtime/output/terminal.py"
 SOURCES = sorted(f for p in ("rulec", "runtime") for f in (ROOT / p).rglob("*.py"))
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.recordings.recording import read_recording
 
-from rulec.pipeline import compile_plant
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.recording import read_recording
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.truth import RIGS, fault_replay, record, write_csv
 

@@ -12,15 +12,15 @@ import pytest
 import sympy
 import yaml
 
-from rulec.check_join import needed_by
-from rulec.check_knowledge import check_knowledge
-from rulec.effect import Effect, EffectParameter, Join
-from rulec.knowledge import Knowledge
-from rulec.language.effect_law import parse_law
+from rulec.effects.model_builder import open_builder
+from rulec.knowledge.check_join import needed_by
+from rulec.knowledge.check_knowledge import check_knowledge
+from rulec.knowledge.effect import Effect, EffectParameter, Join
+from rulec.knowledge.effect_law import parse_law
+from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.read import read_files, read_plant
 from rulec.language.expression import Expression
 from rulec.language.symbolic import to_sympy
-from rulec.read import read_files, read_plant
-from rulec.workshop import open_workshop
 from tests.conftest import ROOT
 
 ORDINARY = {
@@ -238,7 +238,7 @@ def test_every_effect_has_a_place() -> None:
 @pytest.mark.parametrize("plant", MATCHES)
 def test_effects_join_real_plants_as_listed(plant: str) -> None:
     """Module by module and place by place: these effects join, and no others."""
-    candidates = open_workshop(ROOT / plant)[1].candidates
+    candidates = open_builder(ROOT / plant)[1].candidates
     found: dict[str, dict[str, set[str]]] = {module: {} for module in MATCHES[plant]}
     for c in candidates:
         if c.module in found and "@" in c.id:

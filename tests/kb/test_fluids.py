@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy
+from rulec_runtime.contract.plan import Plan
 
-from rulec.check_knowledge import check_knowledge
-from rulec.differentiate import TypeModel
-from rulec.fluid import property_of
-from rulec.graph import Graph
+from rulec.algebra.graph import Graph
+from rulec.knowledge.check_knowledge import check_knowledge
+from rulec.knowledge.fluid import property_of
+from rulec.knowledge.module_type import Fluid
+from rulec.knowledge.read import read_files
 from rulec.language.symbolic import TEMPERATURE
-from rulec.module_type import Fluid
-from rulec.pipeline import compile_plant, run_passes, up_to
-from rulec.read import read_files
-from runtime.plan import Plan
+from rulec.passes.differentiate import TypeModel
+from rulec.passes.pipeline import compile_plant, run_passes, up_to
 from tests.conftest import ROOT
 from tests.kb.fit_fluids import (
     LIQUIDS,

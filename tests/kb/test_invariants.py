@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
-from rulec.pipeline import compile_plant
-from runtime.redundancy import residual_basis
-from runtime.ruleset import Ruleset
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 
 PLANTS = {

@@ -6,8 +6,8 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.conftest import ROOT
 
 HERE = ROOT / "tests" / "loop"

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import THRESHOLD
+from rulec_runtime.report.text import degree
 
 from rulec.cli import main
-from rulec.pipeline import compile_plant
-from runtime.report.text import degree
-from runtime.ruleset import THRESHOLD
+from rulec.passes.pipeline import compile_plant
 from tests.loop import rig
 
 SIZES = [("A.T.high", 2.0, "K"), ("A.T.low", 3.0, "K"), ("A.I_Q.high", 0.5, "mA")]

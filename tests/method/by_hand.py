@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-
-from runtime.plan import Array
+from rulec_runtime.contract.plan import Array
 
 K0, K2, MIXER_K2 = 0.05, 5.2e-6, 3.5e-7
 

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import systematic_u
 
-from rulec.check_plant import check
-from rulec.differentiate import TypeModel, type_model
-from rulec.pipeline import compile_plant
-from rulec.read import read_plant
-from runtime.observe import Points
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset
-from runtime.stationary import systematic_u
+from rulec.knowledge.check_plant import check
+from rulec.knowledge.read import read_plant
+from rulec.passes.differentiate import TypeModel, type_model
+from rulec.passes.pipeline import compile_plant
 from tests import truth
 from tests.conftest import ROOT
 from tests.truth.plant import DosingModule, Line, Mixer

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import AmbiguousGroup, Ruleset
+from rulec_runtime.contract.ruleset_file import parse_ruleset
 
-from rulec.analyse_isolability import Isolability
 from rulec.commands.matrix import machine_form
-from rulec.linearise import Linearised, linearise
-from rulec.neighbourhood import Neighbourhood, apart
-from rulec.pipeline import compile_plant, run_passes, up_to
-from rulec.span import Span
-from runtime.plan import Array
-from runtime.ruleset import AmbiguousGroup, Ruleset
-from runtime.ruleset_file import parse_ruleset
+from rulec.knowledge.span import Span
+from rulec.passes.analyse_isolability import Isolability
+from rulec.passes.linearise import Linearised, linearise
+from rulec.passes.neighbourhood import Neighbourhood, apart
+from rulec.passes.pipeline import compile_plant, run_passes, up_to
 from tests.conftest import ROOT
 from tests.method.readings import PLANTS, ruleset
 

@@ -10,18 +10,18 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.isolate import residual_basis
 
-from rulec.continuity import flows_by_continuity
-from rulec.derive_residuals import Residuals, derive_residuals
-from rulec.knowledge import Knowledge
+from rulec.algebra.continuity import flows_by_continuity
+from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.module_type import ModuleType
+from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Place, Refused
 from rulec.language.expression import Expression
-from rulec.link import Network, link
-from rulec.module_type import ModuleType
-from rulec.plant import Module, Plant
-from runtime.isolate import residual_basis
-from runtime.plan import Array
-from runtime.ruleset import Ruleset
+from rulec.passes.derive_residuals import Residuals, derive_residuals
+from rulec.passes.link import Network, link
 
 KINDS = ("pump", "power", "resis", "flow")
 Connections = Iterable[tuple[str, str]]

@@ -11,12 +11,12 @@ import csv
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.observe import observe, points_of_samples
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset
-from runtime.stationary import find_stretches, noise_at_work
 from tests.conftest import ROOT, compiled, recordings_folder
 
 SAMPLES = 40

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
-from runtime.isolate import isolate
-from runtime.observe import observe
-from runtime.paper_mode import judge_by_paper
-from runtime.plan import Array
 from tests.method.readings import PUMPS, data, evaluate, noise_free, points, ruleset
 
 TABLE = data("section3.yaml")

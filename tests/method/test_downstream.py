@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rulec.continuity import FlowGraph
-from rulec.downstream import Downstream, Undefined
-from rulec.link import junctions
+from rulec.algebra.continuity import FlowGraph
+from rulec.passes.downstream import Downstream, Undefined
+from rulec.passes.link import junctions
 from tests.method.test_any_graph import plant
 
 CASES = {

@@ -9,17 +9,17 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.redundancy import blocks_of
+from rulec_runtime.diagnosis.steady.seen import see_block
+from rulec_runtime.diagnosis.steady.verdict import why_blind
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.isolate import isolate
-from runtime.machine_form import diagnosis_form, trace_csv
-from runtime.observe import observe
-from runtime.paper_mode import judge_by_paper
-from runtime.recording import Recording
-from runtime.redundancy import blocks_of
-from runtime.seen import see_block
-from runtime.trace import trace
-from runtime.verdict import why_blind
 from tests.method.readings import built, noise_free, points, recording, ruleset
 from tests.truth import TABLE_1, healthy_run, record
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 import sympy
 
-from rulec.differentiate import FLOW, GATHERED, TypeModel
+from rulec.passes.differentiate import FLOW, GATHERED, TypeModel
 from tests.method.readings import model
 
 Law = Callable[[TypeModel], sympy.Expr]

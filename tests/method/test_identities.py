@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 
-from runtime.isolate import isolate
-from runtime.observe import observe
-from runtime.paper_mode import judge_by_paper
-from runtime.plan import Array
-from runtime.redundancy import residual_basis
-from runtime.ruleset import Ruleset
 from tests.method.readings import PUMPS, evaluate, noise_free, points, ruleset
 
 TREES = {"abc": (2, 1), "three": (3, 1), "series": (3, 2), "mixing-rig": (5, 2)}

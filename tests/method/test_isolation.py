@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
-from runtime.diagnose import diagnose
-from runtime.isolate import isolate
-from runtime.observe import observe
-from runtime.paper_mode import judge_by_paper
 from tests.method.readings import PUMPS, built, noise_free, noisy, points, recording, ruleset
 from tests.truth import TABLE_1, healthy_run, record
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.isolate import isolate, residual_basis
+from rulec_runtime.diagnosis.steady.observe import observe
 
 from rulec.commands.matrix import machine_form
-from rulec.pipeline import compile_plant
-from runtime.isolate import isolate, residual_basis
-from runtime.observe import observe
-from runtime.plan import Array
+from rulec.passes.pipeline import compile_plant
 from tests.method.readings import PLANTS, evaluate, points, row_of, ruleset, signs, to_si
 from tests.truth.loops import OUTSIDE, Branch, DosingBranch, Resistance, readings
 

@@ -6,11 +6,11 @@ import functools
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
-from runtime.isolate import isolate
-from runtime.observe import Observed, observe
-from runtime.paper_mode import judge_by_paper
-from runtime.plan import Array
 from tests.method.readings import PUMPS, evaluate, noise_free, points, ruleset
 
 REACH = {"leakage": 0.95, "clogging": 2.5, "widening": 0.75, "high": 1.2, "low": 0.7}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
 from rulec.commands.matrix import machine_form
-from runtime.isolate import isolate
-from runtime.observe import observe
-from runtime.paper_mode import judge_by_paper
 from tests.method.readings import data, noise_free, points, row_of, ruleset
 
 NESTED = data("nested.yaml")

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 
-from rulec.pipeline import compile_plant
-from runtime.diagnose import diagnose
-from runtime.findings import Finding
-from runtime.redundancy import blocks_of
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.method.readings import built, recording, ruleset
 from tests.truth import TABLE_1, Run, operating_points, record, visiting_run

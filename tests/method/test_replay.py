@@ -6,13 +6,13 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.isolate import isolate
+from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.recordings.stationary import noise_of
 
-from runtime.diagnose import diagnose
-from runtime.isolate import isolate
-from runtime.observe import observe, points_of_samples
-from runtime.paper_mode import judge_by_paper
-from runtime.plan import Array
-from runtime.stationary import noise_of
 from tests.method.readings import built, recording, ruleset
 from tests.truth import TABLE_1, leakage_replay, record
 

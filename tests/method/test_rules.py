@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.method import by_hand
 from tests.method.readings import PUMPS, evaluate, noise_free, ruleset
 

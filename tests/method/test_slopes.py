@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.method.readings import LIFTS, PUMPS, evaluate, noise_free, ruleset
 
 STEP = 1e-6

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
-from runtime.observe import observe
-from runtime.paper_mode import judge_by_paper
 from tests.method.readings import PUMPS, evaluate, noise_free, noisy, points, ruleset
 
 SEEDS = 20_000

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.recordings.recording import read_recording
 from scipy.optimize import brentq
 
 from rulec.cli import main
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.recording import read_recording
 from tests.method.readings import PLANTS, ruleset
 
 coolprop = pytest.importorskip("CoolProp.CoolProp")

@@ -15,7 +15,7 @@ def main() -> int:
     if absent:
         sys.stderr.write(
             f"rulec prove: {', '.join(absent)} not installed here; `make test` installs all that "
-            "the suite needs, as does: pip install -e '.[dev]'\n"
+            "the suite needs, as does: pip install -e ./runtime -e '.[dev]'\n"
         )
         return 1
     from tests.prove import command

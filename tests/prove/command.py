@@ -15,9 +15,9 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import Progress
+from rulec_runtime.commands.destinations import without_folder
 
 from rulec.cli import prove_options
-from rulec.commands.output import without_folder
 from tests.conftest import recordings_folder
 from tests.prove.campaign import Changed, Told, analysed, digest_of, judged, sealed
 from tests.prove.ending import interruptible

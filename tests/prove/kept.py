@@ -6,9 +6,10 @@ import hashlib
 import tempfile
 from pathlib import Path
 
+import rulec_runtime
+
 import rulec
-import runtime
-from rulec.read import shipped
+from rulec.knowledge.read import shipped
 
 SEALS, CASES = "seals.txt", "cases"
 
@@ -16,7 +17,7 @@ SEALS, CASES = "seals.txt", "cases"
 def tool_digest() -> str:
     """Tells one state of the tool from another: a run never mixes the answers of two."""
     digest = hashlib.sha256()
-    for root in (Path(rulec.__path__[0]), Path(runtime.__path__[0]), shipped("kb")):
+    for root in (Path(rulec.__path__[0]), Path(rulec_runtime.__path__[0]), shipped("kb")):
         for file in sorted(f for f in root.rglob("*") if f.suffix in {".py", ".yaml", ".json"}):
             digest.update(f"{file.relative_to(root).as_posix()}\0".encode())
             digest.update(file.read_bytes())

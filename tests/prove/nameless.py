@@ -11,18 +11,18 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
-from runtime.mismatch.compete import Contestant, entered
-from runtime.mismatch.dynamic.fit import Fitted as FittedStores
-from runtime.mismatch.dynamic.nameless import curves
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.mismatch.fit import Fitted
-from runtime.mismatch.free_form import _parts, _varying
-from runtime.mismatch.hidden import _trial, reconstruct
-from runtime.mismatch.locate import Suspect, suspects
-from runtime.mismatch.price import gain_in_sample
-from runtime.mismatch.screen import Trial, screen
-from runtime.mismatch.setting import HIDDEN
-from runtime.mismatch.wander import wandering
+from rulec.mismatch.evidence.steady.configuration import HIDDEN
+from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.evidence.steady.locate import Suspect, suspects
+from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.evidence.stores.fit import Fitted as FittedStores
+from rulec.mismatch.search.compete import Contestant, entered
+from rulec.mismatch.search.free_form import _parts, _varying
+from rulec.mismatch.search.latent_input import _trial, reconstruct
+from rulec.mismatch.search.stores.nonparametric_term import curves
+from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.time_varying import wandering
+from rulec.mismatch.search.weigh import gain_in_sample
 from tests.prove.aligned import driver_of, likeness
 from tests.prove.campaign import DRIVER
 
@@ -49,7 +49,7 @@ def _trials(fitted: Fitted, place: Suspect) -> Iterator[Trial]:
         pieces = [i for i in range(parts + 1) if i != parts // 2]
         features = tuple(f"{name}~{i}/{parts}" for i in pieces)
         if parts:
-            curve = fitted.rows.system.workshop.free_form(place.spot.id, features)
+            curve = fitted.rows.system.builder.free_form(place.spot.id, features)
             yield from screen(fitted, [curve])[:1]
 
 
@@ -57,7 +57,7 @@ def in_its_tank(
     searcher: Searcher, plain: FittedStores, places: Collection[str]
 ) -> FittedStores | None:
     """The best model of a plant that stores, with a free curve at one of some places."""
-    spots = [s for s in searcher.bench.workshop.spots if f"{s.module}.{s.place}" in places]
+    spots = [s for s in searcher.bench.builder.spots if f"{s.module}.{s.place}" in places]
     tasks = curves(searcher, [plain], spots)
     drawn = searcher.refined(searcher.ranked(tasks, plain)[:TRIED], plain)
     return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)

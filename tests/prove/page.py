@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from runtime.report.document import document, facts, numbered, section
-from runtime.report.text import counted, number, safe
+from rulec_runtime.report.document import document, facts, numbered, section
+from rulec_runtime.report.text import counted, number, safe
+
 from tests.prove import tables
 from tests.prove.attainable import at_best_words
 from tests.prove.mistakes import confusion

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from rulec_runtime.report.chart import Axis, Panel, axis
+from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.text import counted, fixed, number, percent
 
-from runtime.report.chart import Axis, Panel, axis
-from runtime.report.figure import Figure, plot
-from runtime.report.text import counted, fixed, number, percent
 from tests.prove.results import Judged
 from tests.prove.scores import HALVES, RATIO, Bin, curve, seen
 

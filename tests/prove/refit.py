@@ -16,27 +16,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rulec.workshop import PlantWorkshop, open_workshop
-from runtime.mismatch.candidate import Candidate
-from runtime.mismatch.compete import Contestant, contest, entered
-from runtime.mismatch.dynamic.bench import Bench
-from runtime.mismatch.dynamic.doubt import doubted
-from runtime.mismatch.dynamic.kin import begun_alike
-from runtime.mismatch.dynamic.price import needed as needed_of_stores
-from runtime.mismatch.dynamic.record import record_of
-from runtime.mismatch.dynamic.search import search as search_stores
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.mismatch.fit import fit
-from runtime.mismatch.periods import FEW_CHANGES, coming_and_going
-from runtime.mismatch.prepare import prepare
-from runtime.mismatch.price import gain_in_sample, needed
-from runtime.mismatch.rows import rows_of
-from runtime.mismatch.screen import screen
-from runtime.mismatch.search import search
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.recording import Recording, read_recording
-from runtime.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording, read_recording
+
+from rulec.effects.candidate import Candidate
+from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import rows_of
+from rulec.mismatch.evidence.steady.screen import screen
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.stores.record import record_of
+from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.search.compete import Contestant, contest, entered
+from rulec.mismatch.search.periods import FEW_CHANGES, coming_and_going
+from rulec.mismatch.search.search import search
+from rulec.mismatch.search.stores.backward_elimination import doubted
+from rulec.mismatch.search.stores.nested_models import begun_alike
+from rulec.mismatch.search.stores.price import needed as needed_of_stores
+from rulec.mismatch.search.stores.search import search as search_stores
+from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.weigh import gain_in_sample, needed
 from tests.prove.analyst import FORM
 from tests.prove.campaign import OPENED
 from tests.prove.judge import name_right, place_right, unnamed_right
@@ -86,10 +87,10 @@ class Refitted:
 def refitted(folder: Path) -> Refitted:
     """Ask about a case, and refit its true laws."""
     answer = json.loads((folder / OPENED).read_text(encoding="utf-8"))
-    ruleset, workshop = open_workshop(folder / "plant")
+    ruleset, builder = open_builder(folder / "plant")
     recording = read_recording(folder / "recording.csv", ruleset)
     ask = _stationary if ruleset.dynamics is None else _dynamic
-    return ask(answer, folder, recording, ruleset, workshop)
+    return ask(answer, folder, recording, ruleset, builder)
 
 
 def planted_of(answer: dict[str, Any]) -> Planned:
@@ -121,35 +122,35 @@ def _stationary(
     folder: Path,
     recording: Recording,
     ruleset: Ruleset,
-    workshop: PlantWorkshop,
+    builder: ModelBuilder,
 ) -> Refitted:
     data = prepare(recording, ruleset, ())
     assert data is not None
-    found = search(rows_of(System(ruleset, workshop, data), Setting()), _quiet)
+    found = search(rows_of(System(ruleset, builder, data), Setting()), _quiet)
     plain, best = found.plain, found.best.fitted
     told = contest(fit(best.rows, best.setting, best.used, temper=plain.fitted.temper), None)
     nameless = at_its_place(plain, _places_without_a_name(answer))
     planted = planted_of(answer)
     orders = (planted, planted[::-1]) if answer["verdict"] != "unnamed" else ()
-    laws = [plain, *nameless[:1], *(_with(plain, order, workshop) for order in orders)]
+    laws = [plain, *nameless[:1], *(_with(plain, order, builder) for order in orders)]
     true = max(laws, key=lambda c: gain_in_sample(c, plain))
     return Refitted(
         answer["case"],
         gain_in_sample(true, plain),
         gain_in_sample(told, plain),
-        needed(plain, len(workshop.candidates)),
+        needed(plain, len(builder.candidates)),
         tuple(c.id for c in true.fitted.setting.joined),
         tuple(c.id for c in best.setting.joined),
         course_at(folder, nameless),
     )
 
 
-def _with(now: Contestant, planted: Planned, workshop: PlantWorkshop) -> Contestant:
+def _with(now: Contestant, planted: Planned, builder: ModelBuilder) -> Contestant:
     """The model with the true laws, one after the other."""
     for one in planted:
         ways = [
             entered(now.fitted, trial)
-            for candidate in _right(one, workshop.candidates)
+            for candidate in _right(one, builder.candidates)
             for trial in (
                 *screen(now.fitted, [candidate])[:1],
                 *coming_and_going(now.fitted, [candidate], FEW_CHANGES),
@@ -164,11 +165,11 @@ def _dynamic(
     folder: Path,
     recording: Recording,
     ruleset: Ruleset,
-    workshop: PlantWorkshop,
+    builder: ModelBuilder,
 ) -> Refitted:
-    record = record_of(recording, ruleset, workshop.given, ())
+    record = record_of(recording, ruleset, builder.given, ())
     assert record is not None
-    bench = Bench(ruleset, workshop, record)
+    bench = Bench(ruleset, builder, record)
     found = search_stores(bench, _quiet, 1)
     searcher, plain = Searcher(bench, found.judged, 1), found.plain
     told, _ = doubted(searcher, found)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from runtime.report.text import fixed, listed, number, percent, safe
+from rulec_runtime.report.text import fixed, listed, number, percent, safe
+
 from tests.prove.mistakes import (
     OTHERS,
     Bad,

@@ -7,8 +7,8 @@ import io
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rulec_runtime.report.text import number
 
-from runtime.report.text import number
 from tests.prove.attainable import at_best_words
 from tests.prove.mistakes import worst
 from tests.prove.page import headline, partition_words

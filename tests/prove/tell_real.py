@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rulec_runtime.report.text import counted, listed, number
 
-from runtime.report.text import counted, listed, number
 from tests.prove.real import Answer
 
 COVERAGE = 2.0

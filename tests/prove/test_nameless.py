@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import read_recording
 
-from rulec.workshop import open_workshop
-from runtime.mismatch.compete import Contestant, contest
-from runtime.mismatch.fit import fit
-from runtime.mismatch.price import gain_in_sample, needed
-from runtime.mismatch.setting import HIDDEN, Setting
-from runtime.recording import read_recording
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.weigh import gain_in_sample, needed
 from tests.prove.aligned import driver_of, driver_told, likeness
 from tests.prove.campaign import DRIVER
 from tests.prove.nameless import at_its_place, course_at
@@ -23,7 +23,7 @@ from tests.truth.settled.plan import Planned
 
 def plain_of(folder: Path) -> Contestant:
     """The plain model of a case that was written."""
-    opened = open_workshop(folder / "plant")
+    opened = open_builder(folder / "plant")
     rows = rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
     return contest(fit(rows, Setting(), rows.system.data.open), None)
 

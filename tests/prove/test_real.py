@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from runtime.mismatch.machine_form import mismatch_form
+from rulec.mismatch.answer.json_form import mismatch_form
 from tests.conftest import recordings_folder
 from tests.prove.campaign import Changed
 from tests.prove.command import main

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rulec_runtime.diagnosis.steady.observe import Points, observe, plan_inputs, points_of_samples
+from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
-from runtime.observe import Points, observe, plan_inputs, points_of_samples
-from runtime.recording import Recording, read_recording
-from runtime.stationary import find_stretches, noise_at_work
 from tests.conftest import compiled
 from tests.rig.ranking import Array, medians
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from rulec_runtime.recordings.point_table import is_point_table
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from runtime.point_table import is_point_table
-from runtime.recording import read_recording
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.rig.esp import (
     FOLDER,

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 
 from rulec.cli import main
-from runtime.isolate import alarm_chance, quantile
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.rig.hsy import (
     beyond_the_sheet,

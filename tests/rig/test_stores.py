@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import read_recording
 
-from rulec.workshop import open_workshop
-from runtime.mismatch.dynamic.bench import Bench
-from runtime.mismatch.dynamic.drift import drift_of, no_drift
-from runtime.mismatch.dynamic.fit import Fitted, Judged
-from runtime.mismatch.dynamic.quality import failing
-from runtime.mismatch.dynamic.record import record_of
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.recording import read_recording
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
+from rulec.mismatch.evidence.stores.fit import Fitted, Judged
+from rulec.mismatch.evidence.stores.quality import failing
+from rulec.mismatch.evidence.stores.record import record_of
+from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.conftest import ROOT, recordings_folder
 
 
@@ -31,10 +31,10 @@ def recorded(name: str) -> Path:
 
 def fitted(plant: str, file: str, *joined: str) -> tuple[Bench, Fitted, Fitted]:
     """The recalibrated and the repaired model on the blocks that are open."""
-    ruleset, workshop = open_workshop(ROOT / "plants" / plant)
-    record = record_of(read_recording(recorded(file), ruleset), ruleset, workshop.given)
+    ruleset, builder = open_builder(ROOT / "plants" / plant)
+    record = record_of(read_recording(recorded(file), ruleset), ruleset, builder.given)
     assert record is not None
-    bench = Bench(ruleset, workshop, record)
+    bench = Bench(ruleset, builder, record)
     first = Searcher(bench, Judged(bench.known, {}, no_drift(bench), np.zeros(0)), 2)
     plain = first.plain()
     drift = drift_of(bench, (), plain.values)

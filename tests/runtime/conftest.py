@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset
 
-from runtime.ruleset import Ruleset
 from tests.runtime.reports import EXAMPLES, Judged, judge
 
 

@@ -6,13 +6,15 @@ import dataclasses
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.recording import Recording, read_recording
-from runtime.report.page import report
-from runtime.report.series import Curves, curves_of
-from runtime.report.truth import Truth, read_truth
-from runtime.ruleset import Ruleset
-from runtime.trace import Trace, trace
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.report.page import report
+from rulec_runtime.report.series import Curves, curves_of
+from rulec_runtime.report.truth import Truth, read_truth
+
 from tests.conftest import ROOT
 
 EXAMPLES = ROOT / "plants" / "abc" / "examples"

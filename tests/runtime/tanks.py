@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.stores.freed import freed, start_of
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.simulation.sensing import SensorErrors, sense
 
-from rulec.pipeline import compile_plant
-from runtime.dynamic.freed import freed, start_of
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset
-from runtime.sensing import SensorErrors, sense
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 
 Fault = tuple[str, float, float]

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.cli import main
-from runtime.ruleset import Ruleset
 from tests.conftest import ROOT, compiled
 from tests.runtime.sheets import Sheet, example, write
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.steady.baseline import LASTING, learn, nothing_learned, remembered
+from rulec_runtime.diagnosis.steady.observe import Observed, observe, points_of_stretches
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
-from runtime.baseline import LASTING, learn, nothing_learned, remembered
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.observe import Observed, observe, points_of_stretches
-from runtime.redundancy import residual_basis
-from runtime.stationary import find_stretches, noise_at_work
 from tests.method.readings import built, recording, ruleset
 from tests.truth import TABLE_1, Run, Sensing, healthy_run, record
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.wording import actions, headline
+from rulec_runtime.simulation.sensing import SensorErrors, sense
+from rulec_runtime.simulation.simulate import simulate
 
-from runtime.diagnose import diagnose
-from runtime.recording import Recording
-from runtime.sensing import SensorErrors, sense
-from runtime.simulate import simulate
-from runtime.wording import actions, headline
 from tests.conftest import compiled
 
 SAMPLES = 240

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset_file import read_ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.output.terminal import Terminal
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.json_form import diagnosis_form, trace_csv
+from rulec_runtime.report.page import report
+from rulec_runtime.report.terminal_story import explain
 
 from rulec.commands.matrix import machine_form
-from runtime.diagnose import Diagnosis, diagnose
-from runtime.explain import explain
-from runtime.machine_form import diagnosis_form, trace_csv
-from runtime.recording import Recording
-from runtime.report.page import report
-from runtime.ruleset_file import read_ruleset
-from runtime.terminal import Terminal
-from runtime.trace import trace
 from tests.runtime.tanks import made, plant
 
 PLANTS = ("cascaded-tanks", "wastewater-lab")

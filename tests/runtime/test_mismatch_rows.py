@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from runtime.mismatch.small_systems import inverses
+from rulec.mismatch.evidence.steady.small_systems import inverses
 
 SIZE = 12
 """Outputs of a rig with seven modules."""

@@ -9,20 +9,28 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.output.terminal import Terminal
 
-from runtime.mismatch.machine_form import hidden_csv, mismatch_form
-from runtime.mismatch.report.page import report
-from runtime.mismatch.result import Errors, Evidence, Fit, Mismatch, Period, Region, Rival
-from runtime.mismatch.sparkline import sparkline
-from runtime.mismatch.story import tell
-from runtime.mismatch.wording import (
+from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
+from rulec.mismatch.answer.page import report
+from rulec.mismatch.answer.sparkline import sparkline
+from rulec.mismatch.answer.terminal_story import tell
+from rulec.mismatch.answer.wording import (
     evidence_rows,
     explained_words,
     region_words,
     rivals_words,
     value_and_u,
 )
-from runtime.terminal import Terminal
+from rulec.mismatch.answer_types.result import (
+    Errors,
+    Evidence,
+    Fit,
+    Mismatch,
+    Period,
+    Region,
+    Rival,
+)
 from tests.runtime.mismatches import (
     ALL,
     FAULT,

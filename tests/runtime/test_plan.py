@@ -19,14 +19,14 @@ import pytest
 import sympy
 import yaml
 from hypothesis import assume, given, reject, settings
+from rulec_runtime.contract import plan as plan_module
+from rulec_runtime.contract.plan import CHUNK, OPERATIONS, UNARY, Plan
+from rulec_runtime.contract.ruleset import FORMAT_VERSION, Ruleset
+from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset, read_ruleset
 
-from rulec.graph import Graph
+from rulec.algebra.graph import Graph
 from rulec.language.symbolic import Absolute, Larger, Signum, Smaller
-from rulec.pipeline import compile_plant
-from runtime import plan as plan_module
-from runtime.plan import CHUNK, OPERATIONS, UNARY, Plan
-from runtime.ruleset import FORMAT_VERSION, Ruleset
-from runtime.ruleset_file import RulesetRefused, parse_ruleset, read_ruleset
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 
 NUMPY: Mapping[str, Callable[..., Any]] = {

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.point_table import each_row, is_point_table
+from rulec_runtime.recordings.recording import Recording, read_recording
 
-from runtime.point_table import each_row, is_point_table
-from runtime.recording import Recording, read_recording
-from runtime.ruleset import Ruleset
 from tests.conftest import ROOT, compiled
 from tests.truth import abc as abc_rig
 from tests.truth import calibration_run, record, write_csv

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
+from rulec_runtime.recordings import csv_table
+from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+from rulec_runtime.recordings.stationary import find_stretches, noise_of
 
-from runtime import csv_table
-from runtime.reading_unit import parse_unit
-from runtime.recording import Recording, RecordingRefused, read_recording
-from runtime.ruleset import ColumnMap, Ruleset
-from runtime.stationary import find_stretches, noise_of
 from tests.conftest import ROOT
 from tests.runtime.sheets import Sheet, example, write
 

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import THRESHOLD, Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.observe import Observed, observe, points_of_samples
+from rulec_runtime.diagnosis.steady.seen import residuals_seen, see_samples, see_stretches
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.recordings.stationary import settle
+from rulec_runtime.report.series import detail
+from rulec_runtime.report.wording import titled
 
 from rulec.cli import main
-from runtime.diagnose import diagnose
-from runtime.observe import Observed, observe, points_of_samples
-from runtime.plan import Array
-from runtime.recording import read_recording
-from runtime.report.series import detail
-from runtime.ruleset import THRESHOLD, Ruleset
-from runtime.seen import residuals_seen, see_samples, see_stretches
-from runtime.stationary import settle
-from runtime.trace import trace
-from runtime.wording import titled
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.runtime.reports import EXAMPLES, Judged, caption, figures, judge, tree
 from tests.runtime.sheets import Sheet, example, write

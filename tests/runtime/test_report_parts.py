@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.report.chart import Panel, axis
+from rulec_runtime.report.thin_curves import COLUMNS, thin_marks, thin_series
+from rulec_runtime.report.truth import Cases, cases_of, read_truth, shares
 
-from runtime.csv_table import RecordingRefused
-from runtime.report.chart import Panel, axis
-from runtime.report.thin import COLUMNS, thin_marks, thin_series
-from runtime.report.truth import Cases, cases_of, read_truth, shares
-from runtime.ruleset import Ruleset
 from tests.runtime.reports import Judged
 from tests.runtime.sheets import write
 

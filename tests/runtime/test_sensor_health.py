@@ -11,16 +11,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.recordings.clock import in_order
+from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import last_digit, standing_still
 
-from rulec.pipeline import compile_plant
-from runtime.diagnose import diagnose
-from runtime.health.clock import in_order
-from runtime.health.judge import examine
-from runtime.health.still import last_digit, standing_still
-from runtime.plan import Array
-from runtime.reading_unit import parse_unit
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.runtime import tanks
 from tests.truth import RIGS, TABLE_1, operating_points, record, visiting_run

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.simulation.equations import Equations, SimulationRefused, equations_of
+from rulec_runtime.simulation.sensing import SensorErrors, sense
+from rulec_runtime.simulation.simulate import simulate, simulate_with
 
-from rulec.eliminate import independent_without, solved_for
-from rulec.matching import match, surplus
-from rulec.pipeline import compile_plant
-from runtime.equations import Equations, SimulationRefused, equations_of
-from runtime.plan import Array
-from runtime.sensing import SensorErrors, sense
-from runtime.simulate import simulate, simulate_with
-from runtime.stationary import systematic_u
+from rulec.algebra.eliminate import independent_without, solved_for
+from rulec.algebra.matching import match, surplus
+from rulec.passes.pipeline import compile_plant
 from tests import truth
 from tests.conftest import ROOT, compiled
 from tests.method.readings import built, evaluate, ruleset, to_si

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
 from rulec.cli import main
-from runtime.plan import Array
 from tests import truth
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.rig.zema import read_cycles, write_cycles

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import UNARY, Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.tangent import run_with_slopes
 
-from runtime.plan import UNARY, Plan
-from runtime.ruleset import Ruleset
-from runtime.tangent import run_with_slopes
 from tests.conftest import compiled
 
 PLANTS = ("abc", "esp-pump", "hsy-pumping", "mixing-rig", "zema-hydraulic")

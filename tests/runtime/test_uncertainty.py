@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from rulec_runtime.contract.ruleset import Cell, ResidualSpec, Ruleset
 from uncertainties import correlated_values, ufloat
 
-from rulec.pipeline import compile_plant
-from runtime.ruleset import Cell, ResidualSpec, Ruleset
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.runtime.equations import LITRE_PER_HOUR, TYPES, UNITS, Abc, Dosing, degree_law
 

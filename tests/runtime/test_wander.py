@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of, residual_basis
+from rulec_runtime.diagnosis.steady.seen import see_stretches
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches, settle
 
-from runtime.diagnose import diagnose
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.redundancy import covariance_of, residual_basis
-from runtime.seen import see_stretches
-from runtime.stationary import Stretches, settle
 from tests.method.readings import built, recording, ruleset
 from tests.truth import INSIDE, healthy_run, operating_points, record, visiting_run
 

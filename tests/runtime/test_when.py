@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.recordings.when import course
 
-from runtime.diagnose import diagnose
-from runtime.recording import read_recording
-from runtime.ruleset import Ruleset
-from runtime.when import course
 from tests.runtime.sheets import Sheet, example, write
 
 LEAK = example("leakage_A")

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 from scipy.integrate import solve_ivp
 
-from runtime.plan import Array
 from tests.conftest import ROOT, recordings_folder
 
 TANKS = ROOT / "plants" / "cascaded-tanks"

@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording_file import read_file
+from rulec_runtime.simulation.predict import predict
 
-from rulec.adopt import adopt
 from rulec.cli import main
-from rulec.module_type import ModuleType
-from rulec.pipeline import compile_plant
-from rulec.read import read_plant
-from rulec.repair import read_repair
-from rulec.workshop import PlantWorkshop
-from rulec.write_plant import plant_files
-from runtime.plan import Array
-from runtime.predict import predict
-from runtime.recording_file import read_file
+from rulec.effects.adopt import adopt
+from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.repair import read_repair
+from rulec.effects.write_plant import plant_files
+from rulec.knowledge.module_type import ModuleType
+from rulec.knowledge.read import read_plant
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.states.plants import TANKS, random_inputs, write_inputs
 from tests.test_adopt import Found, adopted, mismatch, models_of, opened
@@ -33,9 +33,9 @@ TYPICAL = {"h": 0.12, "inflow": 1e-5, "outflow": 1e-5, "u": 3.0, "y": 5.0}
 """Readings, levels and flows of the tanks, SI."""
 
 
-def unknowns_of(workshop: PlantWorkshop, name: str) -> dict[str, float]:
+def unknowns_of(builder: ModelBuilder, name: str) -> dict[str, float]:
     """For each parameter of a candidate its first start, or a typical value of its driver."""
-    candidate = next(c for c in workshop.candidates if c.id == name)
+    candidate = next(c for c in builder.candidates if c.id == name)
     return {
         u.name: u.starts[0] if u.starts else TYPICAL[str(u.driver).partition(".")[2]]
         for u in candidate.unknowns
@@ -47,14 +47,14 @@ def type_of(plant: Path, module: str) -> ModuleType:
 
 
 def assert_same_course(
-    folder: Path, new: Path, data: Mapping[str, Any], workshop: PlantWorkshop
+    folder: Path, new: Path, data: Mapping[str, Any], builder: ModelBuilder
 ) -> Array:
     """The new plant, read from its files, predicts what the analysis had: to 1e-9 V."""
     repair = data["repair"]
-    values = {**workshop.parameters.constants}
+    values = {**builder.parameters.constants}
     values |= dict(zip(repair["parameters"], repair["values"], strict=True))
     values |= {k: v for entry in repair["joined"] for k, v in entry["fixed"].items()}
-    balances = workshop.balances(tuple(entry["id"] for entry in repair["joined"]))
+    balances = builder.balances(tuple(entry["id"] for entry in repair["joined"]))
     time, u = random_inputs(300)
     course = balances.run(time, u[:, None], np.array([True]), values)
     expected = course.shown[:, balances.outputs.index("shown:lower.y")]
@@ -66,24 +66,24 @@ def assert_same_course(
     return expected
 
 
-def adopted_tanks(folder: Path, *names: str) -> tuple[Path, dict[str, Any], PlantWorkshop]:
-    workshop = opened(TANKS)
-    found: Found = [(name, unknowns_of(workshop, name)) for name in names]
-    data, workshop = mismatch(TANKS, found)
-    return adopted(folder, data), data, workshop
+def adopted_tanks(folder: Path, *names: str) -> tuple[Path, dict[str, Any], ModelBuilder]:
+    builder = opened(TANKS)
+    found: Found = [(name, unknowns_of(builder, name)) for name in names]
+    data, builder = mismatch(TANKS, found)
+    return adopted(folder, data), data, builder
 
 
 def test_overflow_of_one_tank(tmp_path: Path) -> None:
     """That tank gets a type of its own; what it loses and what is caught stand in its laws."""
-    new, data, workshop = adopted_tanks(tmp_path, CAUGHT)
+    new, data, builder = adopted_tanks(tmp_path, CAUGHT)
     upper, lower = type_of(new, "upper"), type_of(new, "lower")
     assert ("open-tank-upper", 2) == (upper.name, upper.version)
     assert ("open-tank", 1) == (lower.name, lower.version)
     assert "(inflow_true - outflow)/A" == upper.states["h"].rate.text
     assert upper.definitions["inflow_true"].expression.text.startswith("inflow - ")
     assert upper.definitions["outflow"].expression.text.startswith("outflow_plain + f*")
-    shown = assert_same_course(tmp_path, new, data, workshop)
-    plain = workshop.balances(()).run(*plain_inputs(), values_of(data, workshop)).shown
+    shown = assert_same_course(tmp_path, new, data, builder)
+    plain = builder.balances(()).run(*plain_inputs(), values_of(data, builder)).shown
     assert np.abs(shown - plain[:, 0]).max() > 0.05
     assert 0 == main(["check", str(new)])
 
@@ -93,10 +93,10 @@ def plain_inputs() -> tuple[Array, Array, Array]:
     return time, u[:, None], np.array([True])
 
 
-def values_of(data: Mapping[str, Any], workshop: PlantWorkshop) -> dict[str, float]:
+def values_of(data: Mapping[str, Any], builder: ModelBuilder) -> dict[str, float]:
     repair = data["repair"]
     moved = dict(zip(repair["parameters"], repair["values"], strict=True))
-    return {**workshop.parameters.constants, **moved}
+    return {**builder.parameters.constants, **moved}
 
 
 def test_initial_states_are_taken_over(tmp_path: Path) -> None:
@@ -113,10 +113,10 @@ def test_initial_states_are_taken_over(tmp_path: Path) -> None:
 
 def test_values_alone(tmp_path: Path) -> None:
     """Nothing but other parameters: the types stay, states and readings as they were written."""
-    data, workshop = mismatch(TANKS, [])
+    data, builder = mismatch(TANKS, [])
     new = adopted(tmp_path, data)
     assert 1 == type_of(new, "upper").version
-    assert_same_course(tmp_path, new, data, workshop)
+    assert_same_course(tmp_path, new, data, builder)
 
 
 LAG = """\
@@ -179,19 +179,19 @@ def sticky(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def test_states_that_an_effect_brings_in(tmp_path: Path, sticky: Path, name: str) -> None:
     """Wherever it joins: written, read again, the same course."""
-    workshop = opened(sticky)
-    data, workshop = mismatch(sticky, [(name, unknowns_of(workshop, name))])
+    builder = opened(sticky)
+    data, builder = mismatch(sticky, [(name, unknowns_of(builder, name))])
     new = adopted(tmp_path, data)
-    shown = assert_same_course(tmp_path, new, data, workshop)
-    plain = workshop.balances(()).run(*plain_inputs(), values_of(data, workshop))
+    shown = assert_same_course(tmp_path, new, data, builder)
+    plain = builder.balances(()).run(*plain_inputs(), values_of(data, builder))
     assert np.abs(shown - plain.shown[:, -1]).max() > 0.02
     assert 0 == main(["check", str(new)])
 
 
 def test_a_pump_that_follows_late(tmp_path: Path, sticky: Path) -> None:
     """Its observer tells the settled flow; the tank gets the flow that follows late."""
-    workshop, name = opened(sticky), "pump.lag@pump"
-    data, _ = mismatch(sticky, [(name, unknowns_of(workshop, name))])
+    builder, name = opened(sticky), "pump.lag@pump"
+    data, _ = mismatch(sticky, [(name, unknowns_of(builder, name))])
     kind = type_of(adopted(tmp_path, data), "pump")
     assert "pump_plain" == kind.observers["pump"].expression.text
     assert "z" == kind.definitions["outflow"].expression.text
@@ -205,30 +205,30 @@ def test_a_pump_that_follows_late(tmp_path: Path, sticky: Path) -> None:
 
 def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
     """Physics at the first place where it joins the tanks: built in, written, read again."""
-    workshop, sources = opened(TANKS), read_plant(TANKS)
-    known = {c.name: c.id for c in reversed(workshop.candidates) if c.sort == "physics"}
+    builder, sources = opened(TANKS), read_plant(TANKS)
+    known = {c.name: c.id for c in reversed(builder.candidates) if c.sort == "physics"}
     assert known
     for effect, name in known.items():
-        data, _ = mismatch(TANKS, [(name, unknowns_of(workshop, name))])
+        data, _ = mismatch(TANKS, [(name, unknowns_of(builder, name))])
         (tmp_path / "mismatch.json").write_text(json.dumps(data), encoding="utf-8")
         repair = read_repair(tmp_path / "mismatch.json")
-        adoption = adopt(workshop, workshop.network, repair)
+        adoption = adopt(builder, builder.network, repair)
         assert [name] == [c.id for c in adoption.taken], adoption.left
         for path, text in plant_files(sources, adoption, repair):
             file = tmp_path / effect / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
-        assert_same_course(tmp_path, tmp_path / effect, data, workshop)
+        assert_same_course(tmp_path, tmp_path / effect, data, builder)
 
 
 def test_again(tmp_path: Path) -> None:
     """An adopted plant can be adopted into: what was written stays."""
     new, _, _ = adopted_tanks(tmp_path, CAUGHT)
-    workshop = opened(new)
-    name = next(c.id for c in workshop.candidates if c.id.startswith("lower.overflow-caught"))
-    data, workshop = mismatch(new, [(name, unknowns_of(workshop, name))])
+    builder = opened(new)
+    name = next(c.id for c in builder.candidates if c.id.startswith("lower.overflow-caught"))
+    data, builder = mismatch(new, [(name, unknowns_of(builder, name))])
     (tmp_path / "second").mkdir()
     second = adopted(tmp_path / "second", data)
     assert "inflow_true" in type_of(second, "lower").definitions
     assert "inflow_true" in type_of(second, "upper").definitions
-    assert_same_course(tmp_path, second, data, workshop)
+    assert_same_course(tmp_path, second, data, builder)

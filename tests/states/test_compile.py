@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main
-from rulec.pipeline import compile_plant
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import compiled
 from tests.states.plants import FEED, STORE, TANKS, plant_in
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rulec_runtime.simulation.integrator as machine
+from rulec_runtime.contract.plan import OPERATIONS, UNARY, Array, Plan
+from rulec_runtime.contract.ruleset import Dynamics
+from rulec_runtime.simulation.balances import Balances, Course, RanAway
 
-import runtime.dynamic.machine as machine
-from rulec.pipeline import compile_plant
-from runtime.dynamic.balances import Balances, Course, RanAway
-from runtime.plan import OPERATIONS, UNARY, Array, Plan
-from runtime.ruleset import Dynamics
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import compiled
 from tests.states.plants import (
     FEED,

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset_file import read_ruleset
 
 from rulec.cli import main
-from rulec.pipeline import compile_plant
-from runtime.plan import Array
-from runtime.ruleset_file import read_ruleset
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import compiled
 from tests.states.plants import (
     FEED,

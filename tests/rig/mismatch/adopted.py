@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.pipeline import compile_plant
-from runtime.recording import Recording, read_recording
-from runtime.ruleset import Ruleset
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, recordings_folder
 from tests.rig.mismatch import esp, hsy, zema
 from tests.rig.mismatch.ask import Answer, Failed, ask, call

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from rulec.workshop import open_workshop
-from runtime.mismatch.analyse import analyse
-from runtime.recording import read_recording
+from rulec_runtime.recordings.recording import read_recording
+
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.analyse import analyse
 from tests.conftest import ROOT
 from tests.truth.tanks import CASCADED, named
 
@@ -19,12 +20,12 @@ def verdicts(
 
     Analysed in this process: the answers stay in memory and are not given to the analysis.
     """
-    ruleset, workshop = open_workshop(ROOT / "plants" / CASCADED.name)
+    ruleset, builder = open_builder(ROOT / "plants" / CASCADED.name)
     for case in named(1, clean={CASCADED.name: clean}, groups=groups):
         if case.layout.name != CASCADED.name:
             continue
         case.make(1024).write(work, "case")
-        found = analyse(read_recording(work / "case.csv", ruleset), ruleset, workshop)
+        found = analyse(read_recording(work / "case.csv", ruleset), ruleset, builder)
         planted = " + ".join(case.effects) or f"nothing, {case.number}"
         told = ", ".join(finding.id for finding in found.findings)
         if found.fit is not None:

@@ -7,9 +7,10 @@ import functools
 import io
 from pathlib import Path
 
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset_file import read_ruleset
+
 from rulec.cli import main
-from runtime.ruleset import Ruleset
-from runtime.ruleset_file import read_ruleset
 from tests.conftest import ROOT
 from tests.rig.mixing_rig.cases import Task
 from tests.truth import RIGS, Plant, Sensing, calibration_run, drawn, record, write_csv

@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import noise_of
+from rulec_runtime.report.json_form import diagnosis_form
 
-from runtime.diagnose import diagnose
-from runtime.machine_form import diagnosis_form
-from runtime.observe import observe, points_of_samples
-from runtime.paper_mode import judge_by_paper
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset
-from runtime.stationary import noise_of
-from runtime.trace import Trace, trace
 from tests import truth
 from tests.method.readings import recording
 from tests.rig.mixing_rig.cases import Task

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.rig.mixing_rig.cases import PUMPS
 from tests.rig.mixing_rig.judge import Answer, Covered, Named, Samples
 

@@ -13,21 +13,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.tangent import run_with_slopes
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.simulation.sensing import SensorErrors, sense
 
-from rulec.workshop import PlantWorkshop, open_workshop
-from runtime.mismatch.analyse import analyse
-from runtime.mismatch.candidate import TIME, BaseParameters
-from runtime.mismatch.prepare import Data, prepare
-from runtime.mismatch.result import Mismatch
-from runtime.mismatch.rows import Rows, rows_of
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.redundancy import residual_basis
-from runtime.ruleset import Ruleset
-from runtime.sensing import SensorErrors, sense
-from runtime.tangent import run_with_slopes
+from rulec.effects.candidate import TIME, BaseParameters
+from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.analyse import analyse
+from rulec.mismatch.answer_types.result import Mismatch
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.prepare import Data, prepare
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.system import System
 from tests.conftest import ROOT
 
 HOLD = 12
@@ -42,25 +42,25 @@ Built = Mapping[str, Mapping[str, Array | float]]
 
 @dataclass(frozen=True)
 class Sure:
-    """A workshop whose parameters are known as a calibration knows them."""
+    """A builder whose parameters are known as a calibration knows them."""
 
-    workshop: PlantWorkshop
+    builder: ModelBuilder
     parameters: BaseParameters
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.workshop, name)
+        return getattr(self.builder, name)
 
 
 @functools.cache
-def opened(plant: str) -> tuple[Ruleset, PlantWorkshop]:
-    """A shipped plant with its workshop."""
-    return open_workshop(ROOT / "plants" / plant)
+def opened(plant: str) -> tuple[Ruleset, ModelBuilder]:
+    """A shipped plant with its builder."""
+    return open_builder(ROOT / "plants" / plant)
 
 
 @functools.cache
-def alone() -> tuple[Ruleset, PlantWorkshop]:
+def alone() -> tuple[Ruleset, ModelBuilder]:
     """One dosing module, nothing downstream: three estimates of one flow."""
-    return open_workshop(Path(__file__).parent / "plant.yaml")
+    return open_builder(Path(__file__).parent / "plant.yaml")
 
 
 def tour(
@@ -82,7 +82,7 @@ def warming(samples: int) -> Array:
 
 def solved(
     ruleset: Ruleset,
-    workshop: PlantWorkshop,
+    builder: ModelBuilder,
     given: Mapping[str, Array],
     built: Built | None = None,
     base: Mapping[str, float] | None = None,
@@ -93,15 +93,15 @@ def solved(
     names = [s for s in ruleset.simulation.steps for s in s.readings]
     size = np.array([abs(ruleset.signal_by_id[s].reference) for s in names])
     inputs: dict[str, Array | float] = {TIME: np.arange(n, dtype=float)}
-    inputs |= workshop.parameters.constants
-    inputs |= dict(zip(workshop.parameters.ids, workshop.parameters.values.tolist(), strict=True))
+    inputs |= builder.parameters.constants
+    inputs |= dict(zip(builder.parameters.ids, builder.parameters.values.tolist(), strict=True))
     inputs |= {**given, **(base or {})}
     inputs |= {f"{c}.{name}": v for c, values in built.items() for name, v in values.items()}
     basis = residual_basis(ruleset, np.ones(len(ruleset.observers), dtype=bool))
     at = np.tile(size, (n, 1))
     for _ in range(30):
         inputs |= dict(zip(names, at.T, strict=True))
-        left, slopes = _estimates(ruleset, workshop, inputs, tuple(built), names, n)
+        left, slopes = _estimates(ruleset, builder, inputs, tuple(built), names, n)
         jacobian = np.einsum("ro,nos->nrs", basis, slopes) * size
         step = np.linalg.solve(jacobian, (left @ basis.T)[:, :, None])[:, :, 0] * size
         at = at - np.clip(step, -0.3 * size, 0.3 * size)
@@ -112,7 +112,7 @@ def solved(
 
 def _estimates(
     ruleset: Ruleset,
-    workshop: PlantWorkshop,
+    builder: ModelBuilder,
     inputs: Mapping[str, Array | float],
     built: tuple[str, ...],
     names: list[str],
@@ -123,7 +123,7 @@ def _estimates(
     slopes = np.zeros((n, len(ruleset.observers), len(names)))
     for i, observer in enumerate(ruleset.observers):
         key = f"q:{observer.id}"
-        plan = workshop.plan(observer.module, built).select([key])
+        plan = builder.plan(observer.module, built).select([key])
         values, by = run_with_slopes(plan, inputs, names)
         flows[:, i] = values[key]
         for name, slope in by[key].items():
@@ -132,7 +132,7 @@ def _estimates(
 
 
 def recorded(
-    opened: tuple[Ruleset, PlantWorkshop],
+    opened: tuple[Ruleset, ModelBuilder],
     given: Mapping[str, Array],
     built: Built | None = None,
     *,
@@ -143,15 +143,15 @@ def recorded(
 
     The true parameters are drawn from what is stated of them, unless they are not `moved`.
     """
-    ruleset, workshop = opened
+    ruleset, builder = opened
     base: dict[str, float] = {}
     if seed is not None and moved:
-        known = workshop.parameters
+        known = builder.parameters
         draw = np.random.default_rng(seed + 1000).multivariate_normal(
             known.values, known.covariance, method="eigh"
         )
         base = dict(zip(known.ids, draw.tolist(), strict=True))
-    values = solved(ruleset, workshop, given, built, base)
+    values = solved(ruleset, builder, given, built, base)
     if seed is not None:
         errors = SensorErrors(bounded=True)
         values = sense(ruleset, values, errors, np.random.default_rng(seed))
@@ -160,16 +160,16 @@ def recorded(
 
 
 def rows_at(
-    opened: tuple[Ruleset, PlantWorkshop], recording: Recording, data: Data | None = None
+    opened: tuple[Ruleset, ModelBuilder], recording: Recording, data: Data | None = None
 ) -> Rows:
     """What the analysis looks at, before any fit."""
-    ruleset, workshop = opened
+    ruleset, builder = opened
     data = data or prepare(recording, ruleset)
     assert data is not None
-    return rows_of(System(ruleset, workshop, data), Setting())
+    return rows_of(System(ruleset, builder, data), Setting())
 
 
-def compared(opened: tuple[Ruleset, PlantWorkshop], recording: Recording) -> Mismatch:
+def compared(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:
     """The whole analysis."""
     return analyse(recording, *opened)
 

@@ -1,19 +1,20 @@
-"""A workshop whose estimates are all in another unit: nothing that is told may depend on it."""
+"""A builder whose estimates are all in another unit: nothing that is told may depend on it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from rulec.workshop import PlantWorkshop
-from runtime.mismatch.candidate import BaseParameters, Candidate, Missing, Spot
-from runtime.plan import Plan
+from rulec_runtime.contract.plan import Plan
+
+from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
+from rulec.effects.model_builder import ModelBuilder
 
 
 class Rescaled:
-    """Estimates of a workshop times a number."""
+    """Estimates of a builder times a number."""
 
-    def __init__(self, workshop: PlantWorkshop, factor: float) -> None:
-        self._workshop, self._factor = workshop, factor
+    def __init__(self, builder: ModelBuilder, factor: float) -> None:
+        self._workshop, self._factor = builder, factor
 
     @property
     def parameters(self) -> BaseParameters:

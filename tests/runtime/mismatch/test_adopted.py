@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from rulec.pipeline import compile_plant
-from rulec.workshop import open_workshop
-from runtime.mismatch.predict import predictors_for
-from runtime.mismatch.prepare import HELDOUT, prepare
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.plan import Array
-from runtime.recording import read_recording
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.predict import predictors_for
+from rulec.mismatch.evidence.steady.prepare import HELDOUT, prepare
+from rulec.mismatch.evidence.steady.system import System
+from rulec.passes.pipeline import compile_plant
 from tests.runtime.mismatch.made import USUAL, alone, recorded, tour, warming
 from tests.truth import write_csv
 
@@ -62,11 +62,11 @@ def test_the_effect_is_in_the_new_plant(folder: Path) -> None:
 
 def test_held_out_errors_are_as_promised(folder: Path) -> None:
     """The adopted plant, as it compiles, misses held-out points by what was told, to 2 %."""
-    rules, workshop = open_workshop(folder / "new")
+    rules, builder = open_builder(folder / "new")
     # The points of the old plant: the new one wants the temperature settled as well.
     data = prepare(read_recording(folder / "run.csv", rules), alone()[0])
     assert data is not None
-    system = System(rules, workshop, data)
+    system = System(rules, builder, data)
     told = found(folder)["fit"]
     own = predictors_for(system, ("A.pump", "A.power"), frozenset({"A.dp", "A.T"}))
     predictor = next(p for p in own if p.signal.id == told["signal"])

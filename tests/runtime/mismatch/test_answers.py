@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording, read_recording
 
-from runtime.mismatch.machine_form import mismatch_form
-from runtime.mismatch.result import Finding, Mismatch
-from runtime.mismatch.wording import VERDICTS
-from runtime.plan import Array
-from runtime.recording import Recording, read_recording
+from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer.wording import VERDICTS
+from rulec.mismatch.answer_types.result import Finding, Mismatch
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
     USUAL,

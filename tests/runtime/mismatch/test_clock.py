@@ -6,16 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.recordings.recording import Recording, read_recording
 
-from runtime.mismatch.fit import fit
-from runtime.mismatch.hidden import hidden_trials
-from runtime.mismatch.periods import coming_and_going
-from runtime.mismatch.prepare import prepare
-from runtime.mismatch.result import Mismatch
-from runtime.mismatch.rows import rows_of
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.recording import Recording, read_recording
+from rulec.mismatch.answer_types.result import Mismatch
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import rows_of
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search.latent_input import hidden_trials
+from rulec.mismatch.search.periods import coming_and_going
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.made import HOLD, alone, compared, recorded, tour
 
@@ -38,10 +38,10 @@ def table(recording: Recording) -> Recording:
 
 
 def system_of(recording: Recording) -> System:
-    rules, workshop = alone()
+    rules, builder = alone()
     data = prepare(recording, rules)
     assert data is not None
-    return System(rules, workshop, data)
+    return System(rules, builder, data)
 
 
 def test_a_run_has_a_clock() -> None:

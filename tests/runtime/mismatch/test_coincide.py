@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from runtime.mismatch import coincide
-from runtime.mismatch.coincide import with_settings
-from runtime.mismatch.fit import Fitted
-from runtime.mismatch.screen import Trial
-from runtime.mismatch.setting import Course, Span
+from rulec.mismatch.evidence.steady.configuration import Course, Span
+from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.search import coincide
+from rulec.mismatch.search.coincide import with_settings
 from tests.runtime.mismatch.made import alone
 from tests.runtime.mismatch.test_screen import plain
 

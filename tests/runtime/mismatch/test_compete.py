@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.mismatch.compete import Shuffled, placebo_gains, shuffled_gains
-from runtime.mismatch.locate import spot_column
-from runtime.mismatch.rivals import at_an_end
-from runtime.plan import Array
+from rulec.mismatch.evidence.steady.locate import spot_column
+from rulec.mismatch.search.compete import Shuffled, placebo_gains, shuffled_gains
+from rulec.mismatch.search.rivals import at_an_end
 from tests.runtime.mismatch.made import alone
 from tests.runtime.mismatch.warm import SLIP, after, before, plain, trial
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from rulec_runtime.recordings.recording import read_recording
 
-from rulec.workshop import open_workshop
-from runtime.mismatch.analyse import analyse
-from runtime.mismatch.result import Mismatch
-from runtime.mismatch.rivals import SURE
-from runtime.mismatch.search import search
-from runtime.recording import read_recording
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.analyse import analyse
+from rulec.mismatch.answer_types.result import Mismatch
+from rulec.mismatch.search.rivals import SURE
+from rulec.mismatch.search.search import search
 from tests.runtime.mismatch.made import rows_at
 from tests.truth.settled.plan import Planned, SettledCase
 
@@ -24,8 +24,8 @@ def case(effect: str, aim: float = 3000.0) -> SettledCase:
 def told(made: SettledCase, folder: Path) -> Mismatch:
     """The answer to a case, from its files alone."""
     made.write(folder)
-    ruleset, workshop = open_workshop(folder / "plant")
-    return analyse(read_recording(folder / "recording.csv", ruleset), ruleset, workshop)
+    ruleset, builder = open_builder(folder / "plant")
+    return analyse(read_recording(folder / "recording.csv", ruleset), ruleset, builder)
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,8 @@ def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> Non
     name, effects = "stationary-718873036-pair-fouling+leak-0", ("fouling", "leak")
     made = Planned(name, "pair", "dosing", "ramps", effects, 4241.729764785293).make()
     made.write(tmp_path)
-    ruleset, workshop = open_workshop(tmp_path / "plant")
-    rows = rows_at((ruleset, workshop), read_recording(tmp_path / "recording.csv", ruleset))
+    ruleset, builder = open_builder(tmp_path / "plant")
+    rows = rows_at((ruleset, builder), read_recording(tmp_path / "recording.csv", ruleset))
     found = search(rows, lambda text: None)
     told = {r.trial.candidate.name: r.trial.candidate.module for r in found.accepted}
     assert {"leakage": "B", "fouling": "B"} == told

@@ -6,24 +6,24 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.recordings.recording import Recording, read_recording
 
-from runtime.mismatch.evidence import TOO_MANY, UNSETTLED, evidence_of
-from runtime.mismatch.prepare import prepare
-from runtime.mismatch.result import Evidence
-from runtime.mismatch.rows import rows_of
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.recording import Recording, read_recording
+from rulec.mismatch.answer_types.result import Evidence
+from rulec.mismatch.evidence.rows_used import TOO_MANY, UNSETTLED, evidence_of
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import rows_of
+from rulec.mismatch.evidence.steady.system import System
 from tests.runtime.mismatch.made import alone, recorded, tour
 
 SAMPLES = 300
 
 
 def counted(recording: Recording) -> tuple[Evidence, ...]:
-    rules, workshop = alone()
+    rules, builder = alone()
     data = prepare(recording, rules)
     assert data is not None
-    rows = rows_of(System(rules, workshop, data), Setting())
+    rows = rows_of(System(rules, builder, data), Setting())
     return evidence_of(recording, data, rows)
 
 

@@ -6,13 +6,13 @@ import functools
 
 import pytest
 
-from runtime.mismatch import exchange
-from runtime.mismatch.accepted import Accepted
-from runtime.mismatch.compete import Contestant, contest
-from runtime.mismatch.exchange import exchanged, weighed
-from runtime.mismatch.fit import fit
-from runtime.mismatch.screen import Trial, screen
-from runtime.mismatch.setting import Setting
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.search import exchange
+from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.exchange import exchanged, weighed
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour
 
 BUILT = {
@@ -25,10 +25,10 @@ WRONG = "A.filling-loss@Q_geo", "A.viscous-friction@P_law"
 @functools.cache
 def trials() -> tuple[Contestant, dict[str, Trial]]:
     """The plain model of a recording with both laws, and all that may be missing in it."""
-    rules, workshop = alone()
+    rules, builder = alone()
     rows = rows_at(alone(), recorded(alone(), tour(rules, 240), BUILT))
     plain = fit(rows, Setting(), rows.system.data.open)
-    return contest(plain, None), {t.candidate.id: t for t in screen(plain, workshop.candidates)}
+    return contest(plain, None), {t.candidate.id: t for t in screen(plain, builder.candidates)}
 
 
 def explained(*names: str) -> tuple[Contestant, tuple[Accepted, ...]]:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import Recording
 
-from runtime.mismatch.failed import impossible
-from runtime.recording import Recording
+from rulec.mismatch.answer_types.failed import impossible
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 from tests.runtime.mismatch.made import alone, compared, recorded, tour
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import Recording
 
-from rulec.workshop import open_workshop
-from runtime.mismatch.fit import RELEASE, Fitted, fit, prior_of
-from runtime.mismatch.interval import profile
-from runtime.mismatch.setting import ERROR, Setting
-from runtime.recording import Recording
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.fit import RELEASE, Fitted, fit, prior_of
+from rulec.mismatch.inference.interval import profile
 from tests.runtime.mismatch.made import (
     USUAL,
     Built,
@@ -71,8 +71,8 @@ def test_without_noise_the_value_is_exact() -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_base_values_come_back(seed: int) -> None:
     """True parameters are drawn from what is stated: the refit errs as its covariance says."""
-    _, workshop = alone()
-    known = workshop.parameters
+    _, builder = alone()
+    known = builder.parameters
     found = fitted(recording(seed=seed))
     draw = np.random.default_rng(seed + 1000).multivariate_normal(
         known.values, known.covariance, method="eigh"
@@ -88,17 +88,17 @@ def test_base_values_come_back(seed: int) -> None:
 
 def test_the_prior_holds_where_nothing_is_said() -> None:
     """One operating point does not tell parameters apart: they stay where they were stated."""
-    rules, workshop = alone()
+    rules, builder = alone()
     given = {"A.n": np.full(60, rules.signal_by_id["A.n"].reference)}
     found = fitted(recorded(alone(), given, moved=False))
-    u = np.sqrt(np.diag(workshop.parameters.covariance))
+    u = np.sqrt(np.diag(builder.parameters.covariance))
     off = [
         abs(found.setting.values[n] - v) / s
-        for n, v, s in zip(workshop.parameters.ids, workshop.parameters.values, u, strict=True)
+        for n, v, s in zip(builder.parameters.ids, builder.parameters.values, u, strict=True)
         if s > 0
     ]
     assert max(off) < 1.5
-    assert all(found.u(n) < 1.001 * s for n, s in zip(workshop.parameters.ids, u, strict=True) if s)
+    assert all(found.u(n) < 1.001 * s for n, s in zip(builder.parameters.ids, u, strict=True) if s)
 
 
 def test_a_release_loosens_only_its_module() -> None:
@@ -160,7 +160,7 @@ def test_a_bent_valley_is_followed_to_its_end() -> None:
 
     With damping by fixed factors a fit ended after 20 steps at a seventh of the true value.
     """
-    plant = open_workshop(Path(__file__).parent / "oil.yaml")
+    plant = open_builder(Path(__file__).parent / "oil.yaml")
     name, true = "main.slip-clearance@Q_law", 2e-3 / BAR
     given = {"main.dp": BAR * (124.0 + 43.0 * np.mod(np.arange(600) // 12 * 0.618, 1.0))}
     rows = rows_at(plant, recorded(plant, given, {name: {"c": true}}, moved=False))
@@ -176,11 +176,11 @@ def test_a_contradicted_data_sheet_counts_only_where_it_is_trusted() -> None:
 
     Else how far the values are from the sheet counts, however they are held.
     """
-    rules, workshop = alone()
-    known = workshop.parameters
+    rules, builder = alone()
+    known = builder.parameters
     sheet = {"A.eta": (known.values[known.ids.index("A.eta")] - 0.1, 0.005)}
     doubted = replace(known, sheet=sheet, contradicted=frozenset({"A"}))
-    there = rules, Sure(workshop, doubted)
+    there = rules, Sure(builder, doubted)
     rows = rows_at(there, recorded(alone(), tour(rules, SAMPLES), moved=False))  # type: ignore[arg-type]
     held = fit(rows, Setting(), rows.system.data.open)
     assert held.contradiction > 10.0

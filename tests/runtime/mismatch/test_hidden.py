@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.mismatch.compete import contest, refit
-from runtime.mismatch.fit import fit
-from runtime.mismatch.hidden import described, hidden_trials, reconstruct
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.winner import best_of
-from runtime.plan import Array
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.search.compete import contest, refit
+from rulec.mismatch.search.latent_input import described, hidden_trials, reconstruct
+from rulec.mismatch.search.winner import best_of
 from tests.runtime.mismatch.made import (
     USUAL,
     alone,

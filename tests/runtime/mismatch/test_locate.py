@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
 
-from runtime.mismatch.locate import alike, noise_scale, periods_of, region_of, suspects
-from runtime.mismatch.predict import predictors_for
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.plan import Array
-from runtime.recording import Recording
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.locate import (
+    alike,
+    noise_scale,
+    periods_of,
+    region_of,
+    suspects,
+)
+from rulec.mismatch.evidence.steady.predict import predictors_for
+from rulec.mismatch.evidence.steady.system import System
 from tests.runtime.mismatch.made import alone, opened, recorded, rows_at, tour
 from tests.runtime.mismatch.warm import SAMPLES, after, plain
 

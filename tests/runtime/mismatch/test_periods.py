@@ -6,14 +6,14 @@ import functools
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.mismatch.compete import refit
-from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.periods import ODD, degree_course, in_periods
-from runtime.mismatch.screen import Trial, columns_of
-from runtime.mismatch.segments import PENALTY, apart, cut, few_levels
-from runtime.mismatch.setting import Setting
-from runtime.plan import Array
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.screen import Trial, columns_of
+from rulec.mismatch.search.compete import refit
+from rulec.mismatch.search.periods import ODD, degree_course, in_periods
+from rulec.mismatch.search.segments import PENALTY, apart, cut, few_levels
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
 N = 400

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import Recording
 
-from runtime.mismatch.prepare import (
+from rulec.mismatch.evidence.steady.prepare import (
     BUDGET,
     ESTIMATION,
     HELDOUT,
@@ -16,7 +17,6 @@ from runtime.mismatch.prepare import (
     Data,
     prepare,
 )
-from runtime.recording import Recording
 from tests.runtime.mismatch.made import HOLD, alone, compared, opened, recorded, tour
 
 SAMPLES = 300

@@ -12,18 +12,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
-from rulec.pipeline import compile_plant
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Judged
-from runtime.mismatch.dynamic.prove import prove
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.mismatch.dynamic.writable import told, writable
-from runtime.mismatch.public import row_errors, simulated
-from runtime.mismatch.series import heldout_spans
-from runtime.mismatch.settle import _ranges
-from runtime.recording import read_recording
+from rulec.effects.adopted_plant import trial
+from rulec.mismatch.answer.public import row_errors, simulated
+from rulec.mismatch.answer.writable_stores import told, writable
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.inference.prove_stores import prove
+from rulec.mismatch.inference.series import heldout_spans
+from rulec.mismatch.inference.settle import _ranges
+from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import bench, made, tanks
 from tests.runtime.mismatch.made import USUAL, alone, recorded, tour, warming
@@ -191,7 +192,7 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     clean = made(n=512, seed=4)
     off = np.clip(clean.values["lower.y"] + ZERO, 0.0, 10.0)
     recording = replace(clean, values={**clean.values, "lower.y": off})
-    place, (rules, workshop) = bench(recording), tanks()
+    place, (rules, builder) = bench(recording), tanks()
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 1)
     plain = searcher.plain()
     model = writable(place, plain, plain, {})
@@ -202,7 +203,7 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     spans = heldout_spans(place.record.time, ~place.record.open)
     for ruleset, error in (
         (rules, held.shipped),
-        (workshop.written(model.repairs[0]), held.recalibrated),
+        (trial(builder, model.repairs[0]), held.recalibrated),
     ):
         found = row_errors(ruleset, simulated(ruleset, recording), recording, spans)
         assert found["lower.y"][0] == pytest.approx(error, rel=1e-9)
@@ -238,7 +239,7 @@ def test_a_range_grows_only_where_a_relation_was_tested() -> None:
     plan = SimpleNamespace(
         select=lambda names: SimpleNamespace(used_inputs=() if "q:m.flow" in names else ("m.C",))
     )
-    system.workshop = SimpleNamespace(plan=lambda module, joined: plan)
+    system.builder = SimpleNamespace(plan=lambda module, joined: plan)
     system.data.values["m.Q"] = dp + 2.0
     settled: Any = SimpleNamespace(
         rows=SimpleNamespace(system=system),

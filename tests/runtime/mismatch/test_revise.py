@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from runtime.mismatch import revise
-from runtime.mismatch.revise import needless
+from rulec.mismatch.search import revise
+from rulec.mismatch.search.revise import needless
 from tests.runtime.mismatch.warm import SLIP, after
 
 

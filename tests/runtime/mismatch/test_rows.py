@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.simulation.simulate import simulate
 
-from runtime.mismatch.prepare import prepare
-from runtime.mismatch.rows import Rows, rows_of
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.system import System
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.simulate import simulate
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.system import System
 from tests.runtime.mismatch.made import (
     alone,
     opened,
@@ -51,9 +51,9 @@ def test_residuals_vanish_on_simulated_readings(plant: str) -> None:
 
 def test_recordings_made_here_are_those_of_the_simulation() -> None:
     """Two ways to the same operating points, to 1e-12."""
-    rules, workshop = opened("abc")
+    rules, builder = opened("abc")
     given = tour(rules, 60)
-    found = solved(rules, workshop, given)
+    found = solved(rules, builder, given)
     expected = simulate(rules, given, {}).values
     for name, values in expected.items():
         assert values == pytest.approx(found[name], rel=1e-12), name
@@ -81,21 +81,21 @@ def test_as_many_rows_as_estimates_less_free_flows() -> None:
 @pytest.mark.parametrize("factor", [1e-3, 7.0, 1e4])
 def test_rescaling_a_relation_changes_nothing(factor: float) -> None:
     """An estimate times a number is told as the same error of the same reading."""
-    rules, workshop = alone()
+    rules, builder = alone()
     recording = recorded(alone(), tour(rules, SAMPLES))
     data = prepare(recording, rules)
     assert data is not None
-    plain = rows_of(System(rules, workshop, data), Setting())
-    scaled = rows_of(System(rules, Rescaled(workshop, factor), data), Setting())
+    plain = rows_of(System(rules, builder, data), Setting())
+    scaled = rows_of(System(rules, Rescaled(builder, factor), data), Setting())
     assert errors(plain) == pytest.approx(errors(scaled), rel=1e-6, abs=1e-6)
 
 
 def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
     """While B stands its estimates are not used, so A and the mixer are judged on their own."""
-    rules, workshop = opened("abc")
+    rules, builder = opened("abc")
     given = tour(rules, 240)
     stands = (np.arange(240) // 60) % 2 == 1
-    values = dict(solved(rules, workshop, given))
+    values = dict(solved(rules, builder, given))
     values["B.n"] = np.where(stands, 0.0, values["B.n"])
     values["B.P_el"] = np.where(stands, 0.0, values["B.P_el"])
     recording = Recording(np.arange(240.0), values, np.zeros(240, dtype=int), (), ())
@@ -121,9 +121,9 @@ def test_a_missing_column_leaves_what_can_still_be_compared() -> None:
 
 def test_columns_are_derivatives_of_rows() -> None:
     """The slope of all rows by a parameter, against a finite difference where errors vanish."""
-    _, workshop = opened("abc")
+    _, builder = opened("abc")
     rows = rows_at(opened("abc"), quiet("abc"))
-    system, known = rows.system, workshop.parameters
+    system, known = rows.system, builder.parameters
     flows = system.flows(Setting(), known.ids)
     maps = rows.maps(flows)
     base = errors(rows)

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from runtime.mismatch.compete import Contestant, contest, entered
-from runtime.mismatch.fit import fit
-from runtime.mismatch.price import net_gain, odds_of, says_the_same
-from runtime.mismatch.result import Rival
-from runtime.mismatch.screen import screen
-from runtime.mismatch.setting import Setting
-from runtime.mismatch.winner import recorded as records_of
+from rulec.mismatch.answer_types.result import Rival
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.evidence.steady.screen import screen
+from rulec.mismatch.search.compete import Contestant, contest, entered
+from rulec.mismatch.search.weigh import net_gain, odds_of, says_the_same
+from rulec.mismatch.search.winner import recorded as records_of
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour
 
 OFFSET, STANDBY = "A.offset-power@P_el", "A.standby-power@P_law"

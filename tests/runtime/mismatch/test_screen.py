@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.compete import refit
-from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.screen import (
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.screen import (
     Trial,
     columns_of,
     looks_at,
     screen,
     with_open_references,
 )
-from runtime.mismatch.setting import Setting
+from rulec.mismatch.search.compete import refit
 from tests.runtime.mismatch.made import USUAL, Built, Sure, alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
@@ -124,14 +124,14 @@ def test_where_the_plain_law_holds_may_be_searched_for() -> None:
 
 def test_a_calibration_at_another_temperature_bends_no_law() -> None:
     """The plain law holds at 20 degC, and is known well; the recording is warmer by far."""
-    rules, workshop = alone()
-    known = workshop.parameters
+    rules, builder = alone()
+    known = builder.parameters
     sure = replace(known, covariance=known.covariance * 1e-4)
-    there = rules, Sure(workshop, sure)
+    there = rules, Sure(builder, sure)
     given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
     rows = rows_at(there, recorded(alone(), given, PLANTED[SLIP]))
     begun = fit(rows, Setting(), rows.system.data.open)
-    (trial,) = (t for t in screen(begun, workshop.candidates) if t.candidate.id == SLIP)
+    (trial,) = (t for t in screen(begun, builder.candidates) if t.candidate.id == SLIP)
     fitted, chosen = refit(begun, trial)
     b, usual = f"{SLIP}.b", f"{SLIP}.T0"
     assert usual in chosen.values

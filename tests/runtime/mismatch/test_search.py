@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from runtime.mismatch.accepted import Accepted
-from runtime.mismatch.compete import contest
-from runtime.mismatch.fit import fit
-from runtime.mismatch.search import Search, _or_begun_with_two
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.compete import contest
+from rulec.mismatch.search.search import Search, _or_begun_with_two
 from tests.runtime.mismatch.test_exchange import BUILT, WRONG, trials
 
 MORE = "A.slip-linear@Q_geo"

@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch import series as module
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Judged
-from runtime.mismatch.dynamic.prove import prove, series_of
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.mismatch.machine_form import mismatch_form
-from runtime.mismatch.result import Course, Mismatch, Series
-from runtime.mismatch.series import heldout_spans, series_csv
+from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer_types.result import Course, Mismatch, Series
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.inference import series as module
+from rulec.mismatch.inference.prove_stores import prove, series_of
+from rulec.mismatch.inference.series import heldout_spans, series_csv
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.test_answers import CASES, answer, plant
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED

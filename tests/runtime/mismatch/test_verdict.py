@@ -7,11 +7,19 @@ from dataclasses import replace
 
 import pytest
 
-from runtime.mismatch.candidate import Missing
-from runtime.mismatch.public import refusal
-from runtime.mismatch.result import Alternative, Check, Errors, Estimate, Finding, Fit, Location
-from runtime.mismatch.verdict import headline_of, next_step, remainder_of, verdict_of
-from runtime.mismatch.wording import quantity
+from rulec.effects.candidate import Missing
+from rulec.mismatch.answer.public import refusal
+from rulec.mismatch.answer.verdict import headline_of, next_step, remainder_of, verdict_of
+from rulec.mismatch.answer.wording import quantity
+from rulec.mismatch.answer_types.result import (
+    Alternative,
+    Check,
+    Errors,
+    Estimate,
+    Finding,
+    Fit,
+    Location,
+)
 from tests.runtime.mismatches import UNNAMED, WARM
 
 SURE = replace(WARM, probability=0.95)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import functools
 
-from runtime.mismatch.compete import Contestant, contest, entered
-from runtime.mismatch.fit import Fitted, fit
-from runtime.mismatch.screen import Trial, screen
-from runtime.mismatch.setting import Setting
-from runtime.recording import Recording
+from rulec_runtime.recordings.recording import Recording
+
+from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.search.compete import Contestant, contest, entered
 from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.simulation.sensing import SensorErrors, sense
+from rulec_runtime.simulation.simulate import simulate
 
-from rulec.graph import Graph
-from rulec.workshop import PlantWorkshop, open_workshop
-from runtime.mismatch.candidate import TIME, Candidate, Unknown
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset, SignalSpec
-from runtime.sensing import SensorErrors, sense
-from runtime.simulate import simulate
-from runtime.stationary import systematic_u
+from rulec.algebra.graph import Graph
+from rulec.effects.candidate import TIME, Candidate, Unknown
+from rulec.effects.model_builder import ModelBuilder, open_builder
 from tests.rig.mismatch.planted.course import RIGS
 
 STATISTICAL = SensorErrors().statistical
@@ -26,9 +26,9 @@ TRIES = 12
 
 
 @cache
-def opened(plant: str) -> tuple[Ruleset, PlantWorkshop]:
+def opened(plant: str) -> tuple[Ruleset, ModelBuilder]:
     """A plant compiled, once per process."""
-    return open_workshop(RIGS[plant].file)
+    return open_builder(RIGS[plant].file)
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Built:
 
     def readings(self, every: int = 1) -> dict[str, Array]:
         """What perfect sensors show, of every so-manyth sample; NaN where nothing solves."""
-        ruleset, workshop = opened(self.plant)
+        ruleset, builder = opened(self.plant)
         given = {name: v[::every] for name, v in self.given.items()}
-        undo = _graph(ruleset, workshop, self).plan()
+        undo = _graph(ruleset, builder, self).plan()
         extra = [name for name in undo.inputs if name not in ruleset.signal_by_id]
         signals = (*ruleset.signals, *(_stranger(name, given[name]) for name in extra))
         drivers = {*undo.inputs, *ruleset.simulation.given} & set(given)
@@ -75,10 +75,10 @@ def _stranger(name: str, values: Array) -> SignalSpec:
     )
 
 
-def _graph(ruleset: Ruleset, workshop: PlantWorkshop, built: Built) -> Graph:
+def _graph(ruleset: Ruleset, builder: ModelBuilder, built: Built) -> Graph:
     """All observers in one graph, with numbers for all that does not vary."""
     ids = tuple(c.id for c in built.joined)
-    plans = [workshop.plan(m, ids) for m in dict.fromkeys(o.module for o in ruleset.observers)]
+    plans = [builder.plan(m, ids) for m in dict.fromkeys(o.module for o in ruleset.observers)]
     names = dict.fromkeys(name for plan in plans for name in plan.inputs)
     varying = [n for n in names if n in ruleset.signal_by_id or n in built.given]
     graph = Graph(varying)

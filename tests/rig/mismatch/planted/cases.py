@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.mismatch.candidate import TIME, Candidate
+from rulec.effects.candidate import TIME, Candidate
 from tests.rig.mismatch.planted.build import opened
 
 STRENGTHS = {"weak": 0.5, "medium": 2.0, "strong": 10.0, "clear": 40.0}
@@ -114,11 +114,11 @@ def _unrecorded() -> Iterator[Planted]:
     """The driver of an effect has no column."""
     for i in range(UNRECORDED):
         plant = ("abc", "esp")[i % 2]
-        ruleset, workshop = opened(plant)
+        ruleset, builder = opened(plant)
         used = {s for o in ruleset.observers for s in o.signals}
         pool = [
             (c, tuple(d for d in c.drivers.values() if d not in used and d != TIME))
-            for c in workshop.candidates
+            for c in builder.candidates
             if c.sort == "physics"
         ]
         pool = [(c, drivers) for c, drivers in pool if drivers]

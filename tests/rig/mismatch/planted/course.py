@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.conftest import ROOT
 
 MINUTE, BAR, RPM, KELVIN = 60.0, 1e5, 1 / 60, 273.15

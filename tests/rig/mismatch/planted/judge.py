@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 from unittest import mock
 
 import numpy as np
+from rulec_runtime.recordings.recording import Recording
 
-import runtime.mismatch.analyse as analysis
-from runtime.mismatch.candidate import TIME
-from runtime.mismatch.compete import Contestant
-from runtime.mismatch.predict import predictors_for
-from runtime.mismatch.price import NEEDED, WORTH
-from runtime.mismatch.prove import models_of, prove
-from runtime.mismatch.result import Finding, Mismatch
-from runtime.mismatch.search import Search, search
-from runtime.mismatch.settle import with_sensors_as_they_are
-from runtime.recording import Recording
+import rulec.mismatch.analyse as analysis
+from rulec.effects.candidate import TIME
+from rulec.mismatch.answer_types.result import Finding, Mismatch
+from rulec.mismatch.evidence.steady.predict import predictors_for
+from rulec.mismatch.inference.prove import models_of, prove
+from rulec.mismatch.inference.settle import with_sensors_as_they_are
+from rulec.mismatch.search.compete import Contestant
+from rulec.mismatch.search.search import Search, search
+from rulec.mismatch.search.weigh import NEEDED, WORTH
 from tests.rig.mismatch.planted.build import Built, drawn, opened, recorded, with_term
 from tests.rig.mismatch.planted.cases import STRENGTHS, Planted
 from tests.rig.mismatch.planted.course import RIGS, course
@@ -190,9 +190,9 @@ def analysed(plant: str, recording: Recording) -> tuple[Mismatch, Search | None]
         kept.append(search(*arguments))  # type: ignore[arg-type]
         return kept[-1]
 
-    ruleset, workshop = opened(plant)
+    ruleset, builder = opened(plant)
     with mock.patch.object(analysis, "search", keeping):
-        found = analysis.analyse(recording, ruleset, workshop)
+        found = analysis.analyse(recording, ruleset, builder)
     return found, kept[-1] if kept else None
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.mismatch.compete import Contestant, contest
-from runtime.mismatch.fit import Fitted, fit, temper_of
-from runtime.mismatch.price import net_gain
-from runtime.mismatch.rows import Rows
-from runtime.mismatch.screen import references
-from runtime.mismatch.setting import ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.fit import Fitted, fit, temper_of
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import references
+from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.weigh import net_gain
 from tests.rig.mismatch.planted.build import Built
 
 
@@ -47,7 +47,7 @@ def net(one: Contestant, other: Contestant) -> float:
 def _strain(fitted: Fitted) -> float:
     """How improbable the errors of sensors are, and the values of what was not let go."""
     prior, setting = fitted.prior, fitted.setting
-    base = fitted.rows.system.workshop.parameters.ids
+    base = fitted.rows.system.builder.parameters.ids
     kept = [
         i
         for i, name in enumerate(prior.names)

@@ -6,13 +6,13 @@ import functools
 from collections.abc import Mapping
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording
 
-from rulec.workshop import PlantWorkshop, open_workshop
-from runtime.mismatch.dynamic.bench import Bench
-from runtime.mismatch.dynamic.record import record_of
-from runtime.plan import Array
-from runtime.recording import Recording
-from runtime.ruleset import Ruleset
+from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.evidence.stores.record import record_of
+from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from tests.conftest import ROOT
 
 STEP = 4.0
@@ -35,9 +35,9 @@ RIM = {f"{OVERFLOW}.k": 60.0, f"{OVERFLOW}.l_o": 0.16, f"{OVERFLOW}.f": 0.7, f"{
 
 
 @functools.cache
-def tanks() -> tuple[Ruleset, PlantWorkshop]:
+def tanks() -> tuple[Ruleset, ModelBuilder]:
     """Two open tanks, one above the other; only the lower level is measured."""
-    return open_workshop(ROOT / "plants" / "cascaded-tanks")
+    return open_builder(ROOT / "plants" / "cascaded-tanks")
 
 
 def voltage(n: int, seed: int) -> Array:
@@ -58,13 +58,13 @@ def made(
 
     `errors` are courses by the spot where they sit, in SI.
     """
-    _, workshop = tanks()
+    _, builder = tanks()
     u, time = voltage(n, seed), STEP * np.arange(n)
     spots = errors or {}
-    balances = workshop.balances(joined, tuple(spots))
+    balances = builder.balances(joined, tuple(spots))
     inputs = np.column_stack([u, *spots.values()])
-    values = {**dict(zip(workshop.parameters.ids, workshop.parameters.values, strict=True))}
-    values |= {**workshop.parameters.constants, **TRUE, **(more or {})}
+    values = {**dict(zip(builder.parameters.ids, builder.parameters.values, strict=True))}
+    values |= {**builder.parameters.constants, **TRUE, **(more or {})}
     course = balances.run(time, inputs, np.ones(inputs.shape[1], dtype=bool), values)
     y = course.shown[:, balances.outputs.index("shown:lower.y")]
     y = np.clip(y + NOISE * np.random.default_rng(seed + 100).standard_normal(n), 0.0, 10.0)
@@ -74,7 +74,7 @@ def made(
 
 def bench(recording: Recording) -> Bench:
     """The recording on its bench."""
-    ruleset, workshop = tanks()
-    record = record_of(recording, ruleset, workshop.given)
+    ruleset, builder = tanks()
+    record = record_of(recording, ruleset, builder.given)
     assert record is not None
-    return Bench(ruleset, workshop, record)
+    return Bench(ruleset, builder, record)

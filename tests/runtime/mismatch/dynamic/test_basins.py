@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Fitted, Judged
-from runtime.mismatch.dynamic.search import search
-from runtime.mismatch.dynamic.searcher import Searcher
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Fitted, Judged
+from rulec.mismatch.search.stores.search import search
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
 LAG = "pump.lag-flow@pump"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.plan import Array
 from tests.runtime.mismatch.dynamic.benches import STEP, TRUE, bench, made, tanks
 
 PUMP = "pump.transport-delay@pump"
@@ -49,5 +49,5 @@ def test_slopes_are_those_of_finite_differences(name: str) -> None:
 
 def test_it_is_told_as_a_dead_time() -> None:
     """The equation that is stored says when what it follows arrives."""
-    _, workshop = tanks()
-    assert any(name.startswith("after:") for name in workshop.balances((PUMP,)).plan.outputs)
+    _, builder = tanks()
+    assert any(name.startswith("after:") for name in builder.balances((PUMP,)).plan.outputs)

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.simulation.balances import RanAway
 
-from runtime.dynamic.balances import RanAway
-from runtime.mismatch.dynamic.bench import Bench
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.searcher import Searcher
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.dynamic.doubt import doubted
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.kin import begun_alike
-from runtime.mismatch.dynamic.search import search
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.mismatch.dynamic.sharpen import sharpened
-from runtime.mismatch.dynamic.tell import findings_of, location_of, period_of
-from runtime.mismatch.dynamic.writable import writable
-from runtime.mismatch.result import Estimate
+from rulec.mismatch.answer.tell_stores import findings_of, location_of, period_of
+from rulec.mismatch.answer.writable_stores import writable
+from rulec.mismatch.answer_types.result import Estimate
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.search.stores.backward_elimination import doubted
+from rulec.mismatch.search.stores.nested_models import begun_alike
+from rulec.mismatch.search.stores.onset_refinement import sharpened
+from rulec.mismatch.search.stores.search import search
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
 
 SINCE, DEGREE = 900.0, 0.15

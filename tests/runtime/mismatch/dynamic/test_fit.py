@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.dynamic.drift import drift_of, no_drift
-from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.locate import suspects
-from runtime.mismatch.dynamic.noise import Noise
-from runtime.mismatch.dynamic.search import search
-from runtime.mismatch.dynamic.searcher import Searcher
+from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.locate import suspects
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.search.stores.search import search
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import (
     NOISE,
     OVERFLOW,

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.mismatch.dynamic.drift import drift_of, no_drift
-from runtime.mismatch.dynamic.fit import Fitted, Judged
-from runtime.mismatch.dynamic.hiding import hiding_pairs
-from runtime.mismatch.dynamic.kin import with_kin
-from runtime.mismatch.dynamic.noise import Noise
-from runtime.mismatch.dynamic.search import _carried
-from runtime.mismatch.dynamic.searcher import Searcher
+from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
+from rulec.mismatch.evidence.stores.fit import Fitted, Judged
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.search.stores.masked_pair import hiding_pairs
+from rulec.mismatch.search.stores.nested_models import with_kin
+from rulec.mismatch.search.stores.search import _carried
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import OVERFLOW, RIM, bench, made
 
 BAND, LAMINAR = "pump.pump-dead-band@u", "lower.line-laminar@outflow"

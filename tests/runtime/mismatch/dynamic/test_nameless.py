@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.mismatch.dynamic.analyse import _nameless
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Judged
-from runtime.mismatch.dynamic.locate import Suspect
-from runtime.mismatch.dynamic.nameless import or_nameless
-from runtime.mismatch.dynamic.noise import Noise
-from runtime.mismatch.dynamic.searcher import Searcher
+from rulec.mismatch.analyse_stores import _nameless
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.evidence.stores.locate import Suspect
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.search.stores.nonparametric_term import or_nameless
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import NOISE, OVERFLOW, RIM, TRUE, bench, made, voltage
 
 
@@ -29,7 +29,7 @@ def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places:
     place = bench(made())
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
     plain = replace(searcher.plain(), noise={"lower.y": Noise(times * NOISE, 5.0)})
-    spot = next(s for s in place.workshop.spots if s.id == "balance:upper.h")
+    spot = next(s for s in place.builder.spots if s.id == "balance:upper.h")
     left = [Suspect(spot, np.ones(len(place.time)), 100.0, share)]
     found = _nameless(place, plain, left, len(place.candidates))
     assert places == [f"{p.module}.{p.place}" for p in found]

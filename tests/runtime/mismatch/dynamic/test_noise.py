@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.autocorrelation_time import memory_of
 from scipy.signal import lfilter
 
-from runtime.dynamic.memory import memory_of
-from runtime.mismatch.dynamic.noise import Noise, gain, noise_of
+from rulec.mismatch.evidence.stores.noise import Noise, gain, noise_of
 
 N = 20_000
 ALL = np.ones(N, dtype=bool)

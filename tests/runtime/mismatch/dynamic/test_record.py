@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.thin import glitches_in
 
-from runtime.dynamic.thin import glitches_in
-from runtime.mismatch.dynamic.quality import failing
-from runtime.mismatch.dynamic.record import BLOCKS, BUDGET, record_of
+from rulec.mismatch.evidence.stores.quality import failing
+from rulec.mismatch.evidence.stores.record import BLOCKS, BUDGET, record_of
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 
 
 def test_blocks_follow_from_the_inputs_alone() -> None:
     """Other readings, the same split; a fifth is held out."""
-    ruleset, workshop = tanks()
+    ruleset, builder = tanks()
     recording = made()
     other = replace(recording, values={**recording.values, "lower.y": recording.values["pump.u"]})
-    first, second = (record_of(r, ruleset, workshop.given) for r in (recording, other))
+    first, second = (record_of(r, ruleset, builder.given) for r in (recording, other))
     assert first is not None
     assert second is not None
     assert first.digest == second.digest
@@ -27,20 +27,20 @@ def test_blocks_follow_from_the_inputs_alone() -> None:
 
 def test_the_beginning_is_never_held_out() -> None:
     """What was stored at the first sample is a parameter, and shows there alone."""
-    ruleset, workshop = tanks()
+    ruleset, builder = tanks()
     for shift in range(0, 200, 20):
         recording = made()
         values = {n: np.roll(v, shift) for n, v in recording.values.items()}
-        record = record_of(replace(recording, values=values), ruleset, workshop.given)
+        record = record_of(replace(recording, values=values), ruleset, builder.given)
         assert record is not None
         assert record.open[: len(record.time) // BLOCKS].all()
 
 
 def test_long_recordings_keep_the_volume_that_was_pumped() -> None:
     """Neighbours are averaged: what flowed in stays the same."""
-    ruleset, workshop = tanks()
+    ruleset, builder = tanks()
     recording = made(3 * BUDGET)
-    record = record_of(recording, ruleset, workshop.given)
+    record = record_of(recording, ruleset, builder.given)
     assert record is not None
     assert len(record.time) <= BUDGET
     kept = recording.values["pump.u"][: 3 * len(record.time)]
@@ -49,19 +49,19 @@ def test_long_recordings_keep_the_volume_that_was_pumped() -> None:
 
 @pytest.mark.parametrize("missing", ["pump.u", "lower.y"])
 def test_without_input_or_reading_nothing_is_compared(missing: str) -> None:
-    ruleset, workshop = tanks()
+    ruleset, builder = tanks()
     recording = made()
     values = {n: v for n, v in recording.values.items() if n != missing}
-    assert record_of(replace(recording, values=values), ruleset, workshop.given) is None
+    assert record_of(replace(recording, values=values), ruleset, builder.given) is None
 
 
 def test_gaps_in_an_input_hold_the_last_value() -> None:
-    ruleset, workshop = tanks()
+    ruleset, builder = tanks()
     recording = made()
     holes = recording.values["pump.u"].copy()
     holes[100:103] = np.nan
     record = record_of(
-        replace(recording, values={**recording.values, "pump.u": holes}), ruleset, workshop.given
+        replace(recording, values={**recording.values, "pump.u": holes}), ruleset, builder.given
     )
     assert record is not None
     assert [holes[99]] * 3 == record.inputs["pump.u"][100:103].tolist()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.plan import Array
 
-from runtime.mismatch.dynamic.doubt import profile
-from runtime.mismatch.dynamic.drift import no_drift
-from runtime.mismatch.dynamic.fit import Fitter, Judged
-from runtime.mismatch.dynamic.searcher import Searcher
-from runtime.plan import Array
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.search.stores.backward_elimination import profile
+from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import (
     OVERFLOW,
     RIM,
@@ -24,11 +24,11 @@ from tests.runtime.mismatch.dynamic.benches import (
 
 def shown(sharpness: float, parts: int) -> Array:
     """Reading of the lower tank, with samples cut in parts; V."""
-    workshop = tanks()[1]
-    balances = workshop.balances((OVERFLOW,))
+    builder = tanks()[1]
+    balances = builder.balances((OVERFLOW,))
     u = np.repeat(voltage(512, 3), parts)
-    values = dict(zip(workshop.parameters.ids, workshop.parameters.values, strict=True))
-    values |= {**workshop.parameters.constants, **TRUE, **RIM, f"{OVERFLOW}.k": sharpness}
+    values = dict(zip(builder.parameters.ids, builder.parameters.values, strict=True))
+    values |= {**builder.parameters.constants, **TRUE, **RIM, f"{OVERFLOW}.k": sharpness}
     course = balances.run(STEP / parts * np.arange(len(u)), u[:, None], np.array([True]), values)
     return np.asarray(course.shown[::parts, balances.outputs.index("shown:lower.y")])
 

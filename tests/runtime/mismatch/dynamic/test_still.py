@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from runtime.dynamic.still import coarse_step
-from runtime.health.still import runs_of_equals, standing_still
+from rulec_runtime.recordings.coarse_steps import coarse_step
+from rulec_runtime.recordings.standing_still import runs_of_equals, standing_still
 
 COURSE = 3.0 + np.sin(np.arange(600) / 40.0)
 NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 3)

@@ -1,0 +1,1 @@
+"""Graphs, steps and balances that know no plant."""

@@ -1,0 +1,55 @@
+"""Linear equations among flows, solved once and for all (Gauss)."""
+
+from __future__ import annotations
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+NOTHING = 1e-9
+"""Entries below this are rounding; balances have entries of about 1."""
+
+
+def independent_without(matrix: Array, first: int) -> Array:
+    """Independent rows without entries in the first columns.
+
+    >>> independent_without(np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [2.0, 1.0, 1.0]]), 1)
+    array([[ 0. , -0.5,  0.5]])
+    """
+    rest, done = matrix.copy(), 0
+    kept = 0
+    for j in range(matrix.shape[1]):
+        if done == len(rest):
+            break
+        pivot = done + int(np.argmax(np.abs(rest[done:, j])))
+        if abs(rest[pivot, j]) < NOTHING:
+            continue
+        rest[[done, pivot]] = rest[[pivot, done]]
+        rest[done + 1 :] -= np.outer(rest[done + 1 :, j] / rest[done, j], rest[done])
+        done += 1
+        kept += j < first
+    return rest[kept:done]
+
+
+def solved_for(matrix: Array, first: int) -> tuple[Array, Array]:
+    """Solve equations (rows, each a sum that vanishes) for the unknowns of the first columns.
+
+    Returns
+    -------
+    Each of these unknowns as sum of the other columns, and what the other equations then say.
+
+    >>> solved_for(np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]), 1)
+    (array([[1., 0.]]), array([[-1.,  1.]]))
+    """
+    rest = matrix.copy()
+    pivots: list[int] = []
+    for j in range(first):
+        free = np.abs(rest[:, j])
+        free[pivots] = 0.0
+        pivot = int(np.argmax(free))
+        rest[pivot] /= rest[pivot, j]
+        column = rest[:, j].copy()
+        column[pivot] = 0.0
+        rest -= np.outer(column, rest[pivot])
+        pivots.append(pivot)
+    rest[np.abs(rest) < NOTHING] = 0.0
+    return 0.0 - rest[pivots, first:], np.delete(rest, pivots, axis=0)[:, first:]

@@ -1,0 +1,211 @@
+"""Builds a plan node by node. Equal nodes are one node, constants are folded.
+
+This is the common-subexpression elimination: a value that stands already is never built again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import sympy
+from rulec_runtime.contract.plan import OPERATIONS, UNARY, Operation, Plan
+
+from rulec.algebra.recipe import recipe_of
+
+Node = int
+
+
+class Graph:
+    """A growing set of numbered operations; `plan` freezes it."""
+
+    def __init__(self, inputs: Iterable[str]) -> None:
+        self._inputs: list[str] = list(inputs)
+        self._kinds: list[tuple[str, int, int]] = []
+        self._constants: dict[float, Node] = {}
+        self._known: dict[tuple[str, int, int], Node] = {}
+        self._values: dict[Node, float] = {}
+        self._named = {name: self._append(("input", i, 0)) for i, name in enumerate(self._inputs)}
+        self.outputs: dict[str, Node] = {}
+        self.zero = self.constant(0.0)
+        self.one = self.constant(1.0)
+
+    def _append(self, kind: tuple[str, int, int]) -> Node:
+        self._kinds.append(kind)
+        return len(self._kinds) - 1
+
+    def input(self, name: str) -> Node:
+        """The node of an input."""
+        return self._named[name]
+
+    def constant(self, value: float) -> Node:
+        """The node of a number."""
+        value = float(value)
+        node = self._constants.get(value)
+        if node is None:
+            node = self._append(("constant", len(self._constants), 0))
+            self._constants[value] = node
+            self._values[node] = value
+        return node
+
+    def apply(self, name: str, a: Node, b: Node = 0) -> Node:
+        """The node of an operation on nodes."""
+        if name in UNARY:
+            b = 0
+        elif name in ("add", "mul", "min", "max") and a > b:
+            a, b = b, a
+        key = (name, a, b)
+        node = self._known.get(key)
+        if node is None:
+            node = self._folded(name, a, b)
+            if node is None:
+                node = self._append(key)
+            self._known[key] = node
+        return node
+
+    def _folded(self, name: str, a: Node, b: Node) -> Node | None:
+        """The constant or operand that an operation comes down to, if it does."""
+        x, y = self._values.get(a), self._values.get(b)
+        if x is None and y is None:
+            return self._without_signs(name, a, b)
+        if x is not None and (name in UNARY or y is not None):
+            function = OPERATIONS[name]
+            with np.errstate(all="ignore"):
+                value = float(function(x) if name in UNARY else function(x, y))
+            return self.constant(value) if math.isfinite(value) else None
+        if name == "add" and x == 0:
+            return b
+        if name in ("add", "sub") and y == 0:
+            return a
+        if name == "sub" and x == 0:
+            return self.apply("neg", b)
+        if name == "mul" and (x == 0 or y == 0):
+            return self.zero
+        if name == "mul" and x == 1:
+            return b
+        if name in ("mul", "div") and y == 1:
+            return a
+        if name == "mul" and -1 in (x, y):
+            return self.apply("neg", b if x == -1 else a)
+        if name == "div" and x == 0:
+            return self.zero
+        return self._without_signs(name, a, b)
+
+    def _without_signs(self, name: str, a: Node, b: Node) -> Node | None:
+        """Pull minus signs outwards, so that values that differ in sign alone are shared."""
+        kinds = self._kinds
+        if kinds[a][0] != "neg" and (kinds[b][0] != "neg" or name in UNARY):
+            return None
+        p, q = self._negated(a), self._negated(b) if name not in UNARY else None
+        first, second = a if p is None else p, b if q is None else q
+        if name == "neg" and p is not None:
+            return p
+        if name == "abs" and p is not None:
+            return self.apply("abs", p)
+        if name in ("mul", "div"):
+            node = self.apply(name, first, second)
+            return node if p is not None and q is not None else self.apply("neg", node)
+        if name == "add":
+            if p is not None and q is not None:
+                return self.apply("neg", self.apply("add", p, q))
+            return self.apply("sub", a, q) if q is not None else self.apply("sub", b, first)
+        if name == "sub" and q is not None:
+            return self.apply("add", a, q)
+        return None
+
+    def _negated(self, node: Node) -> Node | None:
+        name, inner, _ = self._kinds[node]
+        return inner if name == "neg" else None
+
+    def add(self, a: Node, b: Node) -> Node:
+        return self.apply("add", a, b)
+
+    def sub(self, a: Node, b: Node) -> Node:
+        return self.apply("sub", a, b)
+
+    def mul(self, a: Node, b: Node) -> Node:
+        return self.apply("mul", a, b)
+
+    def div(self, a: Node, b: Node) -> Node:
+        return self.apply("div", a, b)
+
+    def sum(self, nodes: Iterable[Node]) -> Node:
+        """Left-to-right sum; equal beginnings are shared."""
+        total = self.zero
+        for node in nodes:
+            total = self.add(total, node)
+        return total
+
+    def signed_sum(self, terms: Iterable[tuple[int, Node]]) -> Node:
+        """Sum with signs +1 and -1, positive terms first."""
+        ordered = sorted(terms, key=lambda t: -t[0])
+        total = self.zero
+        for sign, node in ordered:
+            total = self.add(total, node) if sign > 0 else self.sub(total, node)
+        return total
+
+    def square(self, a: Node) -> Node:
+        return self.mul(a, a)
+
+    def is_zero(self, node: Node) -> bool:
+        return node == self.zero
+
+    def lower(self, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:
+        """Build the node of a sympy expression; `symbols` gives the nodes of its symbols."""
+        return self.lower_all((expression,), symbols)[0]
+
+    def lower_all(
+        self, expressions: Iterable[sympy.Expr], symbols: Mapping[sympy.Symbol, Node]
+    ) -> list[Node]:
+        """Build several expressions over the same symbols."""
+        recipe, results = recipe_of(tuple(expressions))
+        nodes: list[Node] = []
+        for kind, a, b in recipe:
+            if kind == "symbol":
+                nodes.append(symbols[a])
+            elif kind == "constant":
+                nodes.append(self.constant(a))
+            else:
+                nodes.append(self.apply(kind, nodes[a], nodes[b]))
+        return [nodes[i] for i in results]
+
+    def plan(self, outputs: Mapping[str, Node] | None = None) -> Plan:
+        """Freeze: keep what the outputs need, numbered inputs, constants, operations.
+
+        `outputs` are those of the graph unless given.
+        """
+        outputs = self.outputs if outputs is None else outputs
+        needed = self._needed(outputs.values())
+        kinds = self._kinds
+        used = sorted(i for i in needed if kinds[i][0] == "constant")
+        used_inputs = sorted(i for i in needed if kinds[i][0] == "input")
+        number: dict[Node, int] = {n: i for i, n in enumerate(used_inputs)}
+        number |= {n: len(number) + i for i, n in enumerate(used)}
+        operations: list[Operation] = []
+        start = len(number)
+        for node in sorted(needed):
+            name, a, b = kinds[node]
+            if name in ("input", "constant"):
+                continue
+            number[node] = start + len(operations)
+            operations.append((name, number[a], 0 if name in UNARY else number[b]))
+        return Plan(
+            tuple(self._inputs[kinds[i][1]] for i in used_inputs),
+            tuple(self._values[i] for i in used),
+            tuple(operations),
+            {name: number[node] for name, node in outputs.items()},
+        )
+
+    def _needed(self, roots: Iterable[Node]) -> set[Node]:
+        seen: set[Node] = set()
+        stack = list(roots)
+        while stack:
+            node = stack.pop()
+            if node in seen:
+                continue
+            seen.add(node)
+            name, a, b = self._kinds[node]
+            if name not in ("input", "constant"):
+                stack.extend((a,) if name in UNARY else (a, b))
+        return seen

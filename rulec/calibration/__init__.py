@@ -1,0 +1,1 @@
+"""Parameters fitted to a recording with a true flow."""

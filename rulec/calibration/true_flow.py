@@ -1,0 +1,121 @@
+"""The true flow that a calibration fits to, with the errors it has.
+
+A module's own reference observer gives it, by its whole equation: a current loop that reads mA, a
+venturi, a meter with a zero of its own. Without one any reading of a volume flow counts, and else
+continuity says the flow from the meters of other modules.
+
+Each error is one column: how far the flow would move, at every point, if one sensor or one
+parameter of the equation were one standard uncertainty off (GUM, 5.1: first order).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.algebra.continuity import flows_by_continuity
+from rulec.algebra.graph import Graph
+from rulec.knowledge.plant import Module
+from rulec.passes.differentiate import GATHERED, Models, TypeModel
+
+
+@dataclass(frozen=True)
+class TrueFlow:
+    """`values` shape (n,), m3/s, NaN where not known; `errors` and `noise` per source, shape (n,).
+
+    Errors are the same at all points, noise is new at each. Sources that are readings of the module
+    itself have their local names.
+    """
+
+    name: str
+    values: Array
+    errors: Mapping[str, Array]
+    noise: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Local:
+    """Readings of a module by their local names, with systematic and statistical standard
+    uncertainties, each shape (n,), SI."""
+
+    values: Mapping[str, Array]
+    systematic: Mapping[str, Array]
+    statistical: Mapping[str, Array]
+
+
+def true_flows(models: Models, local: Mapping[str, Local]) -> dict[str, TrueFlow]:
+    """The true flow of every module that has one."""
+    network = models.residuals.network
+    own: dict[str, TrueFlow] = {}
+    for module in network.plant.modules.values():
+        found = _own(module, models.types[module.type.key], local[module.name])
+        if found is not None:
+            own[module.name] = found
+    result = dict(own)
+    for name, fixed in flows_by_continuity(network.graph, own).items():
+        result[name] = _balanced(own, fixed.terms)
+    return result
+
+
+def reference_of(module: Module) -> str | None:
+    """The reference observer of a module."""
+    return next((o.name for o in module.type.observers.values() if o.is_reference), None)
+
+
+def _own(module: Module, model: TypeModel, local: Local) -> TrueFlow | None:
+    reference = reference_of(module)
+    if reference is not None:
+        return _by_equation(module, model, reference, local)
+    for signal in module.type.signals.values():
+        if signal.quantity == "volume flow" and signal.name in local.values:
+            name = signal.name
+            errors, noise = {name: local.systematic[name]}, {name: local.statistical[name]}
+            return TrueFlow(f"{module.name}.{name}", local.values[name], errors, noise)
+    return None
+
+
+def _by_equation(module: Module, model: TypeModel, reference: str, local: Local) -> TrueFlow | None:
+    """The flow by a reference observer; None where a reading of it was not recorded."""
+    gradient, values = model.gradients[reference], local.values
+    read = [n for n in gradient if n in model.type.signals or n.startswith(GATHERED)]
+    if any(name not in values for name in read):
+        return None
+    graph = Graph(model.symbols)
+    symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
+    graph.outputs["Q"] = graph.lower(model.observers[reference], symbols)
+    uncertain = {n: p.u for n, p in module.parameters.items() if n in gradient and p.u}
+    for name in (*read, *uncertain):
+        graph.outputs[f"d:{name}"] = graph.lower(gradient[name], symbols)
+    out = graph.plan().run({**{n: p.value for n, p in module.parameters.items()}, **values})
+    known = np.all([np.isfinite(values[name]) for name in read], axis=0)
+    flow = np.where(known & np.isfinite(out["Q"]), out["Q"], np.nan)
+    errors = {name: out[f"d:{name}"] * local.systematic[name] for name in read}
+    noise = {name: out[f"d:{name}"] * local.statistical[name] for name in read}
+    errors |= {
+        f"{module.name}.{name}": np.broadcast_to(out[f"d:{name}"] * u, flow.shape)
+        for name, u in uncertain.items()
+    }
+    sources = " + ".join(f"{module.name}.{name.removeprefix(GATHERED)}" for name in read)
+    return TrueFlow(sources, flow, errors, noise)
+
+
+def _balanced(own: Mapping[str, TrueFlow], terms: Mapping[str, int]) -> TrueFlow:
+    """A flow as sum of others; the errors of several meters count as one."""
+    flow: Array = np.sum([sign * own[m].values for m, sign in terms.items()], axis=0)
+    name = " + ".join(own[m].name for m in terms)
+    errors = _joined(name, {m: own[m].errors for m in terms}, terms)
+    return TrueFlow(name, flow, errors, _joined(name, {m: own[m].noise for m in terms}, terms))
+
+
+def _joined(
+    name: str, errors: Mapping[str, Mapping[str, Array]], terms: Mapping[str, int]
+) -> dict[str, Array]:
+    """Errors of flows, per module and source, as errors of their sum."""
+    parts = [(m, source, e) for m in terms for source, e in errors[m].items()]
+    if len(terms) == 1:
+        (sign,) = terms.values()
+        return {f"{m}.{source}": sign * e for m, source, e in parts}
+    return {name: np.sqrt(np.sum([e**2 for _, _, e in parts], axis=0))}

@@ -1,0 +1,253 @@
+"""Take over what a mismatch found: amended module types, recalibrated values, a new plant folder.
+
+Instances of a type that are amended alike share the amended type. Where some of them differ, those
+as they were keep the type, else the first ones get it, and each other way of being amended becomes
+a type of its own, named after its first module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec.effects.candidate import TIME, Candidate, Unknown
+from rulec.effects.gathering import Gathering
+from rulec.effects.hold_back import held_back
+from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.repair import AdoptRefused, Repair
+from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal, State
+from rulec.knowledge.plant import Module, Plant
+from rulec.language.origin import Origin
+from rulec.language.units import Unit
+from rulec.passes.amend import Amended
+from rulec.passes.link import Network
+
+NOT_PHYSICS = {
+    "fault": "a fault is to be mended, not to be built into the model; rulec diagnose watches it",
+    "sensor": "a sensor is to be mended or adjusted, not to be built into the model",
+    "ageing": "what changes with time holds for this recording only",
+    "free": "no physics stands behind it; outside this recording it may say anything",
+}
+"""Why explanations of other sorts are left out."""
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """An instance with the type it gets.
+
+    `brought` are the parameters that its type did not have, `inputs` their ids in the analysis.
+    """
+
+    module: Module
+    type: ModuleType
+    brought: Mapping[str, Parameter]
+    inputs: Mapping[str, str]
+
+    @property
+    def changed(self) -> bool:
+        """Is the type another than before?"""
+        return bool(self.brought) or self.type.provides != self.module.type.provides
+
+
+@dataclass(frozen=True)
+class Adoption:
+    """All instances of a plant, amended or not, and what was left out.
+
+    `changed` holds by new type the first instance that has it, `left` ids of candidates and the
+    reason.
+    """
+
+    plant: Plant
+    instances: Mapping[str, Adopted]
+    changed: Mapping[str, Adopted]
+    taken: tuple[Candidate, ...]
+    left: tuple[tuple[str, str], ...]
+
+
+def adopt(builder: ModelBuilder, network: Network, repair: Repair) -> Adoption:
+    """Work out the new types of all modules; raises `AdoptRefused` where the plant has changed."""
+    by_id = {c.id: c for c in builder.candidates}
+    free = {s.id for s in builder.spots}
+    _refuse_strangers(builder, repair)
+    readings = Gathering(network)
+    taken: list[Candidate] = []
+    left: list[tuple[str, str]] = []
+    for joined in repair.joined:
+        candidate = by_id.get(joined.id)
+        if candidate is None and joined.id.split("[")[0] not in free:
+            message = f"'{joined.id}' does not fit {network.plant.name}; has it changed since?"
+            raise AdoptRefused(f"{message} Run rulec mismatch again")
+        reason = NOT_PHYSICS["free"] if candidate is None else why_not(candidate, network)
+        if candidate is None or reason:
+            left.append((joined.id, reason))
+        else:
+            taken.append(candidate)
+    ids = tuple(c.id for c in taken)
+    instances = {
+        module.name: _instance(
+            network.plant,
+            module,
+            readings.written(module.name, builder.amended(module.name, ids)),
+            taken,
+            repair,
+        )
+        for module in network.plant.modules.values()
+    }
+    types = held_back(network, {name: own.type for name, own in instances.items()})
+    instances = {name: replace(own, type=types[name]) for name, own in instances.items()}
+    named = _named(instances, network.plant)
+    changed = {a.type.name: a for a in named.values() if a.changed}
+    return Adoption(network.plant, named, changed, tuple(taken), tuple(left))
+
+
+def _refuse_strangers(builder: ModelBuilder, repair: Repair) -> None:
+    """What the plant has no parameter for was not found on it."""
+    known = {*builder.parameters.ids, *(s.id for s in builder.spots)}
+    known |= {u.id for c in builder.candidates for u in c.unknowns}
+    for name in repair.parameters:
+        if name.partition("#")[0] not in known:
+            message = f"'{name}' is no parameter of this plant; has it changed since?"
+            raise AdoptRefused(f"{message} Run rulec mismatch again")
+
+
+def why_not(candidate: Candidate, network: Network) -> str:
+    """Why a candidate cannot be written into a module type; empty if it can."""
+    if candidate.sort in NOT_PHYSICS:
+        return NOT_PHYSICS[candidate.sort]
+    readings = Gathering(network)
+    for source in candidate.drivers.values():
+        if source == TIME:
+            return "a module type knows no time"
+        if not source.startswith(f"{candidate.module}.") and not readings.name(
+            candidate.module, source
+        ):
+            return (
+                f"a module type reads its own signals and sums over what lies downstream; "
+                f"{source} is neither for {candidate.module}"
+            )
+    return ""
+
+
+def _instance(
+    plant: Plant, module: Module, amended: Amended, taken: list[Candidate], repair: Repair
+) -> Adopted:
+    """The amended type with the values that were found for its new parameters."""
+    sources = {u.id: (c, u) for c in taken for u in c.unknowns}
+    values = {k: v for joined in repair.joined for k, v in joined.values.items()}
+    u = dict(zip(repair.parameters, np.sqrt(np.diag(repair.covariance)).tolist(), strict=True))
+    values |= dict(zip(repair.parameters, repair.values.tolist(), strict=True))
+    brought = {}
+    for local, input_ in amended.inputs.items():
+        candidate, unknown = sources[input_]
+        if input_ not in values:
+            raise AdoptRefused(f"the repair has no value for '{input_}'; run rulec mismatch again")
+        known = amended.type.parameters[local]
+        source = (
+            f"{candidate.source}; fitted to {repair.recording or 'a recording'} by rulec mismatch"
+        )
+        brought[local] = replace(
+            known,
+            value=values[input_],
+            u=0.0 if unknown.fixed else u.get(input_, 0.0),
+            unit=_shown_in(plant, known, unknown),
+            origin=Origin(known.origin.file, known.origin.line, source),
+        )
+    kind = replace(
+        amended.type,
+        parameters={**amended.type.parameters, **brought},
+        signals=_given(module.type, amended.type),
+        states={
+            name: state if name in module.type.states else _stored(plant, state)
+            for name, state in amended.type.states.items()
+        },
+    )
+    return Adopted(module, kind, brought, amended.inputs)
+
+
+def _stored(plant: Plant, state: State) -> State:
+    """A state that was brought in, in a unit that a file may have."""
+    return replace(state, unit=_writable(plant, state.unit))
+
+
+def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
+    """Signals; those that only the new physics reads drive it: they are given, not results."""
+    new = _read(amended) - _read(plain) - amended.readings.keys()
+    return {
+        name: replace(signal, is_input=signal.is_input or name in new)
+        for name, signal in amended.signals.items()
+    }
+
+
+def _read(kind: ModuleType) -> set[str]:
+    """Signals that some observer, state, reading or flow depends on."""
+    equations = [o.expression for o in kind.observers.values()]
+    equations += [e for state in kind.states.values() for _, e in state.equations()]
+    equations += [r.expression for r in kind.readings.values()]
+    equations += [kind.definitions[end].expression for end in ENDS if end in kind.definitions]
+    parts = (part for equation in equations for part in kind.with_definitions(equation))
+    return {name for part in parts for name, _ in part.names() if name in kind.signals}
+
+
+def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
+    """A unit that a file may have; a typical reading is shown as its signal or state is."""
+    if unknown.fixed and unknown.driver:
+        module, _, name = unknown.driver.partition(".")
+        kind = plant.modules[module].type
+        shown = kind.states.get(name) or kind.signals.get(name)
+        if shown is not None and shown.unit.dimension == parameter.unit.dimension:
+            return shown.unit
+    return _writable(plant, parameter.unit)
+
+
+def _writable(plant: Plant, unit: Unit) -> Unit:
+    """The unit, or where a file cannot have it, one of SI."""
+    try:
+        return plant.knowledge.units.parse(unit.text)
+    except ValueError:
+        return plant.knowledge.units.plain(unit.dimension)
+
+
+def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]:
+    """Types with names: see the beginning of this file."""
+    groups: dict[str, dict[object, list[str]]] = {}
+    for name, own in instances.items():
+        groups.setdefault(own.module.type.name, {}).setdefault(_shape(own), []).append(name)
+    taken = set(plant.knowledge.modules) | groups.keys()
+    result = dict(instances)
+    for kind, shapes in groups.items():
+        ordered = sorted(shapes.values(), key=lambda names: bool(instances[names[0]].brought))
+        for i, names in enumerate(ordered):
+            title, first = instances[names[0]].type.title, instances[names[0]]
+            chosen = kind
+            if i:
+                chosen, title = fresh_type(f"{kind}-{names[0]}", taken), f"{title} ({names[0]})"
+                taken.add(chosen)
+            version = first.type.version + first.changed
+            for name in names:
+                own = instances[name]
+                amended = replace(own.type, name=chosen, title=title, version=version)
+                result[name] = replace(own, type=amended)
+    return result
+
+
+def fresh_type(name: str, taken: set[str]) -> str:
+    """A name for a type that no other has."""
+    tried, count = name[:56], 1
+    while tried in taken:
+        count += 1
+        tried = f"{name[:56]}-{count}"
+    return tried
+
+
+def _shape(own: Adopted) -> object:
+    """What makes two amended types of one kind the same."""
+    kind = own.type
+    equations = [(d.name, d.expression.text) for d in kind.definitions.values()]
+    equations += [(o.name, o.expression.text) for o in kind.observers.values()]
+    equations += [
+        (f"{s.name}.{key}", e.text) for s in kind.states.values() for key, e in s.equations()
+    ]
+    equations += [(r.name, r.expression.text) for r in kind.readings.values()]
+    return tuple(equations), tuple(own.brought)

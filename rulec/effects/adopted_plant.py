@@ -1,0 +1,85 @@
+"""The plant that is adopted, as files: written aside, checked as any other, then put in place."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.write_file import write_text
+
+from rulec.effects.adopt import Adoption, adopt
+from rulec.effects.candidate import Repair as Found
+from rulec.effects.candidate import Unwritable
+from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.repair import AdoptRefused, Joined, Repair
+from rulec.effects.write_plant import plant_files
+from rulec.knowledge.read import Sources
+from rulec.language.diagnostics import Refused
+from rulec.passes.pipeline import compile_plant
+
+
+def trial(builder: ModelBuilder, found: Found) -> Ruleset:
+    """A repair written into a folder of its own, read and compiled; raises `Unwritable`."""
+    assert builder.sources is not None
+    try:
+        repair = _repair(builder.sources, found)
+        with tempfile.TemporaryDirectory(prefix="rulec-adopt-") as folder:
+            write_plant(Path(folder), builder.sources, adoption_of(builder, repair), repair)
+            return compile_plant(Path(folder))
+    except AdoptRefused as error:
+        raise Unwritable(str(error)) from None
+    except Refused as error:
+        raise Unwritable(f"the compiler refuses it: {error}") from None
+
+
+def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:
+    """The types of all modules."""
+    return adopt(builder, builder.network, repair)
+
+
+def write_plant(folder: Path, sources: Sources, adoption: Adoption, repair: Repair) -> None:
+    """Write all files of the new plant into a folder that nobody else writes to."""
+    for name, text in plant_files(sources, adoption, repair):
+        file = folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(file, text)
+
+
+@contextmanager
+def put_in_place(target: Path) -> Iterator[Path]:
+    """A folder to write into, which takes the target's name when all is well, else it is gone."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    try:
+        yield folder
+        folder.chmod(0o755)
+        if target.is_dir():
+            target.rmdir()  # empty, or it would have been refused
+        folder.rename(target)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _repair(sources: Sources, found: Found) -> Repair:
+    assert sources.plant is not None
+    values = {p.id: p.value for p in found.parameters}
+    return Repair(
+        Path(sources.plant.path),
+        "",
+        tuple(Joined(name, _own(name, {**values, **found.fixed})) for name in found.joined),
+        tuple(values),
+        np.array(list(values.values()), dtype=float),
+        found.covariance,
+        found.misfit,
+        found.ranges,
+    )
+
+
+def _own(joined: str, values: dict[str, float]) -> dict[str, float]:
+    """Values of the unknowns of a candidate: their ids begin with its own."""
+    return {k: v for k, v in values.items() if k.startswith(f"{joined}.")}

@@ -1,0 +1,122 @@
+"""Which readings of a plant can drive a law at a place of a module."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import networkx as nx
+
+from rulec.effects.candidate import TIME
+from rulec.effects.places import Site
+from rulec.knowledge.effect import Driver, Effect, Join
+from rulec.knowledge.module_type import INFLOW
+from rulec.passes.link import Network
+
+FLOW = "volume flow"
+"""Quantity of what flows in and out of a module that stores."""
+
+MANY = 6
+"""Readings of other modules to try for one driver; the nearest along the pipes come first."""
+
+
+STEEP = 0.5
+"""A place is steep in a reading if it changes by more than this share of the reading's change."""
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Signals for the drivers of a law: own ones by name, others by id, or ``time``.
+
+    `missing` lists drivers that nothing in the plant measures; then `signals` lacks them.
+    """
+
+    signals: Mapping[str, str]
+    missing: tuple[str, ...] = ()
+
+
+class Binder:
+    """Finds readings for drivers in one plant."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._pipes: nx.Graph = nx.Graph(network.plant.connections)
+
+    def bindings(self, module: str, site: Site, effect: Effect, join: Join) -> Iterator[Binding]:
+        """All ways to drive a law at a place; one without signals where a reading is missing."""
+        drivers = [effect.drivers[name] for name in drivers_of(join, effect)]
+        options = {d.name: self._options(module, site, join, d) for d in drivers}
+        if all(options.values()):
+            for chosen in itertools.product(*options.values()):
+                yield Binding(dict(zip(options, chosen, strict=True)))
+            return
+        lacking = [d for d in drivers if not options[d.name]]
+        if all(self._would_help(module, join, driver) for driver in lacking):
+            yield Binding({}, tuple(driver.name for driver in lacking))
+
+    def _would_help(self, module: str, join: Join, driver: Driver) -> bool:
+        """Would the law join the place if only this driver were measured?"""
+        replaced = any(driver.name in by for by in join.law.substitutes.values())
+        if replaced or driver.name in (join.falls_with, join.rises_with):
+            return False
+        if driver.where == "downstream":
+            behind = [b for a, b in self._network.plant.connections if a == module]
+            return bool(behind) and not self._ids(behind, driver)
+        return not self._own(module, driver)
+
+    def _options(self, module: str, site: Site, join: Join, driver: Driver) -> list[str]:
+        if driver.quantity == TIME:
+            return [TIME]
+        own = self._own(module, driver)
+        replaced = any(driver.name in by for by in join.law.substitutes.values())
+        if driver.name in (join.falls_with, join.rises_with):
+            sign = -1.0 if driver.name == join.falls_with else 1.0
+            following = [s for s in own if site.slopes.get(s, 0.0) * sign > 0.0]
+            # Steepness is that of the fall where a join names both directions.
+            if join.steep is None or (join.falls_with and driver.name != join.falls_with):
+                return following
+            return [s for s in following if (abs(site.shares[s]) > STEEP) == join.steep]
+        if replaced:
+            return [s for s in own if s in site.reads]
+        if driver.where == "downstream":
+            behind = [b for a, b in self._network.plant.connections if a == module]
+            return self._ids(behind, driver)
+        if driver.where == "plant" and not own:
+            return self._ids(self._nearest(module), driver)[:MANY]
+        if driver.quantity == join.reads:
+            # A threshold of the very reading that is put right.
+            return [site.name]
+        return [s for s in own if site.key != ("signal", s)]
+
+    def _own(self, module: str, driver: Driver) -> list[str]:
+        """Own states of a quantity, or else signals: what is stored is what its sensor shows."""
+        kind = self._network.plant.modules[module].type
+        if driver.where == "read":
+            signals = (s for s in kind.signals.values() if s.name not in kind.readings)
+            return [s.name for s in signals if s.quantity == driver.quantity]
+        states = [s.name for s in kind.states.values() if s.quantity == driver.quantity]
+        if kind.flows and driver.quantity == FLOW:
+            return [INFLOW]
+        return states or [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
+
+    def _ids(self, modules: Iterable[str], driver: Driver) -> list[str]:
+        return [f"{m}.{s}" for m in modules for s in self._own(m, driver)]
+
+    def _nearest(self, module: str) -> list[str]:
+        """Other modules, near ones first, then in the order of the plant."""
+        names = self._network.plant.modules
+        far = (
+            nx.single_source_shortest_path_length(self._pipes, module)
+            if module in self._pipes
+            else {}
+        )
+        others = [name for name in names if name != module]
+        return sorted(others, key=lambda name: far.get(name, len(names)))
+
+
+def drivers_of(join: Join, effect: Effect) -> tuple[str, ...]:
+    """Drivers that a law or its parameters speak of, in the order of the effect."""
+    used = effect.used_by(join) | {join.falls_with, join.rises_with}
+    used |= {p.driver for p in effect.parameters.values() if p.name in used and p.driver}
+    return tuple(name for name in effect.drivers if name in used)

@@ -1,0 +1,173 @@
+"""What may explain a mismatch: effects, faults and sensor errors, joined to one place of a plant.
+
+Candidates are data; `model_builder.py` turns a module with some of them built in into a plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rulec_runtime.contract.plan import Array
+
+TIME = "time"
+"""Plan input: seconds since the beginning of the recording, for effects that change with time."""
+
+MEDIAN = (0.5,)
+"""Quantile at which what has none stays."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A parameter that a candidate brings in; numbers in SI.
+
+    `id` is its input in the plan. At `null` the plain relation comes back, whatever the other
+    parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
+    tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
+    with `fixed` is no unknown at all: it stays at the median reading of `driver`, at the one
+    quantile that `quantiles` has, or where there are two, at half the distance between the readings
+    there (their spread). Where it is `neutral`, the plain law holds at that reading, whatever the
+    other parameters are. SI = shown * factor + offset.
+    """
+
+    id: str
+    name: str
+    title: str
+    unit: str
+    factor: float
+    offset: float
+    null: float | None
+    lowest: float
+    highest: float
+    starts: tuple[float, ...]
+    quantiles: tuple[float, ...]
+    driver: str | None
+    fixed: bool
+    neutral: bool = False
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One explanation at one place.
+
+    `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``. `id` is unique in the
+    plant, as ``A.slip-temperature@Q_law``; that of a fault is its id in the ruleset. `place` is the
+    definition, observer or signal that it changes; `observers` lists the ids of all observers that
+    it reaches. `drivers` maps the names in its law to ids of signals of the plant (or ``time``);
+    `equation` shows the repaired relation. `text` has slots for parameters, all others are filled.
+    """
+
+    id: str
+    sort: str
+    name: str
+    title: str
+    module: str
+    place: str
+    observers: tuple[str, ...]
+    unknowns: tuple[Unknown, ...]
+    drivers: Mapping[str, str]
+    equation: str
+    text: str
+    action: str
+    source: str
+    members: tuple[str, ...] = ()
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """All modules where it acts."""
+        return self.members or (self.module,)
+
+    @property
+    def follows_time(self) -> bool:
+        """Does it say when, or since when? Then it needs a clock."""
+        return TIME in self.drivers.values() or any(u.driver == TIME for u in self.unknowns)
+
+    @property
+    def onset(self) -> Unknown | None:
+        """The time from which it holds, where that is searched for."""
+        return next((u for u in self.unknowns if u.driver == TIME and not u.fixed), None)
+
+
+@dataclass(frozen=True)
+class Missing:
+    """An effect that would join a place, were its driver recorded.
+
+    `quantity` is what would have to be measured; `title` and `sensor` say how to tell the user.
+    """
+
+    name: str
+    title: str
+    module: str
+    place: str
+    quantity: str
+    sensor: str
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place where an error of unknown course may sit; `unknown` shifts it, in its own unit.
+
+    `kind` is ``definition``, ``observer`` or ``signal``; `signal` is the id of the reading where
+    it is one. `unit` is how values of the place are shown, SI = shown * factor.
+    """
+
+    id: str
+    kind: str
+    module: str
+    place: str
+    title: str
+    unit: str
+    factor: float
+    observers: tuple[str, ...]
+    unknown: str
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Parameters of the plain plant that recalibration may move, SI.
+
+    `ids` are plan inputs such as ``A.k2``, all others stand in `constants`. `covariance`, shape
+    (parameters, parameters), is the calibration's. `sheet` are value and standard uncertainty by
+    the data sheet, of parameters that were calibrated; `contradicted` modules whose calibration
+    and data sheet differ beyond chance.
+    """
+
+    ids: tuple[str, ...]
+    units: tuple[str, ...]
+    factors: Array
+    values: Array
+    covariance: Array
+    constants: Mapping[str, float]
+    sheet: Mapping[str, tuple[float, float]]
+    contradicted: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A parameter of the plain model, recalibrated (SI), for the repaired model."""
+
+    id: str
+    value: float
+    u: float
+
+
+@dataclass(frozen=True)
+class Repair:
+    """Values of a plant that can be written, SI.
+
+    `joined` are ids of the candidates in it. `parameters` with their joint `covariance`, shape
+    (parameters, parameters), those of joined candidates behind base parameters; `fixed` references
+    of joined candidates; `misfit` what is left per observer, m3/s; `ranges` per signal the readings
+    at which its relations were tested.
+    """
+
+    joined: tuple[str, ...]
+    parameters: tuple[Changed, ...]
+    covariance: Array
+    fixed: Mapping[str, float]
+    misfit: Mapping[str, float]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+class Unwritable(Exception):
+    """A repair cannot be written as a plant; the message says why."""

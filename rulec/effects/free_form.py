@@ -1,0 +1,124 @@
+"""A term that no physics stands behind, added at a place: a sum of products of readings, or a
+curve over one reading, piece by piece."""
+
+from __future__ import annotations
+
+import math
+
+from rulec.effects.candidate import MEDIAN, Candidate, Spot, Unknown
+from rulec.effects.match_effects import Matched
+from rulec.knowledge.module_type import Parameter
+from rulec.language.expression import Expression, parse
+from rulec.language.origin import Origin
+from rulec.language.units import UNKNOWN, Unit
+from rulec.passes.amend import Change
+
+BAND = "~"
+"""Between a reading and the number of its band."""
+
+SPREAD = (0.16, 0.84)
+"""Quantiles of a normal distribution one standard deviation below and above its middle."""
+
+
+def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
+    """The candidate of an additive term; coefficients in the unit of the place.
+
+    A feature is a product of readings such as ``A.n*A.T``, or a band of one reading such as
+    ``A.n~3/8``: 1 at its quantile 3/8, and 0 from those at 2/8 and 4/8 on.
+    """
+    if any(BAND in f for f in features):
+        return _curve(spot, id_, features)
+    signals = list(dict.fromkeys(s for f in features for s in f.split("*")))
+    drivers = {f"x{i}": s for i, s in enumerate(signals, 1)}
+    names = {s: n for n, s in drivers.items()}
+    terms = [_term(i, [names[s] for s in f.split("*")]) for i, f in enumerate(features, 1)]
+    law = parse(f"law + {' + '.join(terms)}")
+    unknowns = [_coefficient(id_, i, f, spot) for i, f in enumerate(features, 1)]
+    for name, signal in drivers.items():
+        unknowns.append(_statistic(id_, f"{name}_m", f"median of {signal}", signal, MEDIAN))
+        unknowns.append(_statistic(id_, f"{name}_s", f"spread of {signal}", signal, SPREAD))
+    return _matched(spot, id_, law, unknowns, drivers)
+
+
+def _curve(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
+    """A curve over one reading, straight from each of its quantiles to the next."""
+    signal = features[0].partition(BAND)[0]
+    ends = [feature.partition(BAND)[2].partition("/") for feature in features]
+    parts, numbers = int(ends[0][2]), [int(number) for number, _, _ in ends]
+    terms, unknowns = [], []
+    for i, number in enumerate(numbers, 1):
+        terms.append(f"c{i}*{_band(number, parts)}")
+        unknowns.append(_coefficient(id_, i, f"{signal}, band {number} of {parts}", spot))
+    for knot in sorted({k for n in numbers for k in (n - 1, n, n + 1) if 0 <= k <= parts}):
+        title = f"quantile {knot}/{parts} of {signal}"
+        unknowns.append(_statistic(id_, f"x_{knot}", title, signal, (knot / parts,)))
+    law = parse(f"law + {' + '.join(terms)}")
+    return _matched(spot, id_, law, unknowns, {"x1": signal})
+
+
+def _band(number: int, parts: int) -> str:
+    """1 at a knot, straight to 0 at its neighbours; 1 beyond the first and the last.
+
+    >>> _band(0, 4)
+    'max(min((x_1 - x1)/(x_1 - x_0), 1), 0)'
+    """
+    rise = f"(x1 - x_{number - 1})/(x_{number} - x_{number - 1})" if number > 0 else "1"
+    fall = f"(x_{number + 1} - x1)/(x_{number + 1} - x_{number})" if number < parts else "1"
+    first, second = (rise, fall) if number > 0 else (fall, rise)
+    return f"max(min({first}, {second}), 0)"
+
+
+def _matched(
+    spot: Spot, id_: str, law: Expression, unknowns: list[Unknown], drivers: dict[str, str]
+) -> Matched:
+    candidate = Candidate(
+        id_,
+        "free",
+        "free-form",
+        "dependence that no entry names",
+        spot.module,
+        spot.place,
+        spot.observers,
+        tuple(unknowns),
+        drivers,
+        f"{spot.place} = {law}",
+        f"{spot.title} of {spot.module} follows {', '.join(drivers.values())} "
+        "in a way that no entry names",
+        "",
+        "",
+    )
+    change = Change(
+        ((spot.kind, spot.place),),
+        law,
+        {n: s.removeprefix(f"{spot.module}.") for n, s in drivers.items()},
+        {u.name: _parameter(u) for u in unknowns},
+        {u.name: u.id for u in unknowns},
+    )
+    return Matched(candidate, change)
+
+
+def _term(number: int, readings: list[str]) -> str:
+    return "*".join([f"c{number}", *(f"(({x} - {x}_m)/{x}_s)" for x in readings)])
+
+
+def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
+    name, title = f"c{number}", f"share that follows {feature}"
+    return Unknown(
+        f"{id_}.{name}", name, title, spot.unit, spot.factor, 0.0, 0.0,
+        -math.inf, math.inf, (), (), None, False,
+    )  # fmt: skip
+
+
+def _statistic(
+    id_: str, name: str, title: str, signal: str, quantiles: tuple[float, ...]
+) -> Unknown:
+    """A number that comes from the readings of a signal alone, SI."""
+    return Unknown(
+        f"{id_}.{name}", name, title, "SI", 1.0, 0.0, None,
+        -math.inf, math.inf, (), quantiles, signal, True,
+    )  # fmt: skip
+
+
+def _parameter(unknown: Unknown) -> Parameter:
+    unit = Unit(unknown.unit, unknown.factor, UNKNOWN)
+    return Parameter(unknown.name, 0.0, 0.0, unit, True, unknown.title, Origin("", 0))

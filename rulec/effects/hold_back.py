@@ -1,0 +1,119 @@
+"""A module type whose flow stands on a state that was brought in, as a file may have it.
+
+An observer knows no past. What the balances of a plant take as the flow of such a module becomes a
+law for its ends, as in modules that store; the observer says what holds when the state has settled
+at its start value.
+"""
+
+from __future__ import annotations
+
+import ast
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+from rulec.effects.repair import AdoptRefused
+from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Definition, ModuleType
+from rulec.language.diagnostics import Refused
+from rulec.language.expression import Expression, Rejected
+from rulec.language.rewrite import over
+from rulec.passes.end_flows import EndFlows, law_of
+from rulec.passes.link import Network, link
+
+CHOICES = ((OUTFLOW,), (INFLOW,), (INFLOW, OUTFLOW))
+"""Ends that may need a law; one too many would contradict a neighbour's."""
+
+
+def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, ModuleType]:
+    """Amended types by module, none with an observer that stands on a state.
+
+    Raises `AdoptRefused` where the flows of the plant would not stay what they are.
+    """
+    result = dict(types)
+    opened = []
+    for name, kind in types.items():
+        if any(_moves(kind, o.expression) for o in kind.observers.values()):
+            result[name] = _settled(kind, name)
+            if not network.plant.modules[name].type.cuts:
+                opened.append(name)
+    taken = any(_is_taken(network, name) for name in opened)
+    for choice in itertools.product(CHOICES, repeat=len(opened)) if opened and not taken else ():
+        tried = dict(zip(opened, choice, strict=True))
+        made = {
+            name: _with_laws(network, types, result, name, ends) for name, ends in tried.items()
+        }
+        if _flows_stay(network, {**result, **made}, opened):
+            return {**result, **made}
+    if opened:
+        names = ", ".join(f"'{name}'" for name in opened)
+        raise AdoptRefused(
+            f"what holds back the flow of {names} cannot be written into its type, as the flows "
+            "around it would be others; give the type a law for its outflow"
+        )
+    return result
+
+
+def _moves(kind: ModuleType, expression: Expression) -> bool:
+    """Does an equation stand on a state?"""
+    parts = kind.with_definitions(expression)
+    return any(name in kind.states for part in parts for name, _ in part.names())
+
+
+def _settled(kind: ModuleType, module: str) -> ModuleType:
+    """Observers with all states at their start values."""
+
+    def still(expression: Expression) -> Expression:
+        table: dict[str, ast.expr] = {}
+        for name, _ in expression.names():
+            if name in kind.states:
+                table[name] = still(kind.states[name].start).tree
+            elif name in kind.definitions and _moves(kind, kind.definitions[name].expression):
+                table[name] = still(kind.definitions[name].expression).tree
+        return over(expression, table)
+
+    try:
+        observers = {
+            n: replace(o, expression=still(o.expression)) for n, o in kind.observers.items()
+        }
+    except Rejected as error:
+        raise AdoptRefused(f"'{module}' cannot be written: {error.message}") from None
+    return replace(kind, observers=observers)
+
+
+def _with_laws(
+    network: Network,
+    types: Mapping[str, ModuleType],
+    settled: Mapping[str, ModuleType],
+    module: str,
+    ends: Iterable[str],
+) -> ModuleType:
+    """The type with the law for its flow at some ends."""
+    kind, law = settled[module], law_of(network.plant.modules[module].type)
+    expression = types[module].observers[law].expression
+    laws = {end: Definition(end, expression, f"{law}, held back") for end in ends}
+    return replace(kind, definitions={**kind.definitions, **laws})
+
+
+def _flows_stay(network: Network, types: Mapping[str, ModuleType], opened: Iterable[str]) -> bool:
+    """Are flows between other modules the same sums of the same laws?"""
+    modules = {n: replace(m, type=types[n]) for n, m in network.plant.modules.items()}
+    try:
+        ends = link(replace(network.plant, modules=modules)).ends
+    except Refused:
+        return False
+    return set(_sums(network.ends, opened)) == set(_sums(ends, opened))
+
+
+def _is_taken(network: Network, module: str) -> bool:
+    """Does a name in this module mean something else than what flows at an end?"""
+    kind = network.plant.modules[module].type
+    names = {*kind.signals, *kind.parameters, *kind.definitions, *kind.states}
+    return bool(names.intersection(ENDS))
+
+
+def _sums(ends: EndFlows, opened: Iterable[str]) -> Iterator[object]:
+    """Flows at the ends of all others; the law of an opened module counts by its module."""
+    for (module, end), terms in ends.items():
+        if module not in opened:
+            flows = [(s, k.module, "" if k.module in opened else k.name) for s, k in terms]
+            yield module, end, tuple(sorted(flows))

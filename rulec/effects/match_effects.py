@@ -1,0 +1,383 @@
+"""What a plant may leave out, and where: effects, faults and sensor errors matched to places.
+
+Effects find places by what equations are, never by name: a join asks for a dimension and for the
+sign of a slope. The result is data for the analysis, with the change of the module type that
+each candidate stands for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from rulec.effects.binding import Binder, Binding, drivers_of
+from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
+from rulec.effects.equation_text import equation_of
+from rulec.effects.join_places import matching
+from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
+from rulec.effects.places import Site, Survey, sites_of, survey
+from rulec.effects.spots import unit_of
+from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
+from rulec.knowledge.knowledge import FaultType, Variant
+from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Parameter, State
+from rulec.knowledge.plant import Module, Plant
+from rulec.language.expression import Rejected
+from rulec.language.origin import Origin
+from rulec.language.units import NONE, SECOND, Unit
+from rulec.passes.amend import Amended, Change, amend
+from rulec.passes.differentiate import Models, TypeFault
+from rulec.passes.fault_laws import undoing
+from rulec.passes.store_faults import StoreFault, store_faults
+
+_END = {"in": INFLOW, "out": OUTFLOW}
+
+Equations = dict[tuple[object, ...], str | None]
+"""Repaired equations by type and change: they are the same for all instances of a type."""
+
+
+@dataclass(frozen=True)
+class Matched:
+    """A candidate, and the change of its module's type that it stands for.
+
+    One that acts alike in several modules has a change for each of them in `parts`.
+    """
+
+    candidate: Candidate
+    change: Change
+    parts: Mapping[str, Change] = field(default_factory=dict)
+
+    def change_of(self, module: str) -> Change | None:
+        """What it changes in a module; None where it has no part in it."""
+        own = self.change if module == self.candidate.module else None
+        return self.parts.get(module, own)
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Everything that fits some place of a plant, and what would with one more sensor."""
+
+    models: Models
+    sites: Mapping[str, tuple[Site, ...]]
+    candidates: tuple[Matched, ...]
+    missing: tuple[Missing, ...]
+
+
+def match_effects(models: Models, readings: Mapping[str, float]) -> Matches:
+    """Match effects and faults to all modules; `readings` are those of the reference point, SI."""
+    network = models.residuals.network
+    around = survey(network, readings)
+    binder = Binder(network)
+    sites = {m.name: sites_of(around, m) for m in network.plant.modules.values()}
+    found: list[Matched] = []
+    missing: list[Missing] = []
+    equations: Equations = {}
+    for module in network.plant.modules.values():
+        matcher = _Matcher(models, around, binder, module, sites[module.name], equations)
+        found += matcher.faults()
+        for effect in network.plant.knowledge.effects.values():
+            found += matcher.joined(effect, missing)
+    found += list(everywhere(found, network.plant))
+    return Matches(models, sites, tuple(found), tuple(dict.fromkeys(missing)))
+
+
+def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
+    """Effects that several modules of a plant may have alike, with the same parameters.
+
+    What was left out of a module type is missing in all of its instances; a common header acts on
+    all that feed it. What follows the clock alone is each module's own.
+    """
+    groups: dict[tuple[object, ...], list[Matched]] = {}
+    for matched in found:
+        candidate, change = matched.candidate, matched.change
+        if candidate.sort == "physics" and set(candidate.drivers.values()) != {TIME}:
+            own = any(u.fixed and _is_own(u, candidate.module) for u in candidate.unknowns)
+            # A typical reading of its own that a parameter refers to makes a module comparable
+            # only to others of its type.
+            kind = plant.modules[candidate.module].type.key if own else ""
+            key = (candidate.name, kind, change.places, change.law.text, *change.drivers.items())
+            groups.setdefault(key, []).append(matched)
+    for alike in groups.values():
+        if len(alike) > 1:
+            yield _common(alike)
+
+
+def _is_own(unknown: Unknown, module: str) -> bool:
+    return unknown.driver is not None and unknown.driver.partition(".")[0] == module
+
+
+def _common(alike: Sequence[Matched]) -> Matched:
+    """One candidate for several modules; its parameters are those of the first one's."""
+    first = alike[0].candidate
+    id_ = f"{'+'.join(m.candidate.module for m in alike)}.{first.id.partition('.')[2]}"
+    members = tuple(m.candidate.module for m in alike)
+    observers = dict.fromkeys(o for m in alike for o in m.candidate.observers)
+    ids = {name: f"{id_}.{name}" for name in alike[0].change.ids}
+    candidate = replace(
+        first,
+        id=id_,
+        observers=tuple(observers),
+        unknowns=tuple(replace(u, id=f"{id_}.{u.name}") for u in first.unknowns),
+        text=f"in {', '.join(members)} alike: {first.text}",
+        members=members,
+    )
+    parts = {m.candidate.module: replace(m.change, ids=ids) for m in alike}
+    return Matched(candidate, parts[first.module], parts)
+
+
+class _Matcher:
+    """Matches knowledge to one module."""
+
+    def __init__(
+        self,
+        models: Models,
+        around: Survey,
+        binder: Binder,
+        module: Module,
+        sites: tuple[Site, ...],
+        equations: Equations,
+    ) -> None:
+        self._models, self._binder, self._equations = models, binder, equations
+        self._plant, self._stores = around.network.plant, around.network.stores
+        self._module, self._sites = module, {site.key: site for site in sites}
+
+    def joined(self, effect: Effect, missing: list[Missing]) -> Iterator[Matched]:
+        """Candidates of an effect; what lacks a reading is added to `missing`."""
+        if effect.states and not self._stores:
+            return
+        taken: set[tuple[str, str]] = set()
+        knowledge = self._plant.knowledge
+        for join in effect.joins:
+            for site in matching(join, self._sites.values(), knowledge, self._module):
+                if site.key in taken:
+                    continue
+                bindings = list(self._binder.bindings(self._module.name, site, effect, join))
+                for binding in bindings:
+                    missing += self._missing(effect, site, binding)
+                    if not binding.missing:
+                        several = len(bindings) > 1
+                        made = self._candidate(effect, join, site, binding, several)
+                        taken |= {site.key} if made else set()
+                        yield from made
+
+    def _missing(self, effect: Effect, site: Site, binding: Binding) -> Iterator[Missing]:
+        for name in binding.missing:
+            driver = effect.drivers[name]
+            sensor = cheapest_sensor(self._plant, driver.quantity)
+            yield Missing(
+                effect.name, effect.title, self._module.name, site.name, driver.quantity, sensor
+            )
+
+    def _candidate(
+        self, effect: Effect, join: Join, site: Site, binding: Binding, several: bool
+    ) -> list[Matched]:
+        """The candidate, or none where the law has no value there."""
+        id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
+        if several:
+            id_ += f"({', '.join(binding.signals.values())})"
+        used = effect.used_by(join)
+        parameters = {name: p for name, p in effect.parameters.items() if name in used}
+        change = Change(
+            (site.key,),
+            join.law.expression,
+            {n: s for n, s in binding.signals.items() if n in used},
+            {n: _parameter(p, effect.origin) for n, p in parameters.items()},
+            {n: f"{id_}.{n}" for n in parameters},
+            join.law.substitutes,
+            tuple((("end", _END[end]), law.expression) for end, law in join.also.items()),
+            {n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()},
+        )
+        drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
+        read = {**drivers, PLAIN: self._id(site.name)}
+        unknowns = tuple(_unknown(f"{id_}.{n}", p, read) for n, p in parameters.items())
+        equation = self._equation(change, site.key)
+        if equation is None:
+            return []
+        candidate = Candidate(
+            id_,
+            effect.sort,
+            effect.name,
+            effect.title,
+            self._module.name,
+            site.name,
+            site.observers,
+            unknowns,
+            drivers,
+            equation,
+            self._text(effect.text, {**drivers, "place": site.name}),
+            effect.action,
+            effect.origin.source,
+        )
+        return [Matched(candidate, change)]
+
+    def _state(self, name: str, state: EffectState, site: Site, origin: Origin) -> State:
+        """Something that an effect stores at a place, as a module type has it."""
+        unit = unit_of(self._plant, self._module, site)
+        if site.kind == "balance":
+            unit = self._plant.knowledge.units.plain(unit.dimension / SECOND)
+        equations = state.rate, state.start, state.low, state.high
+        return State(name, "", unit, f"delayed {site.name}", *equations, origin, state.after)
+
+    def _place(self, site: Site) -> str:
+        """Name of a place; with its kind where a definition has the name of an observer."""
+        twin = site.kind == "observer" and ("definition", site.name) in self._sites
+        return f"{site.name}.{site.kind}" if twin else site.name
+
+    def _id(self, signal: str) -> str:
+        kind = self._module.type
+        own = signal in (*kind.signals, *kind.states, *ENDS)
+        return f"{self._module.name}.{signal}" if own else signal
+
+    def _equation(self, change: Change, place: tuple[str, str]) -> str | None:
+        """The repaired equation; None where the language has none, as for a division by zero."""
+        kind = self._module.type
+        key = (
+            kind.key,
+            change.places,
+            change.law.text,
+            str(change.substitutes),
+            str(change.also),
+            *change.drivers.items(),
+        )
+        if key not in self._equations:
+            try:
+                amended = amend(Amended(kind), change)
+            except Rejected:
+                self._equations[key] = None
+            else:
+                self._equations[key] = equation_of(amended, place)
+        return self._equations[key]
+
+    def _text(self, text: str, slots: Mapping[str, str]) -> str:
+        titles = [m.title for m in self._plant.modules.values()]
+        unique = titles.count(self._module.title) == 1
+        name = self._module.title if unique else self._module.name
+        for slot, value in {"module": name, **slots}.items():
+            text = text.replace(f"{{{slot}}}", value)
+        return text
+
+    def faults(self) -> Iterator[Matched]:
+        """Faults of the module: undone by a degree, or where the plant stores, from an onset on."""
+        if self._stores:
+            for stored in store_faults(self._module, self._plant.knowledge):
+                yield from self._beginning(stored)
+            return
+        for fault in self._models.types[self._module.type.key].faults:
+            yield self._fault(fault)
+
+    def _beginning(self, stored: StoreFault) -> Iterator[Matched]:
+        """A fault in balances that begins at some time."""
+        change, place = beginning_change(stored), stored.change.places[0]
+        equation = self._equation(change, place)
+        if equation is None:
+            return
+        sites = (self._sites.get(p) for p in change.places)
+        found = tuple(dict.fromkeys(o for s in sites if s is not None for o in s.observers))
+        candidate = self._fault_at(
+            stored.fault,
+            stored.variant,
+            stored.target,
+            stored.id,
+            place[1],
+            found or (f"{self._module.name}.{place[1]}",),
+            beginning_unknowns(stored),
+            equation,
+            {CLOCK: TIME},
+        )
+        yield Matched(candidate, change)
+
+    def _fault(self, fault: TypeFault) -> Matched:
+        id_ = f"{self._module.name}.{fault.id}"
+        kind, variant = fault.fault, fault.variant
+        places: tuple[tuple[str, str], ...] = ((kind.acts_on, fault.target),)
+        if kind.acts_on == "flow":
+            places = tuple(("observer", name) for name in fault.affects)
+        x = Parameter("x", 0.0, 0.0, Unit("1", 1.0, NONE), True, variant.meaning, kind.origin)
+        change = Change(places, undoing(variant, kind.acts_on), {}, {"x": x}, {"x": f"{id_}.x"})
+        observers = [o for place in places for o in self._sites[place].observers]
+        target = f"{self._module.name}.{fault.target}"
+        unknowns = (degree_unknown(f"{id_}.x", variant),)
+        equation = self._equation(change, places[0]) or ""
+        found = tuple(dict.fromkeys(observers))
+        candidate = self._fault_at(
+            kind, variant, target, id_, places[0][1], found, unknowns, equation, {}
+        )
+        return Matched(candidate, change)
+
+    def _fault_at(
+        self,
+        kind: FaultType,
+        variant: Variant,
+        target: str,
+        id_: str,
+        place: str,
+        observers: tuple[str, ...],
+        unknowns: tuple[Unknown, ...],
+        equation: str,
+        drivers: Mapping[str, str],
+    ) -> Candidate:
+        """A fault as an explanation."""
+        slots = {"where": target, "variant": variant.title, "degree": "{x}"}
+        return Candidate(
+            id_,
+            "fault",
+            kind.name,
+            f"{target} {variant.title}" if variant.name else kind.title,
+            self._module.name,
+            place,
+            observers,
+            unknowns,
+            drivers,
+            equation,
+            self._text(kind.text, slots),
+            kind.action,
+            kind.origin.source,
+        )
+
+
+def cheapest_sensor(plant: Plant, quantity: str) -> str:
+    """Title of the class of sensors that a reading of a quantity would cost least with.
+
+    One that the plant has for the quantity fits its trade and its liquid; then one whose class says
+    what it measures. Else it is told what to read, and not with what.
+    """
+    known = plant.knowledge.sensors
+    own = {
+        s.sensor
+        for m in plant.modules.values()
+        for s in m.type.signals.values()
+        if s.quantity == quantity
+    }
+    ranked = [
+        [s for s in known.values() if s.name in own],
+        [s for s in known.values() if s.measures == quantity],
+    ]
+    classes = next((sensors for sensors in ranked if sensors), [])
+    return min(((s.cost, s.title) for s in classes), default=(0.0, f"the {quantity}"))[1]
+
+
+def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
+    """A parameter as a module type has it; its value comes from the analysis."""
+    null, unit = parameter.null or 0.0, parameter.unit
+    fit = not parameter.fixed
+    return Parameter(parameter.name, null, 0.0, unit, fit, parameter.title, origin)
+
+
+def _unknown(id_: str, parameter: EffectParameter, drivers: Mapping[str, str]) -> Unknown:
+    driver = drivers[parameter.driver] if parameter.driver else None
+    unit = parameter.unit
+    return Unknown(
+        id_,
+        parameter.name,
+        parameter.title,
+        unit.text,
+        unit.factor,
+        unit.offset,
+        parameter.null,
+        parameter.lowest,
+        parameter.highest,
+        parameter.starts,
+        parameter.quantiles,
+        driver,
+        parameter.fixed,
+        parameter.neutral,
+    )

@@ -1,0 +1,242 @@
+"""Modules with candidates built in, as plans for the analysis of a mismatch.
+
+Everything that may be missing where, and any combination of it as a plan. Plans are made when they
+are asked for, and kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.simulation.balances import Balances
+
+from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
+from rulec.effects.equation_text import equation_of
+from rulec.effects.free_form import free_form
+from rulec.effects.match_effects import Matched, Matches, match_effects
+from rulec.effects.places import survey
+from rulec.effects.spots import shift_of, spots_of, stores_of
+from rulec.knowledge.data_sheet import Sheet
+from rulec.knowledge.module_type import ENDS, Parameter
+from rulec.knowledge.plant import Module
+from rulec.knowledge.read import Sources, read_plant
+from rulec.passes.amend import Amended, amend
+from rulec.passes.differentiate import Models
+from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
+from rulec.passes.pipeline import PASSES, run_passes, up_to
+
+SHOWN = "shown"
+
+
+def open_builder(path: Path) -> tuple[Ruleset, ModelBuilder]:
+    """Compile a plant, with its builder; raises `Refused` with all mistakes in it."""
+    symbolic = up_to("differentiate")
+    sources = read_plant(path, effects=True)
+    models: Models = run_passes(sources, symbolic[1:])
+    ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
+    return ruleset, ModelBuilder(models, reference_readings(models, ruleset), sources)
+
+
+def reference_readings(models: Models, ruleset: Ruleset) -> dict[str, float]:
+    """Readings of all signals at the reference point, SI; what no estimate reads, by guess."""
+    read = {signal for observer in ruleset.observers for signal in observer.signals}
+    solved = {s.id: s.reference for s in ruleset.signals if s.id in read}
+    result = {}
+    for module in models.residuals.network.plant.modules.values():
+        for signal in module.type.signals.values():
+            known = module.reference.get(signal.name)
+            if known is None:
+                known = ((signal.lowest or 0.0) + (signal.highest or 2.0)) / 2
+            name = f"{module.name}.{signal.name}"
+            result[name] = solved.get(name, known)
+    return result
+
+
+class ModelBuilder:
+    """Builds modules of one plant with candidates in them, in order of their acceptance."""
+
+    def __init__(
+        self, models: Models, readings: Mapping[str, float], sources: Sources | None = None
+    ) -> None:
+        self._models, self._readings, self.sources = models, readings, sources
+        self.network = models.residuals.network
+        self._free: dict[str, Matched] = {}
+        self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
+        self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
+
+    @cached_property
+    def matches(self) -> Matches:
+        """What could be left out where."""
+        return match_effects(self._models, self._readings)
+
+    @cached_property
+    def parameters(self) -> BaseParameters:
+        """Uncertain parameters of all modules, with their joint covariance, and constants."""
+        return _base_parameters(self._models)
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every explanation that fits some place, by module."""
+        return tuple(m.candidate for m in self.matches.candidates)
+
+    @property
+    def missing(self) -> tuple[Missing, ...]:
+        """Effects that lack a driver."""
+        return self.matches.missing
+
+    @cached_property
+    def spots(self) -> tuple[Spot, ...]:
+        """Places to look at before naming."""
+        around = survey(self.network, self._readings)
+        plant, sites = self.network.plant, self.matches.sites
+        modules = plant.modules.values()
+        settled = (s for m in modules for s in spots_of(around, m, sites[m.name]))
+        stored = (s for m in modules for s in stores_of(around, m, sites[m.name]))
+        return tuple({s.id: s for s in (*settled, *stored)}.values())
+
+    def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
+        """The observers of a module with candidates and spots built in.
+
+        Those that reach no observer of the module do not matter.
+        """
+        joined = tuple(c for c in joined if self._reaches(self._of(c).candidate, module))
+        spots = tuple(s for s in spots if self._reaches(self._spot_by_id[s], module))
+        key = module, joined, spots
+        if key not in self._plans:
+            shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
+            owners = dict.fromkeys(m for c in joined for m in self._of(c).candidate.modules)
+            amended = {owner: self.amended(owner, joined) for owner in owners}
+            what = Lowering(self.network, amended, shifts)
+            self._plans[key] = lower_module(what, module)
+        return self._plans[key]
+
+    @cached_property
+    def given(self) -> tuple[str, ...]:
+        """Signals that no equation predicts: what drives a plant that stores."""
+        modules = self.network.plant.modules.values()
+        return tuple(
+            f"{m.name}.{s}" for m in modules for s in m.type.signals if s not in m.type.readings
+        )
+
+    def balances(self, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Balances:
+        """The balances of the whole plant with candidates and spots built in.
+
+        Outputs are what sensors show, as ``shown:<signal>``, and what flows, as ``inflow:<module>``
+        and ``outflow:<module>``.
+        """
+        key = "", joined, spots
+        if key not in self._balances:
+            shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
+            amended = {m: self.amended(m, joined) for m in self.network.plant.modules}
+            plan = lower_states(Lowering(self.network, amended, shifts, self.network.ends))
+            states = tuple(
+                f"{module}.{state}" for module, own in amended.items() for state in own.type.states
+            )
+            given = (*self.given, *(self._spot_by_id[s].unknown for s in spots))
+            used = tuple(name for name in given if name in plan.used_inputs)
+            outputs = tuple(n for n in plan.outputs if n.partition(":")[0] in (SHOWN, *ENDS))
+            self._balances[key] = Balances(plan, states, used, outputs)
+        return self._balances[key]
+
+    def amended(self, module: str, joined: Iterable[str]) -> Amended:
+        """The type of a module with its own candidates built in, in order."""
+        result = Amended(self.network.plant.modules[module].type)
+        changes = (self._of(name).change_of(module) for name in joined)
+        own = [change for change in changes if change is not None]
+        # What reshapes the plain law comes first: a term that was added is no part of that.
+        for change in sorted(own, key=lambda c: not c.substitutes):
+            result = amend(result, change)
+        return result
+
+    def equation(self, module: str, joined: tuple[str, ...], place: str) -> str:
+        """The equation of a place with candidates built in, in local names."""
+        amended = self.amended(module, joined)
+        kind = next(
+            (k for c in joined for k, n in self._of(c).change.places if n == place), None
+        ) or _kind_of(amended, place)
+        return equation_of(amended, (kind, place))
+
+    def free_form(self, spot: str, features: tuple[str, ...]) -> Candidate:
+        """An additive term at a spot without physics behind it.
+
+        `features` are products of readings such as ``A.T`` or ``A.T*A.dp``, each reading less its
+        median and over its spread. The same call gives the same candidate.
+        """
+        id_ = f"{spot}[{', '.join(features)}]"
+        if id_ not in self._free:
+            self._free[id_] = free_form(self._spot_by_id[spot], id_, features)
+        return self._free[id_].candidate
+
+    def _of(self, candidate: str) -> Matched:
+        return self._free.get(candidate) or self._matched_by_id[candidate]
+
+    @cached_property
+    def _matched_by_id(self) -> dict[str, Matched]:
+        return {m.candidate.id: m for m in self.matches.candidates}
+
+    @cached_property
+    def _spot_by_id(self) -> dict[str, Spot]:
+        return {s.id: s for s in self.spots}
+
+    @staticmethod
+    def _reaches(what: Candidate | Spot, module: str) -> bool:
+        return any(o.split(".")[0] == module for o in what.observers)
+
+
+def _kind_of(amended: Amended, place: str) -> str:
+    if place in amended.type.definitions:
+        return "definition"
+    return "observer" if place in amended.type.observers else "signal"
+
+
+def _base_parameters(models: Models) -> BaseParameters:
+    """Uncertain parameters may be moved, correlated as their calibration says."""
+    plant = models.residuals.network.plant
+    constants: dict[str, float] = {}
+    moved: dict[str, Parameter] = {}
+    for module in plant.modules.values():
+        joint = {name for block in module.blocks for name in block.parameters}
+        for name, parameter in module.parameters.items():
+            if parameter.u or name in joint:
+                moved[parameter_id(module, name)] = parameter
+            else:
+                constants[parameter_id(module, name)] = parameter.value
+    place = {name: i for i, name in enumerate(moved)}
+    covariance = np.diag([p.u**2 for p in moved.values()])
+    for module in plant.modules.values():
+        for block in module.blocks:
+            rows = [place[parameter_id(module, name)] for name in block.parameters]
+            factor = np.array(block.factor)
+            covariance[np.ix_(rows, rows)] = factor @ factor.T
+    return BaseParameters(
+        tuple(moved),
+        tuple(p.unit.text for p in moved.values()),
+        np.array([p.unit.factor for p in moved.values()]),
+        np.array([p.value for p in moved.values()]),
+        covariance,
+        constants,
+        {n: pair for m in plant.modules.values() for n, pair in _sheet(m).items()},
+        frozenset(m.name for m in plant.modules.values() if _contradicts(m)),
+    )
+
+
+def _sheet(module: Module) -> dict[str, tuple[float, float]]:
+    """What the data sheet says of parameters that were calibrated."""
+    stated = [module.stated[name] for block in module.blocks for name in block.parameters]
+    return {parameter_id(module, p.name): (p.value, p.u) for p in stated if p.u > 0.0}
+
+
+def _contradicts(module: Module) -> bool:
+    """Do data sheet and calibration differ beyond chance?"""
+    for block in module.blocks:
+        sheet = Sheet.of([module.stated[name] for name in block.parameters])
+        values = np.array([module.parameters[name].value for name in block.parameters])
+        factor = np.array(block.factor)
+        if not sheet.is_empty and sheet.beside(values, factor @ factor.T).is_empty:
+            return True
+    return False

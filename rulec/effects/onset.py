@@ -1,0 +1,87 @@
+"""A fault that begins: its degree, from some time on.
+
+What a plant that stores has had from the beginning is part of its calibration. A fault is what was
+not there before; so its law holds from a time that is searched for with its degree.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+from dataclasses import replace
+
+from rulec.effects.candidate import TIME, Unknown
+from rulec.knowledge.knowledge import Variant
+from rulec.knowledge.module_type import Parameter
+from rulec.language.expression import Expression
+from rulec.language.rewrite import replaced, written
+from rulec.language.units import NONE, SECOND, Unit
+from rulec.passes.amend import Change
+from rulec.passes.store_faults import StoreFault
+
+SINCE, CLOCK, HALF = "since", "t", "t_half"
+"""Names in laws: time of the onset, time, and half of the recording."""
+
+QUANTILES = (0.08, 0.17, 0.26, 0.35, 0.44, 0.53, 0.62, 0.71, 0.8, 0.89)
+"""Shares of the recording at which the search for an onset starts."""
+
+LATEST = 1e9
+"""s; the recording ends before that."""
+
+TRIED = 0.1
+"""Degree of a fault from which a search starts, or half of the highest if that is less."""
+
+PERCENT, SECONDS = Unit("%", 0.01, NONE), Unit("s", 1.0, SECOND)
+
+RISE = f"(1 + tanh(({CLOCK} - {SINCE})/(0.002*{HALF})))/2"
+"""From 0 to 1 within a thousandth of the recording: a step that can be searched for by slopes."""
+
+
+@functools.cache
+def beginning(law: Expression, degree: str = "x") -> Expression:
+    """A law over a degree that is there from an onset on.
+
+    >>> from rulec.language.expression import parse
+    >>> beginning(parse("law*(1 - x)")).text
+    'law*(1 - x*((1 + tanh((t - since)/(0.002*t_half)))/2))'
+    """
+    rise = ast.parse(f"{degree}*({RISE})", mode="eval").body
+    return written(replaced(law.tree, {degree: rise}))
+
+
+def degree_unknown(id_: str, variant: Variant) -> Unknown:
+    """The degree of a fault, to be searched for."""
+    # A size is tried as a share of the range of its sensor.
+    start = TRIED * variant.highest if variant.unit else min(TRIED, variant.highest / 2)
+    shown = Unit(variant.unit, 1.0, NONE) if variant.unit else PERCENT
+    return Unknown(
+        id_, "x", variant.meaning, shown.text, shown.factor, 0.0, 0.0,
+        float(variant.lowest), float(variant.highest), (start,), (), None, False,
+    )  # fmt: skip
+
+
+def beginning_change(stored: StoreFault) -> Change:
+    """A fault of balances as a change of its module from an onset on."""
+    origin = stored.fault.origin
+    parameters = {
+        "x": stored.change.parameters["x"],
+        SINCE: Parameter(SINCE, 0.0, 0.0, SECONDS, True, "onset", origin),
+        HALF: Parameter(HALF, 1.0, 0.0, SECONDS, False, "half of the recording", origin),
+    }
+    return replace(
+        stored.change,
+        law=beginning(stored.change.law),
+        drivers={CLOCK: TIME},
+        parameters=parameters,
+        ids={name: f"{stored.id}.{name}" for name in parameters},
+    )
+
+
+def beginning_unknowns(stored: StoreFault) -> tuple[Unknown, ...]:
+    """Degree and onset of a fault, and half of the recording."""
+    ids = {name: f"{stored.id}.{name}" for name in ("x", SINCE, HALF)}
+    onset = Unknown(
+        ids[SINCE], SINCE, "onset", "s", 1.0, 0.0, None, 0.0, LATEST, (), QUANTILES, TIME, False
+    )
+    half = replace(onset, id=ids[HALF], name=HALF, title="", quantiles=(), fixed=True)
+    return degree_unknown(ids["x"], stored.variant), onset, half

@@ -1,0 +1,300 @@
+"""Places of a module where physics may be missing: definitions, observers, signals.
+
+What a place is follows from its equation alone: its dimension, what it reads, which observers it
+moves, and how it follows the readings at the reference point of the plant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from rulec_runtime.contract.tangent import run_with_slopes
+
+from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, ModuleType
+from rulec.knowledge.plant import Module, Plant
+from rulec.language.dimension import dimension
+from rulec.language.expression import Expression
+from rulec.language.units import UNKNOWN, VOLUME_FLOW, Dimension
+from rulec.passes.link import Network
+from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
+
+_WAY = {INFLOW: "in", OUTFLOW: "out"}
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place of a module instance.
+
+    `kind` is as in `Change`. `reads` are the own signals and states it depends on, `uses` the
+    definitions it stands on, both through all definitions between; `slopes` its derivatives by own
+    signals, `shares` the same as share of it per share of the signal, `moves` those of own
+    observers by it (for a signal: by the reading), at the reference point.
+    `observers` lists the ids of all observers that it reaches, also in other modules, and of states
+    and readings. `measured`: it reads a signal of the very kind it gives. `quantity` is what a
+    state or a sensor is declared as.
+    """
+
+    kind: str
+    name: str
+    title: str
+    dimension: Dimension
+    reads: frozenset[str]
+    uses: frozenset[str]
+    slopes: Mapping[str, float]
+    shares: Mapping[str, float]
+    moves: Mapping[str, float]
+    observers: tuple[str, ...]
+    measured: bool
+    quantity: str = ""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Kind and name: a definition and an observer may share a name."""
+        return self.kind, self.name
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What is known of a whole plant when its modules are looked at.
+
+    `inputs` are values of all signals and parameters at the reference point, SI, by plan input;
+    `readers` lists by signal the observers of other modules that read it.
+    """
+
+    network: Network
+    inputs: Mapping[str, float]
+    readers: Mapping[str, tuple[str, ...]]
+
+
+def survey(network: Network, readings: Mapping[str, float]) -> Survey:
+    """Prepare to look at modules; `readings` holds those of the reference point, SI."""
+    inputs = {**parameter_values(network.plant), **readings}
+    if network.stores:
+        inputs |= _stored(network, inputs)
+    return Survey(network, inputs, _readers(network))
+
+
+def _stored(network: Network, inputs: Mapping[str, float]) -> dict[str, float]:
+    """States at their start, and what then flows, by the inputs of a module's plan."""
+    plan = lower_states(Lowering(network, {}, {}, network.ends))
+    known = dict(inputs)
+    for _ in network.plant.modules:
+        values = plan.run({name: known.get(name, 0.0) for name in plan.inputs})
+        for output, value in values.items():
+            kind, _, name = output.partition(":")
+            if kind == "start":
+                known[name] = float(value[0])
+            elif kind in ENDS:
+                known[f"{name}.{kind}"] = float(value[0])
+    return known
+
+
+def sites_of(around: Survey, module: Module) -> tuple[Site, ...]:
+    """All places of a module, definitions in order of use, then observers, then signals."""
+    return tuple(_Surveyor(around, module).sites())
+
+
+def parameter_values(plant: Plant) -> dict[str, float]:
+    """Values of all parameters by their plan inputs, SI."""
+    return {
+        parameter_id(m, p.name): p.value
+        for m in plant.modules.values()
+        for p in m.parameters.values()
+    }
+
+
+class _Surveyor:
+    """Looks at one module."""
+
+    def __init__(self, around: Survey, module: Module) -> None:
+        self._around, self._module, self._kind = around, module, module.type
+        self._dimensions = dimensions(around.network, module.type)
+        self._values, self._slopes = _reference_of(around, module)
+
+    def sites(self) -> Iterator[Site]:
+        kind = self._kind
+        for definition in kind.definitions.values():
+            title = definition.title
+            yield self._site("definition", definition.name, title, definition.expression)
+        for observer in kind.observers.values():
+            title = f"flow by the observer {observer.name}"
+            yield self._site("observer", observer.name, title, observer.expression)
+        for signal in kind.signals.values():
+            readers = [o for o in kind.observers if signal.name in self._reads(self._of(o))]
+            reached = [*self._ids(readers), *self._elsewhere(signal.name)]
+            moves = {o: self._slopes[f"q:{self._module.name}.{o}"][signal.name] for o in readers}
+            yield Site(
+                "signal", signal.name, signal.quantity, signal.unit.dimension, frozenset(),
+                frozenset(), {}, {}, moves, tuple(dict.fromkeys(reached)), True,
+                signal.quantity,
+            )  # fmt: skip
+        yield from self._moving()
+
+    def _moving(self) -> Iterator[Site]:
+        """Places of what is stored: flows at the ends without a law, balances, sensors."""
+        kind, module = self._kind, self._module.name
+
+        def site(what: str, name: str, title: str, dimension: Dimension, quantity: str) -> Site:
+            reached = (f"{module}.{name}",) if what != "end" else self._stored
+            return Site(
+                what, name, title, dimension, frozenset(), frozenset(), {}, {}, {}, reached, False,
+                quantity,
+            )  # fmt: skip
+
+        for end in ENDS if kind.flows else ():
+            if end not in kind.definitions:
+                yield site("end", end, f"what flows {_WAY[end]}", VOLUME_FLOW, "")
+        for s in kind.states.values():
+            yield site("balance", s.name, f"balance of {s.title}", s.unit.dimension, s.quantity)
+        for name in kind.readings:
+            shown = kind.signals[name]
+            title = f"what {name} shows"
+            yield site("reading", name, title, shown.unit.dimension, shown.quantity)
+
+    @cached_property
+    def _stored(self) -> tuple[str, ...]:
+        return tuple(f"{self._module.name}.{s}" for s in self._kind.states)
+
+    def _site(self, kind: str, name: str, title: str, expression: Expression) -> Site:
+        reads = self._reads(expression)
+        observer = kind == "observer"
+        own = self._dimensions[kind, name]
+        readers = [name] if observer else [o for o in self._kind.observers if self._uses(o, name)]
+        output = f"q:{self._module.name}.{name}" if observer else f"d:{name}"
+        shift = f"shift:{kind}:{name}"
+        return Site(
+            kind,
+            name,
+            title,
+            own,
+            reads,
+            self._definitions(expression),
+            {s: self._slopes[output][s] for s in self._read if s in reads},
+            {s: self._share(output, s) for s in self._read if s in reads},
+            {o: self._slopes[f"q:{self._module.name}.{o}"][shift] for o in readers},
+            (*self._ids(readers), *self._moved_by(name)),
+            any(self._kind.signals[s].unit.dimension == own for s in reads & self._signals),
+        )
+
+    @property
+    def _signals(self) -> frozenset[str]:
+        return frozenset(self._kind.signals)
+
+    def _moved_by(self, definition: str) -> tuple[str, ...]:
+        """States, and readings, that a definition moves; what flows out counts as the state."""
+        kind, found = self._kind, list[str]()
+        if OUTFLOW in kind.definitions and definition in self._names_of(OUTFLOW):
+            found += self._stored or (f"{self._module.name}.{OUTFLOW}",)
+        for state in kind.states.values():
+            if any(definition in self._names(e) for _, e in state.equations()):
+                found.append(f"{self._module.name}.{state.name}")
+        for reading in kind.readings.values():
+            if definition in self._names(reading.expression):
+                found.append(f"{self._module.name}.{reading.name}")
+        return tuple(dict.fromkeys(found))
+
+    def _names_of(self, definition: str) -> set[str]:
+        return {definition, *self._names(self._kind.definitions[definition].expression)}
+
+    def _share(self, output: str, signal: str) -> float:
+        """Change of a place by a change of a signal, both as shares; 0 where it has no value."""
+        value = self._values[output]
+        reading = self._around.inputs.get(f"{self._module.name}.{signal}", 0.0)
+        share = self._slopes[output][signal] * reading / value if value else 0.0
+        return share if math.isfinite(share) else 0.0
+
+    def _elsewhere(self, signal: str) -> tuple[str, ...]:
+        return self._around.readers.get(f"{self._module.name}.{signal}", ())
+
+    def _of(self, observer: str) -> Expression:
+        return self._kind.observers[observer].expression
+
+    def _uses(self, observer: str, definition: str) -> bool:
+        return definition in self._definitions(self._of(observer))
+
+    def _definitions(self, expression: Expression) -> frozenset[str]:
+        """Definitions that an equation stands on."""
+        return frozenset(n for n in self._names(expression) if n in self._kind.definitions)
+
+    def _reads(self, expression: Expression) -> frozenset[str]:
+        """Own signals and states that an equation reads."""
+        return frozenset(n for n in self._names(expression) if n in self._read)
+
+    @cached_property
+    def _read(self) -> tuple[str, ...]:
+        return (*self._kind.signals, *self._kind.states)
+
+    def _names(self, expression: Expression) -> Iterable[str]:
+        return (n for part in self._kind.with_definitions(expression) for n, _ in part.names())
+
+    def _ids(self, observers: Iterable[str]) -> tuple[str, ...]:
+        return tuple(f"{self._module.name}.{o}" for o in observers)
+
+
+def dimensions(network: Network, kind: ModuleType) -> dict[tuple[str, str], Dimension]:
+    """Dimensions of definitions and observers, by kind of place and name."""
+    known = {n: s.unit.dimension for n, s in kind.signals.items()}
+    known |= {n: p.unit.dimension for n, p in kind.parameters.items()}
+    known |= {n: s.unit.dimension for n, s in kind.states.items()}
+    known |= dict.fromkeys(ENDS, VOLUME_FLOW) if kind.flows else {}
+    gathered = {name: _provided(network, name) for name in kind.gathers}
+    result = {}
+    for definition in kind.definitions.values():
+        own = dimension(definition.expression, known, gathered)
+        known[definition.name] = result["definition", definition.name] = own
+    for observer in kind.observers.values():
+        result["observer", observer.name] = dimension(observer.expression, known, gathered)
+    return result
+
+
+def _provided(network: Network, name: str) -> Dimension:
+    """Dimension of what modules provide under a name."""
+    plant = network.plant
+    for kind in (*(m.type for m in plant.modules.values()), *plant.knowledge.modules.values()):
+        if name in kind.provides:
+            return kind.signals[kind.provides[name]].unit.dimension
+    return UNKNOWN
+
+
+def _readers(network: Network) -> dict[str, tuple[str, ...]]:
+    """By signal the observers of other modules that read it through `downstream`."""
+    found: dict[str, dict[str, None]] = {}
+    for (reader, name), signals in network.gathers.items():
+        kind = network.plant.modules[reader].type
+        asking = [o.name for o in kind.observers.values() if _asks(kind, o.expression, name)]
+        for owner, signal in signals:
+            known = found.setdefault(f"{owner}.{signal}", {})
+            known.update(dict.fromkeys(f"{reader}.{o}" for o in asking))
+    return {signal: tuple(observers) for signal, observers in found.items()}
+
+
+def _asks(kind: ModuleType, expression: Expression, name: str) -> bool:
+    parts = kind.with_definitions(expression)
+    return any(name == gathered for part in parts for gathered, _ in part.gathered())
+
+
+class _Slopes(dict[str, float]):
+    """Slopes by input; 0 where an output does not depend on it."""
+
+    def __missing__(self, key: str) -> float:
+        return 0.0
+
+
+def _reference_of(around: Survey, module: Module) -> tuple[dict[str, float], dict[str, _Slopes]]:
+    """Definitions and observers, and their derivatives by own signals and errors of all places."""
+    kind = module.type
+    places = [("definition", n) for n in kind.definitions] + [
+        ("observer", n) for n in kind.observers
+    ]
+    shifts = {(module.name, *place): "shift:{}:{}".format(*place) for place in places}
+    plan = lower_module(Lowering(around.network, {}, shifts), module.name, definitions=True)
+    inputs = {name: around.inputs.get(name, 0.0) for name in plan.inputs}
+    signals = {f"{module.name}.{s}": s for s in (*kind.signals, *kind.states)}
+    values, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
+    return {name: float(v) for name, v in values.items()}, {
+        output: _Slopes({signals.get(seed, seed): float(v) for seed, v in by.items()})
+        for output, by in slopes.items()
+    }

@@ -1,0 +1,136 @@
+"""The values of a repaired plant as a calibration file: it takes the place of those before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.adopt import Adopted, Adoption
+from rulec.effects.repair import Repair
+from rulec.knowledge.module_type import Parameter
+from rulec.passes.lower import parameter_id
+
+FLOW_UNIT, FLOW_FACTOR = "l/h", 3.6e6
+
+
+def calibration(adoption: Adoption, repair: Repair) -> dict[str, Any]:
+    """Content of the calibration file of the new plant."""
+    entries = {name: _entry(own, repair) for name, own in adoption.instances.items()}
+    return {
+        "calibration": adoption.plant.name,
+        "modules": {name: entry for name, entry in entries.items() if len(entry) > 1},
+    }
+
+
+def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
+    place = {name: i for i, name in enumerate(repair.parameters)}
+    found = {local: place[id_] for local, id_ in _ids(own).items() if id_ in place}
+    values = _values(own, repair, found)
+    blocks = _blocks(own, repair, found, values)
+    module = own.module
+    known = {o: repair.misfit.get(f"{module.name}.{o}") for o in module.type.observers}
+    misfit = {**module.misfit, **{o: m for o, m in known.items() if m is not None}}
+    entry = {
+        "type": own.type.name,
+        "parameters": {name: _parameter(p) for name, p in values.items()},
+        "covariance": blocks,
+        "misfit": {
+            name: {"value": _ten(m * FLOW_FACTOR), "unit": FLOW_UNIT} for name, m in misfit.items()
+        },
+        "range": _ranges(own, repair),
+    }
+    return {key: value for key, value in entry.items() if value}
+
+
+def _ids(own: Adopted) -> dict[str, str]:
+    """Parameters of the type by name, with their ids in the analysis.
+
+    Those whose error is shared with other modules belong to the fluid; no file has them.
+    """
+    module = own.module
+    plain = {
+        name: parameter_id(module, name) for name, p in module.parameters.items() if not p.shared
+    }
+    return {**plain, **own.inputs}
+
+
+def _values(own: Adopted, repair: Repair, found: Mapping[str, int]) -> dict[str, Parameter]:
+    """Parameters that differ from what the type says, or whose covariance is known."""
+    module, result = own.module, dict[str, Parameter]()
+    joint = {name for block in module.blocks for name in block.parameters}
+    for name, parameter in module.parameters.items():
+        declared = module.type.parameters[name]
+        if parameter.shared:
+            continue
+        if name in found:
+            i = found[name]
+            u = float(np.sqrt(repair.covariance[i, i]))
+            parameter = replace(parameter, value=float(repair.values[i]), u=u)
+        elif name not in joint and (parameter.value, parameter.u) == (declared.value, declared.u):
+            continue
+        result[name] = parameter
+    return {**result, **own.brought}
+
+
+def _blocks(
+    own: Adopted, repair: Repair, found: Mapping[str, int], values: Mapping[str, Parameter]
+) -> list[dict[str, Any]]:
+    """Joint covariance of what was fitted again; of the blocks before, what it leaves."""
+    result = []
+    fitted = [name for name in values if name in found and _spread(repair, found[name])]
+    if len(fitted) > 1:
+        rows = [found[name] for name in fitted]
+        result.append(_block(fitted, repair.covariance[np.ix_(rows, rows)], values))
+    for block in own.module.blocks:
+        kept = [i for i, name in enumerate(block.parameters) if name not in found]
+        if kept:
+            factor = np.array(block.factor)
+            covariance = (factor @ factor.T)[np.ix_(kept, kept)]
+            result.append(_block([block.parameters[i] for i in kept], covariance, values))
+    return result
+
+
+def _spread(repair: Repair, i: int) -> bool:
+    return bool(repair.covariance[i, i] > 0.0)
+
+
+def _block(names: list[str], covariance: Array, values: Mapping[str, Parameter]) -> dict[str, Any]:
+    scale = np.array([values[name].unit.factor for name in names])
+    shown = covariance / np.outer(scale, scale)
+    shown = (shown + shown.T) / 2.0
+    return {"of": names, "matrix": [[_full(v) for v in row] for row in shown]}
+
+
+def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
+    """Where the equations hold: where they were calibrated, and what this recording covered."""
+    module, result = own.module, dict[str, Any]()
+    for name, signal in module.type.signals.items():
+        ends = [module.valid[name]] if name in module.valid else []
+        if f"{module.name}.{name}" in repair.ranges:
+            ends.append(repair.ranges[f"{module.name}.{name}"])
+        if ends:
+            low, high = min(e[0] for e in ends), max(e[1] for e in ends)
+            unit = signal.unit
+            shown = {"from": _ten(unit.from_si(low)), "to": _ten(unit.from_si(high))}
+            result[name] = {**shown, "unit": unit.text}
+    return result
+
+
+def _parameter(parameter: Parameter) -> dict[str, Any]:
+    """Value in full, so that the plant reads what was fitted; ten digits of its uncertainty."""
+    unit = parameter.unit
+    value = unit.from_si(parameter.value)
+    return {"value": _full(value), "unit": unit.text, "u": _ten(parameter.u / unit.factor)}
+
+
+def _full(value: float) -> float:
+    """What a double holds: a nearly singular covariance must stay positive."""
+    return float(f"{value:.15g}")
+
+
+def _ten(value: float) -> float:
+    return float(f"{value:.10g}")

@@ -1,0 +1,203 @@
+"""What the analysis of a mismatch wants changed in a plant: read from its machine form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.json_file import Damaged, read_json
+
+
+class AdoptRefused(Exception):
+    """This file cannot be adopted; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What an analysis was made from: hashes by path, of the plant's files and of recordings."""
+
+    plant: Mapping[str, str]
+    recording: str
+    recordings: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Told:
+    """Held-out errors of a reading, as shown, of the recalibrated plant and of this one."""
+
+    signal: str
+    unit: str
+    recalibrated: float
+    own: float
+    points: int
+
+
+@dataclass(frozen=True)
+class Joined:
+    """A candidate that was accepted, with the values of its unknowns by id, SI."""
+
+    id: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """A repaired model, SI.
+
+    `parameters` are ids of plan inputs with their `values`, shape (n,), and joint `covariance`,
+    shape (n, n); those that the candidates brought in may stand among them. `misfit` is per
+    observer, `ranges` per signal what the recording covered.
+    """
+
+    plant: Path
+    recording: str
+    joined: tuple[Joined, ...]
+    parameters: tuple[str, ...]
+    values: Array
+    covariance: Array
+    misfit: Mapping[str, float]
+    ranges: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Proven:
+    """What stands in the machine form beside a repair, that it must keep.
+
+    `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
+    nothing is to be written. `told` are errors that were told, `checks` those over all held-out
+    rows by signal, as shown, in the spans `heldout`, s.
+    """
+
+    basis: Basis | None
+    left_out: tuple[tuple[str, str], ...]
+    refused: str
+    told: tuple[Told, ...]
+    checks: Mapping[str, float]
+    heldout: tuple[tuple[float, float], ...]
+
+
+def read_proven(file: Path, recalibrated: bool = False) -> Proven:
+    """What a machine form says of the repair in it, or of the `recalibrated` plant."""
+    data = _data(file)
+    part = data["repair"]
+    try:
+        kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
+        told = tuple(
+            Told(
+                str(fit["signal"]),
+                str(fit["unit"]),
+                _maybe(fit["heldout"]["recalibrated"]),
+                _maybe(fit["heldout"][kind]),
+                int(fit["heldout"]["points"]),
+            )
+            for fit in data.get("fits", ())
+        )
+        checks = {str(c["signal"]): _number(c[row]) for c in part.get("checks", ())}
+        basis = part.get("made_from")
+        return Proven(
+            None if basis is None else _basis(basis),
+            tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
+            "" if recalibrated else str(part.get("refused") or ""),
+            told,
+            checks,
+            tuple((_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())),
+        )
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise _broken(file, error) from None
+
+
+def _basis(data: Mapping[str, Any]) -> Basis:
+    return Basis(
+        {str(k): str(v) for k, v in data["plant"].items()},
+        str(data["recording"]),
+        {str(k): str(v) for k, v in data["recordings"].items()},
+    )
+
+
+def _maybe(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _data(file: Path) -> dict[str, Any]:
+    """The machine form; raises `AdoptRefused` where it has no repair."""
+    try:
+        data = read_json(file)
+    except Damaged as error:
+        message = f"{file}: this is not JSON ({error}); write it with rulec mismatch"
+        raise AdoptRefused(message) from None
+    if not isinstance(data, dict) or not isinstance(data.get("repair"), dict):
+        raise AdoptRefused(f"{file}: there is no repair in this file; was it judged at all?")
+    return data
+
+
+def _broken(file: Path, error: Exception) -> AdoptRefused:
+    message = f"{file}: the repair in this file is broken ({type(error).__name__}: {error})"
+    return AdoptRefused(f"{message}; write it again with rulec mismatch")
+
+
+def read_repair(file: Path, recalibrated: bool = False) -> Repair:
+    """Read the machine form of a mismatch, or what is to be written of the `recalibrated` plant.
+
+    Raises `AdoptRefused` where it says nothing to adopt.
+    """
+    data = _data(file)
+    part = data["repair"]
+    if recalibrated:
+        if not isinstance(part.get("recalibrated"), dict):
+            raise AdoptRefused(f"{file}: it holds no recalibrated plant; run rulec mismatch again")
+        part = {"plant": part.get("plant"), "joined": [], **part["recalibrated"]}
+    try:
+        return _repair(file, _in_one_line(data.get("recording", "")), part)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise _broken(file, error) from None
+
+
+def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
+    names = tuple(str(name) for name in part["parameters"])
+    count = len(names)
+    values = np.array([_number(v) for v in part["values"]], dtype=float)
+    covariance = np.array(part["covariance"], dtype=float).reshape(-1, max(count, 1))[:, :count]
+    if values.shape != (count,) or covariance.shape != (count, count):
+        raise ValueError(f"{count} parameters, but other numbers of values or covariances")
+    if not np.all(np.isfinite(covariance)) or np.any(np.diag(covariance) < 0.0):
+        raise ValueError("a variance is not a number, or below 0")
+    return Repair(
+        _plant(file, str(part["plant"])),
+        recording,
+        tuple(_joined(entry) for entry in part["joined"]),
+        names,
+        values,
+        covariance,
+        {str(k): _number(v) for k, v in (part.get("misfit") or {}).items()},
+        {str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()},
+    )
+
+
+def _in_one_line(name: Any) -> str:
+    """A file's name as it may stand in a comment; what cannot be read is left out."""
+    return "".join(c for c in str(name)[:200] if c.isprintable())
+
+
+def _joined(entry: Mapping[str, Any]) -> Joined:
+    values = {**entry["unknowns"], **(entry.get("fixed") or {})}
+    return Joined(str(entry["id"]), {str(k): _number(v) for k, v in values.items()})
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value} is not a number")
+    return number
+
+
+def _plant(file: Path, name: str) -> Path:
+    """The plant as named from here, or as seen from the file."""
+    for path in (Path(name), file.parent / name):
+        if path.exists():
+            return path
+    raise AdoptRefused(f"{file}: there is no plant '{name}'; run this where rulec mismatch ran")

@@ -1,0 +1,167 @@
+"""Places where an error of unknown course may sit: where to look before anything is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.tangent import run_with_slopes
+
+from rulec.effects.candidate import Spot
+from rulec.effects.places import Site, Survey
+from rulec.knowledge.module_type import OUTFLOW, ModuleType
+from rulec.knowledge.plant import Module, Plant
+from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
+from rulec.passes.lower import Lowering, lower_module
+
+POINTS = 7
+"""Operating points around the reference at which two places are compared."""
+
+WIDTH = 0.04
+"""How far readings are moved there, as a share of themselves."""
+
+_RATE = Dimension.of({"s": -1})
+_GIVEN = (NONE, TEMPERATURE, _RATE)
+"""Speeds, temperatures and ratios of them are given, not explained by a relation."""
+
+
+def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+    """Places of a module worth an unknown error; of places that move all alike, one."""
+    known = _without_twins(around, module, _worthy(module, tuple(sites)))
+    for site in known:
+        yield _spot(around, module, site)
+
+
+def _spot(around: Survey, module: Module, site: Site) -> Spot:
+    unit = unit_of(around.network.plant, module, site)
+    name = f"{site.kind}:{module.name}.{site.name}"
+    return Spot(
+        name,
+        site.kind,
+        module.name,
+        site.name,
+        site.title,
+        unit.text,
+        unit.factor,
+        site.observers,
+        f"{name}.error",
+    )
+
+
+def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
+    """Balances of a module that stores, the law by which it flows out, and its sensors."""
+    kind = module.type
+    if kind.states:
+        yield from (_spot(around, module, s) for s in sites if s.key == ("definition", OUTFLOW))
+    for state in kind.states.values():
+        name, unit = f"balance:{module.name}.{state.name}", f"{state.unit.text}/s"
+        reached = (f"{module.name}.{state.name}",)
+        title = f"balance of {state.title}"
+        yield Spot(
+            name, "balance", module.name, state.name, title, unit, state.unit.factor, reached,
+            f"{name}.error",
+        )  # fmt: skip
+    for reading in kind.readings:
+        signal, name = kind.signals[reading], f"reading:{module.name}.{reading}"
+        reached = (f"{module.name}.{reading}",)
+        yield Spot(
+            name, "reading", module.name, reading, f"what {reading} shows", signal.unit.text,
+            signal.unit.factor, reached, f"{name}.error",
+        )  # fmt: skip
+
+
+def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:
+    """A spot as a shift for `Lowering`."""
+    return {(spot.module, spot.kind, spot.place): spot.unknown}
+
+
+def _worthy(module: Module, sites: tuple[Site, ...]) -> list[Site]:
+    quantities = [s for s in sites if (s.kind == "definition" and s.reads) or s.measured]
+    definitions = [
+        s
+        for s in quantities
+        if s.kind == "definition" and s.observers and s.dimension not in _GIVEN
+    ]
+    alone = {s.observers for s in definitions}
+    observers = [
+        s
+        for s in sites
+        if s.kind == "observer"
+        and not module.type.observers[s.name].is_reference
+        and s.observers not in alone
+        and not _is_bare(module.type, s)
+    ]
+    signals = [s for s in sites if s.kind == "signal" and s.observers]
+    # Of twins the first is kept: an outer definition before what it stands on, then the rest.
+    return [*reversed(definitions), *observers, *signals]
+
+
+def _is_bare(kind: ModuleType, site: Site) -> bool:
+    """An observer whose equation is the name of a definition is told by that one."""
+    text = kind.observers[site.name].expression.text.strip()
+    return text in kind.definitions or text in kind.signals
+
+
+def _without_twins(around: Survey, module: Module, sites: list[Site]) -> list[Site]:
+    """Leave out places whose error moves all observers in a fixed ratio to another's."""
+    moves = _moves(around, module, sites)
+    kept: list[Site] = []
+    for site in sites:
+        twins = (s for s in kept if s.observers == site.observers)
+        if np.any(moves[site.key]) and not any(
+            _proportional(moves[site.key], moves[s.key]) for s in twins
+        ):
+            kept.append(site)
+    order = {key: i for i, key in enumerate(dict.fromkeys(s.key for s in sites))}
+    kinds = ("definition", "observer", "signal")
+    definitions = [s for s in reversed(kept) if s.kind == "definition"]
+    rest = sorted((s for s in kept if s.kind != "definition"), key=lambda s: order[s.key])
+    return sorted([*definitions, *rest], key=lambda s: kinds.index(s.kind))
+
+
+def _proportional(a: Array, b: Array) -> bool:
+    product = float(np.sum(a * b)) ** 2
+    return bool(product > (1.0 - 1e-12) * float(np.sum(a * a)) * float(np.sum(b * b)))
+
+
+def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str, str], Array]:
+    """Slopes of all own observers by each place, at points around the reference.
+
+    Readings of other modules count as they are; where they do not exist, as without influence.
+    """
+    shifts = {(module.name, *s.key): "shift:{}:{}".format(*s.key) for s in sites}
+    plan = lower_module(Lowering(around.network, {}, shifts), module.name)
+    inputs: dict[str, Array | float] = {n: around.inputs.get(n, 0.0) for n in plan.inputs}
+    for i, name in enumerate(f"{module.name}.{s}" for s in module.type.signals):
+        if name in inputs:
+            # Incommensurable steps: no two readings move alike.
+            wave = np.sin((1.0 + i) * np.sqrt(2.0 + i) * np.arange(POINTS))
+            inputs[name] = inputs[name] * (1.0 + WIDTH * wave)
+    _, slopes = run_with_slopes(plan, inputs, list(shifts.values()))
+    found = {}
+    for (_, *key), seed in shifts.items():
+        rows = [
+            np.broadcast_to(by.get(seed, np.zeros(1)), (POINTS,))
+            for output, by in slopes.items()
+            if output.startswith("q:")
+        ]
+        moved = np.array(rows)
+        found[key[0], key[1]] = np.where(np.isfinite(moved), moved, 0.0)
+    return found
+
+
+def unit_of(plant: Plant, module: Module, site: Site) -> Unit:
+    """A unit to show values of a place in: that of a like signal or parameter, own ones first."""
+    types = [module.type, *(m.type for m in plant.modules.values())]
+    signals = (s.unit for kind in types for s in kind.signals.values())
+    parameters = (p.unit for kind in types for p in kind.parameters.values())
+    named = plant.knowledge.units.units.values()
+    for unit in (*_own(module, site), *signals, *parameters, *named):
+        if unit.dimension == site.dimension:
+            return unit
+    return Unit(str(site.dimension), 1.0, site.dimension)
+
+
+def _own(module: Module, site: Site) -> list[Unit]:
+    return [module.type.signals[site.name].unit] if site.kind == "signal" else []

@@ -1,0 +1,128 @@
+"""Write an amended module type as YAML: its author's file, with what changed in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rulec.knowledge.module_type import Definition, ModuleType, Parameter, State
+from rulec.language.document import Document
+from rulec.language.expression import Expression, constant
+from rulec.language.yaml_text import lines
+
+HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"
+
+
+def write_module(
+    document: Document, kind: ModuleType, brought: Mapping[str, Parameter], comments: list[str]
+) -> str:
+    """Text of the file of an amended type.
+
+    Parameters
+    ----------
+    document : the file of the type before; all that did not change is taken from it.
+    kind : the amended type.
+    brought : parameters that it did not have, with their values.
+    comments : lines that stand at the top.
+    """
+    data = _data(document.data, kind, brought)
+    head = [HEAD, *(f"# {line}" for line in comments), *author_comments(Path(document.path))]
+    return "\n".join([*head, *lines(data)]) + "\n"
+
+
+def author_comments(file: Path) -> list[str]:
+    """Comments at the top of a file, without the line for editors."""
+    found = []
+    for line in file.read_text(encoding="utf-8-sig").splitlines():
+        if not line.startswith("#"):
+            break
+        if "yaml-language-server" not in line:
+            found.append(line)
+    return found
+
+
+def _data(
+    old: Mapping[str, Any], kind: ModuleType, brought: Mapping[str, Parameter]
+) -> dict[str, Any]:
+    data = {
+        "module": kind.name,
+        "version": kind.version,
+        "title": kind.title,
+        "signals": {
+            name: {**entry, "input": True} if kind.signals[name].is_input else entry
+            for name, entry in old.get("signals", {}).items()
+        },
+        "provides": dict(kind.provides),
+        "states": {
+            name: _state(old.get("states", {}).get(name), state)
+            for name, state in kind.states.items()
+        },
+        "parameters": {
+            **old.get("parameters", {}),
+            **{name: parameter_entry(p) for name, p in brought.items()},
+        },
+        "definitions": {
+            name: _definition(old.get("definitions", {}).get(name), d)
+            for name, d in kind.definitions.items()
+        },
+        "readings": {
+            name: {**part, "is": _equation(part["is"], kind.readings[name].expression)}
+            for name, part in old.get("readings", {}).items()
+        },
+        "observers": {
+            name: {**part, "Q": _equation(part["Q"], kind.observers[name].expression)}
+            for name, part in old.get("observers", {}).items()
+        },
+        "residuals": old.get("residuals"),
+        "faults": old.get("faults"),
+    }
+    return {key: value for key, value in data.items() if value}
+
+
+def parameter_entry(parameter: Parameter) -> dict[str, Any]:
+    """A parameter as it stands in a module type; six digits, calibrations have more."""
+    entry: dict[str, Any] = {
+        "value": _six(parameter.unit.from_si(parameter.value)),
+        "unit": parameter.unit.text,
+        "u": _six(parameter.u / parameter.unit.factor),
+    }
+    if not parameter.fit:
+        entry["fit"] = False
+    return {**entry, "title": parameter.title, "source": parameter.origin.source or "[assumed]"}
+
+
+def _six(value: float) -> float:
+    return _whole(float(f"{value:.6g}"))
+
+
+def _full(value: float) -> float:
+    return _whole(float(f"{value:.15g}"))
+
+
+def _whole(value: float) -> float:
+    return int(value) if value.is_integer() else value
+
+
+def _definition(old: Mapping[str, Any] | None, definition: Definition) -> dict[str, Any]:
+    if old is None:
+        return {"is": definition.expression.text, "title": definition.title}
+    return {**old, "is": _equation(old["is"], definition.expression)}
+
+
+def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
+    """A state; one that no author wrote has the quantity of no sensor."""
+    entry: dict[str, Any] = dict(old or {"unit": state.unit.text})
+    for key, expression in state.equations():
+        entry[key] = _equation(entry.get(key), expression)
+        number = constant(expression, {})
+        if key != "der" and number is not None:
+            entry[key] = _full(number if key == "after" else state.unit.from_si(number))
+    if old is None:
+        entry |= {"title": state.title, "source": state.origin.source or "[assumed]"}
+    return entry
+
+
+def _equation(old: Any, expression: Expression) -> Any:
+    """An equation as its author wrote it, where it is still the same."""
+    return old if str(old) == expression.text else expression.text

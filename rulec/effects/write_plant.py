@@ -1,0 +1,112 @@
+"""Write a plant folder that stands alone: plant, knowledge base, calibration, attached files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rulec.effects.adopt import Adopted, Adoption
+from rulec.effects.recalibrate import calibration
+from rulec.effects.repair import Repair
+from rulec.effects.write_module import write_module
+from rulec.knowledge.read import Sources, shipped, yaml_files_in
+from rulec.language.document import Document, read_document
+from rulec.language.schema import kind_of
+from rulec.language.yaml_text import lines
+
+PLANT_HEAD = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
+KB = "kb"
+CALIBRATION = "calibration.yaml"
+OF_PLANTS = ("plant", "columns", "calibration")
+
+
+def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterator[tuple[str, str]]:
+    """Files of the new folder, as (path in it, text)."""
+    assert sources.plant is not None
+    values = calibration(adoption, repair)
+    yield "plant.yaml", _plant(sources.plant, adoption, repair, bool(values["modules"]))
+    if values["modules"]:
+        yield CALIBRATION, _calibration(values, repair)
+    for key in ("columns", "adjacency"):
+        if key in sources.plant.data:
+            file = Path(sources.plant.path).parent / sources.plant.data[key]
+            yield file.name, file.read_text(encoding="utf-8-sig")
+    yield from _knowledge(sources, adoption)
+
+
+def _plant(plant: Document, adoption: Adoption, repair: Repair, calibrated: bool) -> str:
+    old = plant.data
+    modules = {
+        name: _module(part, adoption.instances[name], repair, adoption)
+        for name, part in old["modules"].items()
+    }
+    attached = {k: Path(old[k]).name for k in ("adjacency", "columns") if k in old}
+    data = {**old, "modules": modules, **attached, "kb": KB}
+    data.pop("calibration", None)
+    if calibrated:
+        data["calibration"] = [CALIBRATION]
+    title = f"# Written by rulec adopt from {repair.recording or 'a recording'}."
+    return "\n".join([PLANT_HEAD, title, *lines(data)]) + "\n"
+
+
+def _module(
+    part: Mapping[str, Any], own: Adopted, repair: Repair, adoption: Adoption
+) -> dict[str, Any]:
+    """An instance with its type, and a typical reading of what its equations now read."""
+    reference = dict(part.get("reference", {}))
+    module = own.module
+    for name, value in _typical(own, repair, adoption).items():
+        if name not in module.reference:
+            reference[name] = float(f"{module.type.signals[name].unit.from_si(value):.6g}")
+    changed = {**part, "type": own.type.name, "reference": reference}
+    return {key: value for key, value in changed.items() if value}
+
+
+def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, float]:
+    """Readings (SI) of drivers of what was adopted: the median, or the middle of the range."""
+    name, result = own.module.name, dict[str, float]()
+    found = {k: v for joined in repair.joined for k, v in joined.values.items()}
+    for candidate in adoption.taken:
+        for source in candidate.drivers.values():
+            if source.startswith(f"{name}.") and source in repair.ranges:
+                result[source.split(".")[1]] = sum(repair.ranges[source]) / 2
+        for unknown in candidate.unknowns:
+            at_median = unknown.fixed and len(unknown.quantiles) < 2
+            if at_median and unknown.driver and unknown.driver.startswith(f"{name}."):
+                result[unknown.driver.split(".")[1]] = found[unknown.id]
+    return {name: value for name, value in result.items() if name in own.module.type.signals}
+
+
+def _calibration(values: Mapping[str, Any], repair: Repair) -> str:
+    head = (
+        f"# Written by rulec adopt from {repair.recording or 'a recording'}.\n"
+        "# All values of the repaired plant; what was calibrated before is in it.\n"
+    )
+    return head + yaml.safe_dump(dict(values), sort_keys=False, width=100)
+
+
+def _knowledge(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:
+    """The whole knowledge base, amended types in place of the old ones."""
+    by_type = {d.data["module"]: d for d in sources.by_kind.get("module", ())}
+    amended = {
+        Path(by_type[a.module.type.name].path): a
+        for a in adoption.changed.values()
+        if a.type.name == a.module.type.name
+    }
+    for file in yaml_files_in(sources.kb):
+        if file in amended:
+            continue
+        document, _ = read_document(file)
+        if document is not None and kind_of(document) not in (None, *OF_PLANTS):
+            yield f"{KB}/{file.relative_to(sources.kb).as_posix()}", file.read_text("utf-8-sig")
+    for file in sorted((shipped(KB) / "schema").glob("*.json")):
+        yield f"{KB}/schema/{file.name}", file.read_text("utf-8")
+    for own in adoption.changed.values():
+        document = by_type[own.module.type.name]
+        taken = [c for c in adoption.taken if c.module == own.module.name]
+        comments = [f"Amended by rulec adopt: {c.title} at {c.place}." for c in taken]
+        text = write_module(document, own.type, own.brought, comments)
+        yield f"{KB}/modules/{own.type.name}.yaml", text

@@ -1,0 +1,1 @@
+"""Module types, faults, effects, fluids and plants: read and checked."""

@@ -1,0 +1,76 @@
+"""What a fluid brings into a module: closed forms of its properties, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+import sympy
+
+from rulec.knowledge.module_type import Fluid, Parameter, Property
+from rulec.knowledge.plant import Module
+from rulec.language.symbolic import TEMPERATURE, closed_form, to_sympy
+from rulec.language.units import NONE, Unit
+
+
+def fill(module: Module, fluid: Fluid) -> Module:
+    """A module whose equations ask for properties, with its fluid.
+
+    Each property is off by a factor: a hidden parameter of value 1. Its error is shared by all
+    modules with this fluid, so that it cancels where they are compared.
+    """
+    factors = {
+        factor_name(fluid, name): _factor(fluid, fluid.properties[name])
+        for name in module.type.asks
+    }
+    ranges = dict.fromkeys(_thermometers(module), (fluid.lowest, fluid.highest))
+    return replace(
+        module,
+        type=replace(module.type, fluid=fluid, parameters={**module.type.parameters, **factors}),
+        parameters={**module.parameters, **factors},
+        valid={**ranges, **module.valid},
+    )
+
+
+def _factor(fluid: Fluid, part: Property) -> Parameter:
+    title = f"error of the {part.name} of {fluid.title}"
+    name = factor_name(fluid, part.name)
+    return Parameter(name, 1.0, part.u, Unit("1", 1.0, NONE), False, title, part.origin, True)
+
+
+def factor_name(fluid: Fluid, name: str) -> str:
+    return f"{name}({fluid.name})"
+
+
+def _thermometers(module: Module) -> list[str]:
+    """Signals that stand alone as the temperature of a property: they have the fluid's range."""
+    names = (name for e in module.type.equations() for name in e.thermometers())
+    return [name for name in names if name in module.type.signals]
+
+
+def closed_forms(
+    fluid: Fluid | None, symbols: Mapping[str, sympy.Expr]
+) -> dict[str, Callable[[sympy.Expr], sympy.Expr]]:
+    """Properties as functions of a temperature (K); `symbols` holds the factors of their errors."""
+    if fluid is None:
+        return {}
+    return {
+        name: partial(_at, fluid, name, symbols[factor_name(fluid, name)])
+        for name in fluid.properties
+        if factor_name(fluid, name) in symbols
+    }
+
+
+def _at(fluid: Fluid, name: str, factor: sympy.Expr, temperature: sympy.Expr) -> sympy.Expr:
+    return factor * closed_form(name, property_of(fluid, name))(temperature)
+
+
+def property_of(fluid: Fluid, name: str) -> sympy.Expr:
+    """A property over `TEMPERATURE`, SI, numbers for all else."""
+    table = {"T": TEMPERATURE, **{n: sympy.Float(v) for n, v in fluid.coefficients.items()}}
+    for part, expression in fluid.definitions.items():
+        table[part] = to_sympy(expression, table)
+    for part, own in fluid.properties.items():
+        table[part] = to_sympy(own.expression, table)
+    return table[name]

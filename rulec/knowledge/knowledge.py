@@ -1,0 +1,85 @@
+"""What is true of equipment in general: the checked content of kb/, in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rulec.knowledge.effect import Effect
+from rulec.knowledge.module_type import Fluid, ModuleType
+from rulec.language.expression import Expression
+from rulec.language.origin import Origin
+from rulec.language.units import Unit, UnitTable
+
+
+@dataclass(frozen=True)
+class SensorClass:
+    """Systematic uncertainty of a class of sensors.
+
+    `kind` is ``full scale`` or ``reading`` (then `standard` is a fraction) or ``value`` (then
+    `standard` is in SI); `standard` is the standard uncertainty, bound over coverage factor.
+    `cost` is what one more of them costs, fitted, relative to the other classes; `measures` the
+    quantity for which advice may propose it where no signal is declared.
+    """
+
+    name: str
+    title: str
+    kind: str
+    standard: float
+    unit: Unit
+    cost: float
+    measures: str
+    origin: Origin
+
+    def uncertainty(self, full_scale: float | None, reading: float) -> float:
+        """Standard uncertainty of a reading, SI."""
+        size = {"full scale": full_scale or 0.0, "reading": abs(reading), "value": 1.0}
+        return self.standard * size[self.kind]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One direction of a fault: `law` gives what is there from what should be there.
+
+    `unit` is that of the degree, and empty where it is a share.
+    """
+
+    name: str
+    title: str
+    law: Expression
+    lowest: float
+    highest: float
+    meaning: str
+    unit: str = ""
+
+    @property
+    def scale(self) -> float:
+        """Degrees over this are shares: of what the fault acts on, or of the sensor's range."""
+        return self.highest if self.unit else 1.0
+
+
+@dataclass(frozen=True)
+class FaultType:
+    """What a fault does; sign, gain, rule and matrix row are derived from it."""
+
+    name: str
+    title: str
+    acts_on: str
+    variants: tuple[Variant, ...]
+    tolerance: float
+    status: str
+    text: str
+    action: str
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """The checked knowledge base."""
+
+    units: UnitTable
+    sensors: Mapping[str, SensorClass]
+    faults: Mapping[str, FaultType]
+    modules: Mapping[str, ModuleType]
+    fluids: Mapping[str, Fluid]
+    effects: Mapping[str, Effect] = field(default_factory=dict)

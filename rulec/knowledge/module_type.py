@@ -1,0 +1,239 @@
+"""What a maker says of a module, checked, in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from rulec.language.diagnostics import Place
+from rulec.language.expression import Expression
+from rulec.language.origin import Origin
+from rulec.language.units import Unit
+
+INFLOW, OUTFLOW = "inflow", "outflow"
+ENDS = (INFLOW, OUTFLOW)
+"""Names, in a module type with states, of what flows in and out. A definition of such a name is a
+law of the module; without one the flow follows from what is connected."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A measured value of a module type; limits and reference in SI.
+
+    `between` says how an input runs between samples: ``hold`` or ``line``.
+    """
+
+    name: str
+    quantity: str
+    unit: Unit
+    sensor: str
+    full_scale: float | None
+    lowest: float | None
+    highest: float | None
+    minimum: float | None
+    reference: float | None
+    is_input: bool
+    between: str = "hold"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A constant of a module type, value and standard uncertainty in SI.
+
+    `shared` tells that its error is one and the same in all modules that have it.
+    """
+
+    name: str
+    value: float
+    u: float
+    unit: Unit
+    fit: bool
+    title: str
+    origin: Origin
+    shared: bool = False
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A named part of an equation."""
+
+    name: str
+    expression: Expression
+    title: str
+
+
+@dataclass(frozen=True)
+class Observer:
+    """A relation read as an estimate of the volume flow."""
+
+    name: str
+    component: str
+    expression: Expression
+    is_reference: bool
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class State:
+    """What a module stores: `rate` is its derivative by time, `start` its value at the beginning.
+
+    It stays between `low` and `high`, where they are given; all equations, in SI. `quantity` is
+    empty where no sensor measures such a thing. With `after` (s), a dead time, what the state
+    would follow as with a lag arrives all at once, so much later.
+    """
+
+    name: str
+    quantity: str
+    unit: Unit
+    title: str
+    rate: Expression
+    start: Expression
+    low: Expression | None
+    high: Expression | None
+    origin: Origin
+    after: Expression | None = None
+
+    def equations(self) -> Iterator[tuple[str, Expression]]:
+        """All of them by key."""
+        yield "der", self.rate
+        yield "start", self.start
+        if self.low is not None:
+            yield "low", self.low
+        if self.high is not None:
+            yield "high", self.high
+        if self.after is not None:
+            yield "after", self.after
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a sensor shows, by the states: the equation of a signal that is no input."""
+
+    name: str
+    expression: Expression
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class FaultUse:
+    """A fault that a module type can have, and what it acts on there."""
+
+    fault: str
+    target: str
+    place: Place = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Property:
+    """A property of a fluid over ``T``; `u` is the relative standard uncertainty of it."""
+
+    name: str
+    expression: Expression
+    u: float
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Fluid:
+    """A liquid, all in SI.
+
+    The equations of its properties stand over the temperature ``T``, `coefficients`, and
+    `definitions`, each over what comes before it. They hold from `lowest` to `highest`, in K.
+    """
+
+    name: str
+    title: str
+    lowest: float
+    highest: float
+    coefficients: Mapping[str, float]
+    definitions: Mapping[str, Expression]
+    properties: Mapping[str, Property]
+
+
+@dataclass(frozen=True)
+class ModuleType:
+    """Everything a maker says of a module. Definitions are in order of use.
+
+    `fluid` is what its equations are filled with, where they ask for properties of one.
+    """
+
+    name: str
+    version: int
+    title: str
+    signals: Mapping[str, Signal]
+    provides: Mapping[str, str]
+    parameters: Mapping[str, Parameter]
+    definitions: Mapping[str, Definition]
+    observers: Mapping[str, Observer]
+    residuals: tuple[tuple[str, str], ...]
+    faults: tuple[FaultUse, ...]
+    gathers: tuple[str, ...]
+    file: str
+    fluid: Fluid | None = None
+    states: Mapping[str, State] = field(default_factory=dict)
+    readings: Mapping[str, Reading] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """What symbolic work is shared by: the type, and its fluid where it matters."""
+        return f"{self.name} with {self.fluid.name}" if self.fluid else self.name
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """Properties of a fluid that the equations ask for."""
+        return tuple(sorted({name for e in self.equations() for name, _ in e.properties()}))
+
+    def equations(self) -> list[Expression]:
+        """Equations of all definitions, observers, states and readings."""
+        return [
+            *(d.expression for d in self.definitions.values()),
+            *(o.expression for o in self.observers.values()),
+            *(e for state in self.states.values() for _, e in state.equations()),
+            *(r.expression for r in self.readings.values()),
+        ]
+
+    def with_definitions(self, expression: Expression) -> Iterator[Expression]:
+        """An equation and those of all definitions that it stands on."""
+        seen: set[str] = set()
+        stack = [expression]
+        while stack:
+            part = stack.pop()
+            yield part
+            for name, _ in part.names():
+                if name in self.definitions and name not in seen:
+                    seen.add(name)
+                    stack.append(self.definitions[name].expression)
+
+    @property
+    def cuts(self) -> bool:
+        """Need what flows in not flow out: does it store, or has a flow a law of its own?"""
+        return bool(self.states) or any(end in self.definitions for end in ENDS)
+
+    @property
+    def flows(self) -> bool:
+        """Do its equations know what flows in and out?"""
+        return self.cuts or bool(self.readings)
+
+    def settled(self) -> ModuleType:
+        """What holds without time: no states, and nothing that stands on one."""
+        if not self.flows:
+            return self
+        moving = {*self.states, *ENDS}
+
+        def still(expression: Expression) -> bool:
+            parts = self.with_definitions(expression)
+            return not any(name in moving for part in parts for name, _ in part.names())
+
+        definitions = {
+            n: d for n, d in self.definitions.items() if n not in ENDS and still(d.expression)
+        }
+        kept = {*self.signals, *definitions, *self.components()}
+        faults = tuple(use for use in self.faults if use.target in kept - self.readings.keys())
+        return replace(self, definitions=definitions, states={}, readings={}, faults=faults)
+
+    def components(self) -> dict[str, list[str]]:
+        """Observers of each component, the primary one first."""
+        result: dict[str, list[str]] = {}
+        for observer in self.observers.values():
+            result.setdefault(observer.component, []).append(observer.name)
+        return result

@@ -1,0 +1,63 @@
+"""A plant as its engineer describes it, checked, in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.module_type import ModuleType, Parameter
+from rulec.language.diagnostics import Place
+
+
+@dataclass(frozen=True)
+class Block:
+    """Covariance of some parameters of one module, SI; `factor` is its Cholesky factor."""
+
+    parameters: tuple[str, ...]
+    factor: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Module:
+    """An instance of a module type with its values.
+
+    `stated` are the parameters as the type and the plant state them, `parameters` those that count
+    after calibration. `misfit` per observer (m3/s) and `valid` per signal come from calibration;
+    `reference` holds readings at a typical operating point; all in SI.
+    """
+
+    name: str
+    title: str
+    type: ModuleType
+    stated: Mapping[str, Parameter]
+    parameters: Mapping[str, Parameter]
+    blocks: tuple[Block, ...]
+    misfit: Mapping[str, float]
+    valid: Mapping[str, tuple[float, float]]
+    reference: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a foreign recording."""
+
+    signal: str
+    column: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Instances and directed connections, with the knowledge they rest on."""
+
+    name: str
+    title: str
+    modules: Mapping[str, Module]
+    connections: tuple[tuple[str, str], ...]
+    columns: tuple[Column, ...]
+    time_column: str
+    knowledge: Knowledge
+    digest: str
+    place: Place

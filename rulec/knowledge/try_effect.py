@@ -1,0 +1,110 @@
+"""Try the laws of an effect out on plain laws and readings drawn at random."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping
+
+from rulec.knowledge.effect import PLAIN, Effect, Join
+from rulec.language.expression import Rejected, constant
+
+TRIES = 20
+TOLERANCE = 1e-12
+"""Relative to the largest of the plain laws that a law takes differences of."""
+
+
+def fails_at_null(effect: Effect, join: Join) -> str:
+    """Why the plain law does not come back at the null of all parameters; '' if it does."""
+    draw = random.Random(0)
+    undefined = 0
+    for _ in range(TRIES):
+        known = readings(effect, draw)
+        known |= parameters(effect, known, draw)
+        known |= {n: p.null for n, p in effect.parameters.items() if p.null is not None}
+        plain = plain_laws(join, known, draw)
+        # What is stored has settled where it follows the plain law; so it starts.
+        stored = dict.fromkeys(effect.states, plain[PLAIN])
+        try:
+            values = [constant(law.expression, {**known, **plain, **stored}) for law in join.laws]
+        except Rejected:
+            undefined += 1
+            continue
+        largest = max(map(abs, plain.values()))
+        if any(v is None or not abs(v - plain[PLAIN]) <= TOLERANCE * largest for v in values):
+            return "with all parameters at their null this does not give the plain law back"
+    if undefined > TRIES // 2:
+        return "with all parameters at their null this is mostly no number"
+    return ""
+
+
+def is_neutral(effect: Effect, name: str) -> bool:
+    """Does every join give the plain law back where a driver, or that law, is a fixed parameter?"""
+    driver = effect.parameters[name].driver or ""
+    used = [join for join in effect.joins if name in effect.used_by(join)]
+    return bool(used) and all(
+        _holds(effect, join, name, driver) or _holds(effect, join, name, PLAIN) for join in used
+    )
+
+
+def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
+    draw = random.Random(0)
+    judged = 0
+    for _ in range(TRIES):
+        known = readings(effect, draw)
+        known |= parameters(effect, known, draw)
+        plain = plain_laws(join, known, draw)
+        known[name] = {**known, **plain}[at]
+        try:
+            value = constant(join.law.expression, {**known, **plain})
+        except Rejected:
+            continue
+        if value is None or abs(value - plain[PLAIN]) > TOLERANCE * max(map(abs, plain.values())):
+            return False
+        judged += 1
+    return judged > TRIES // 2
+
+
+def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
+    """A reading of each driver, positive and of any size."""
+    return {name: math.exp(draw.uniform(-7.0, 12.0)) for name in effect.drivers}
+
+
+def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
+    """Parameters anywhere in their range; fixed ones near the reading of their driver."""
+    return {
+        name: known[p.driver] * draw.uniform(0.5, 2.0)
+        if p.fixed and p.driver
+        else draw.uniform(p.lowest, p.highest)
+        for name, p in effect.parameters.items()
+    }
+
+
+def plain_laws(join: Join, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
+    """Values of ``law`` and of each ``law(...)``: one smooth positive function of the drivers.
+
+    Raises nothing: what replaces a driver and is no number counts as 0.
+    """
+    size = math.exp(draw.uniform(-7.0, 7.0))
+    drivers = {name for replaced in join.law.substitutes.values() for name in replaced}
+    bent = {name: (draw.uniform(-2.0, 2.0), abs(known[name]) or 1.0) for name in sorted(drivers)}
+
+    def law(at: Mapping[str, float]) -> float:
+        return size * math.exp(sum(a * v / (abs(v) + s) for v, (a, s) in _pairs(at, bent)))
+
+    result = {PLAIN: law(known)}
+    for key, replaced in join.law.substitutes.items():
+        there = dict(known)
+        for name, value in replaced.items():
+            try:
+                there[name] = constant(value, known) or 0.0
+            except Rejected:
+                there[name] = 0.0
+        result[key] = law(there)
+    return result
+
+
+def _pairs(
+    at: Mapping[str, float], bent: Mapping[str, tuple[float, float]]
+) -> list[tuple[float, tuple[float, float]]]:
+    return [(at[name], shape) for name, shape in bent.items()]

@@ -1,0 +1,1 @@
+"""A comparison for people and machines: findings, words, JSON, one HTML file."""

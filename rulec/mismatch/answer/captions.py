@@ -1,0 +1,85 @@
+"""One sentence below each picture: what it shows, in numbers computed from what is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.report.text import counted, degree, number, percent, period
+
+from rulec.mismatch.answer.drawn import Drawn, middle_by, rms, span
+from rulec.mismatch.answer_types.result import HiddenDriver, Period
+
+
+def say_time(drawn: Drawn) -> str:
+    """Errors inside the located region and outside it."""
+    inside, outside = drawn.located & drawn.judged, drawn.judged & ~drawn.located
+    if not (inside.any() and outside.any()):
+        return f"Over {counted(int(drawn.judged.sum()), 'point')} {_off(drawn)}."
+    share = percent(float(inside.sum() / drawn.judged.sum()))
+    return f"In the shaded {share} {_off(drawn.at(inside))}; outside it {_off(drawn.at(outside))}."
+
+
+def say_detail(drawn: Drawn) -> str:
+    """Where the window lies, and the errors in it."""
+    when = period(float(drawn.time[0]), float(drawn.time[-1]))
+    return f"The part {when}, where most is at stake: {_off(drawn)}."
+
+
+def _off(drawn: Drawn) -> str:
+    before, after = rms(drawn.recalibrated_error), rms(drawn.repaired_error)
+    words = f"the recalibrated model is off by {_amount(before, drawn.unit)} rms"
+    if np.isfinite(after):
+        words += f", the repaired one by {_amount(after, drawn.unit)}"
+    return words
+
+
+def say_driver(drawn: Drawn, title: str, readings: Array) -> str:
+    """How far the median error moves over a driver, before and after."""
+    _, before = middle_by(readings, drawn.recalibrated_error)
+    _, after = middle_by(readings, drawn.repaired_error)
+    if not np.isfinite(before).any():
+        return f"{title} does not vary enough to show anything."
+    words = f"Over {title} the median error spans {_amount(span(before), drawn.unit)}"
+    if np.isfinite(after).any():
+        words += f" before the repair and {_amount(span(after), drawn.unit)} after it"
+    return words + "."
+
+
+def say_agreement(drawn: Drawn) -> str:
+    """The largest distance from the diagonal."""
+    parts = []
+    for words, error in (
+        ("recalibrated", drawn.recalibrated_error),
+        ("repaired", drawn.repaired_error),
+    ):
+        size = np.abs(error[np.isfinite(error)])
+        if len(size):
+            largest, usual = float(size.max()), float(np.percentile(size, 95))
+            parts.append(
+                f"{words} {_amount(usual, drawn.unit)} ({_amount(largest, drawn.unit)} at most)"
+            )
+    return f"95\u00a0% of the points lie nearer to the diagonal than: {'; '.join(parts)}."
+
+
+def say_periods(periods: Sequence[Period]) -> str:
+    """How often, and the largest degree."""
+    worst = max(periods, key=lambda p: abs(p.degree))
+    return (
+        f"{counted(len(periods), 'period')}; the largest degree is "
+        f"{degree(worst.degree, worst.unit)}, "
+        f"{period(worst.since, worst.until)}."
+    )
+
+
+def say_hidden(hidden: HiddenDriver) -> str:
+    """The course in words, and its size."""
+    unit = "" if hidden.unit == "1" else hidden.unit
+    size = _amount(span(hidden.course), unit)
+    text = hidden.text.rstrip(".") or "The course"
+    return f"{text[:1].upper()}{text[1:]}; it spans {size}."
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{number(value, 2)} {unit}".rstrip() if unit != "1" else number(value, 2)

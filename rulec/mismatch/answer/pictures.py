@@ -1,0 +1,217 @@
+"""Pictures of a comparison: over time, over what drives it, predicted against measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
+from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
+
+from rulec.mismatch.answer.captions import (
+    say_agreement,
+    say_detail,
+    say_driver,
+    say_hidden,
+    say_periods,
+    say_time,
+)
+from rulec.mismatch.answer.drawn import Drawn, curves_of, detail_of, middle_by, telling_drivers
+from rulec.mismatch.answer.wording import titled
+from rulec.mismatch.answer_types.result import Finding, HiddenDriver, Mismatch, Period
+
+DRIVERS = 4
+"""Drivers drawn."""
+
+CELLS = (160, 60)
+"""Cells of a cloud of points across and down; one point a cell."""
+
+LOUDEST = 0.2
+"""Percent of the points at either end that may lie beyond a panel where there are many."""
+
+MODELS = (("repaired", "s0"), ("recalibrated", "s1"), ("shipped", "s5"))
+"""Curves and their styles; the number of a style is that of its label."""
+
+
+def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
+    """All pictures that the comparison allows."""
+    drawn = curves_of(mismatch)
+    if drawn is not None:
+        yield _over_time(drawn, "time", f"{drawn.signal} over time", say_time(drawn))
+        if len(drawn.time) > 2 * COLUMNS:
+            part = detail_of(drawn)
+            yield _over_time(part, "detail", f"{drawn.signal} in detail", say_detail(part))
+        for i, title in enumerate(telling_drivers(drawn)[:DRIVERS]):
+            yield _over_driver(drawn, i, title, drawn.drivers[title])
+        yield _agreement(drawn)
+    for i, finding in enumerate(mismatch.findings):
+        periods = [p for p in finding.periods if np.isfinite([p.since, p.until, p.degree]).all()]
+        if periods:
+            yield _periods(drawn, finding, periods, i)
+    if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
+        yield _course(mismatch.hidden)
+
+
+def _over_time(drawn: Drawn, name: str, title: str, caption: str) -> Figure:
+    """Measured against the models, and below it what each leaves."""
+    errors = [drawn.measured - drawn.repaired, drawn.measured - drawn.recalibrated]
+    upper = Panel(_time(drawn.time), _holding(drawn.measured, drawn.recalibrated), 240)
+    lower = Panel(_time(drawn.time), _holding(drawn.repaired_error, drawn.recalibrated_error), 130)
+    lines: list[str] = []
+    ends: list[float | None] = [None] * 6
+    for model, style in reversed(MODELS):
+        values = getattr(drawn, model)
+        lines.append(upper.curve(*thin_series(drawn.time, values), style))
+        ends[int(style[1:])] = _end(upper, values)
+    lines.append(upper.curve(*thin_series(drawn.time, drawn.measured), "plain"))
+    names = labels_apart(upper, ends, ["repaired", "recalibrated", "", "", "", "as shipped"])
+    left = [
+        lower.curve(*thin_series(drawn.time, values), style)
+        for values, style in zip(errors[::-1], ("s1", "s0"), strict=True)
+    ]
+    shades = [_shades(drawn, panel) for panel in (upper, lower)]
+    body = plot(
+        upper.drawn(title, f"{drawn.signal}{drawn.in_unit}", [*shades[0], *lines], [names], False),
+        False,
+    ) + plot(
+        lower.drawn(
+            f"error of {drawn.signal}",
+            f"measured less predicted{drawn.in_unit}",
+            [*shades[1], *left],
+            [],
+            True,
+        ),
+        True,
+    )
+    key = ["thin: measured"]
+    key += ["shaded: where the mismatch was located"] if drawn.located.any() else []
+    key += ["grey at the foot: held out"] if drawn.heldout.any() else []
+    return Figure(name, title, "; ".join(key), body, caption)
+
+
+def _shades(drawn: Drawn, panel: Panel) -> list[str]:
+    """Where the mismatch was located, and what was held out."""
+    time, flags = drawn.time, [drawn.located, drawn.heldout]
+    if len(time) > 2 * COLUMNS:
+        columns = columns_of(time)
+        time = columns.centre
+        flags = [columns.highest(flag.astype(float)) > 0 for flag in flags]
+    return [
+        panel.spans(time, flags[0], "located"),
+        panel.spans(time, flags[1], "heldout", 0.05),
+    ]
+
+
+def _over_driver(drawn: Drawn, index: int, title: str, readings: Array) -> Figure:
+    """Errors against a driver, recalibrated above and repaired below, on one scale."""
+    before, after = drawn.recalibrated_error, drawn.repaired_error
+    across, down = _holding(readings), _holding(before, after)
+    rows = [(before, "recalibrated", "s1")]
+    rows += [(after, "repaired", "s0")] if drawn.is_repaired else []
+    parts = []
+    for values, words, style in rows:
+        panel, last = Panel(across, down, 150), words == rows[-1][1]
+        cloud = panel.curve(*_cloud(panel, readings, values), f"dots {style}")
+        trend = panel.curve(*middle_by(readings, values), "plain")
+        heading = f"measured less {words}{drawn.in_unit}"
+        svg = panel.drawn(f"error of the {words} model", heading, [cloud, trend], [], last)
+        parts.append(plot(svg, last, title))
+    key = "line: median"
+    if drawn.is_repaired:
+        key = f"above before the repair, below after it; {key}"
+    return Figure(
+        f"driver{index}",
+        f"Error over {title}",
+        key,
+        "".join(parts),
+        say_driver(drawn, title, readings),
+        narrow=True,
+    )
+
+
+def _agreement(drawn: Drawn) -> Figure:
+    """Predicted against measured; a perfect model lies on the diagonal."""
+    scale = _holding(drawn.measured, drawn.recalibrated, drawn.repaired)
+    panel = Panel(scale, scale, 320)
+    ends = np.array([scale.low, scale.high])
+    lines = [
+        panel.curve(*_cloud(panel, drawn.measured, getattr(drawn, model)), f"dots {style}")
+        for model, style in (("recalibrated", "s1"), ("repaired", "s0"))
+    ]
+    heading = f"predicted {drawn.signal}{drawn.in_unit}"
+    svg = panel.drawn(
+        "predicted against measured", heading, [*lines, panel.curve(ends, ends, "truth")], [], True
+    )
+    key = "orange: recalibrated; dashed: perfect"
+    if drawn.is_repaired:
+        key = f"blue: repaired; {key}"
+    body = plot(svg, True, f"measured {drawn.signal}{drawn.in_unit}")
+    return Figure(
+        "agreement", "Predicted against measured", key, body, say_agreement(drawn), narrow=True
+    )
+
+
+def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], index: int) -> Figure:
+    """Degree of a fault over time with its 95 % bounds."""
+    periods = sorted(found, key=lambda p: p.since)
+    time = np.array([t for p in periods for t in (p.since, p.until, p.until)])
+    degree = np.array([d for p in periods for d in (p.degree, p.degree, np.nan)])
+    spread = np.array([2 * p.u for p in periods for _ in range(3)])
+    span = np.concatenate([time, drawn.time]) if drawn is not None else time
+    panel = Panel(
+        _time(span),
+        _holding(degree - spread, degree + spread, np.zeros(1)),
+        150,
+    )
+    lines = [
+        panel.band(time, degree - spread, degree + spread, "s0"),
+        panel.curve(time, degree, "s0"),
+    ]
+    name = f"{finding.module}.{finding.name}"
+    body = plot(panel.drawn(name, f"{name}, degree [1]", lines, [], True), True)
+    return Figure(
+        f"periods{index}", titled(finding), "band: 95 % bounds", body, say_periods(periods)
+    )
+
+
+def _course(hidden: HiddenDriver) -> Figure:
+    """Course of what is not recorded, as the place that it moves shows it."""
+    panel = Panel(_time(hidden.time), _holding(hidden.course), 170)
+    line = panel.curve(*thin_series(hidden.time, hidden.course), "s0")
+    name = f"{hidden.module}.{hidden.place}"
+    unit = "" if hidden.unit == "1" else f" [{hidden.unit}]"
+    body = plot(panel.drawn(f"course at {name}", f"shift of {name}{unit}", [line], [], True), True)
+    return Figure("hidden", "Course of what is not recorded", "", body, say_hidden(hidden))
+
+
+def _cloud(panel: Panel, x: Array, y: Array) -> tuple[Array, Array]:
+    """Points apart from one another, one a cell of the panel; NaN between them."""
+    sound = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    cells = np.floor(
+        np.stack([panel.x.share(x[sound]) * CELLS[0], panel.y.share(y[sound]) * CELLS[1]])
+    )
+    _, first = np.unique(cells, axis=1, return_index=True)
+    chosen = sound[np.sort(first)]
+    return np.repeat(x[chosen], 2), np.stack([y[chosen], np.full(len(chosen), np.nan)], 1).ravel()
+
+
+def _holding(*values: Array) -> Axis:
+    """An axis that holds values; where there are many, all but the loudest."""
+    seen = np.concatenate(values)
+    seen = seen[np.isfinite(seen)]
+    if not len(seen):
+        return axis(0.0, 1.0, 5)
+    cut = LOUDEST if len(seen) > 2 * COLUMNS else 0.0
+    return axis(float(np.percentile(seen, cut)), float(np.percentile(seen, 100 - cut)), 5)
+
+
+def _end(panel: Panel, values: Array) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(np.clip(finite[-1], panel.y.low, panel.y.high)) if len(finite) else None
+
+
+def _time(time: Sequence[float] | Array) -> Axis:
+    low, high = float(np.min(time)), float(np.max(time))
+    return axis(low, high if high > low else low + 1.0, 9, tight=True)

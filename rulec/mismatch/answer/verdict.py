@@ -1,0 +1,154 @@
+"""The answer in one word, one sentence, and the next step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rulec.effects.candidate import Missing
+from rulec.mismatch.answer_types.result import Finding, Fit, HiddenDriver, Location
+
+MAJOR = 0.5
+"""Share of what could be explained that names must have, beside a driver that nobody recorded."""
+
+FAR = 3.0
+"""Errors of the repaired model, in noise of the reading, from which on the headline tells them."""
+
+SPOILED = 0.05
+"""Rise of a reading's held-out error, as a share, from which on a repair had better not be used."""
+
+ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
+
+OPEN = 0.1
+"""Probability from which on another explanation is named beside the best one [assumed]: who acts on
+the headline had better know of one chance in ten."""
+
+NOT_YET = "Do not adopt this as it is"
+
+PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
+
+CERTAIN = 0.6
+"""Probability below which the best name is one of several."""
+
+
+def verdict_of(findings: Sequence[Finding], left: bool) -> str:
+    """One of the verdicts of docs/repair-a-model.md; `left` tells that something has no name."""
+    named = [f for f in findings if f.sort != "free"]
+    if left and sum(f.closed for f in named) < MAJOR:
+        return "unnamed"
+    if not named:
+        return "unnamed" if left or findings else "none"
+    physics = [f for f in named if f.sort in ("physics", "ageing")]
+    deciding = physics or named
+    if deciding[0].probability < CERTAIN:
+        return "ambiguous"
+    if physics:
+        return "named"
+    return "fault" if named[0].sort == "fault" else "sensor"
+
+
+def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
+    """The finding in one sentence."""
+    told = [f for f in findings if f.sort != "free"]
+    names = [_with_others(f) for f in told]
+    if verdict == "none":
+        return "Nothing is missing: what recalibration leaves is noise."
+    if verdict == "unnamed":
+        named = {(f.module, f.place) for f in told}
+        nameless = [at for at in locations if (at.module, at.place) not in named]
+        most = max(nameless or locations, key=lambda place: place.share, default=None)
+        where = f"{most.module}.{most.place}" if most else "the plant"
+        return (
+            f"Something is missing at {where} that no known effect, fault or sensor error explains."
+        )
+    if verdict == "ambiguous":
+        return f"Several explanations fit about equally: {names[0]}."
+    parts = [
+        (lead, [n for f, n in zip(told, names, strict=True) if f.sort in sorts])
+        for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
+    ]
+    said = [f"{lead} {_joined(own)}" for lead, own in parts if own]
+    if verdict in ("fault", "sensor"):
+        begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
+        said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
+    return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
+
+
+def _with_others(finding: Finding) -> str:
+    """What was found and where, and all that is about as likely."""
+    name = f"{_inside(finding.title)} in {', '.join(finding.members) or finding.module}"
+    others = [_inside(a.title) for a in finding.alternatives if a.probability >= OPEN]
+    return " or ".join([name, *others])
+
+
+LEADS = {
+    ("physics", "ageing"): "The model leaves out",
+    ("fault",): "The plant has a fault:",
+    ("sensor",): "A sensor is wrong:",
+}
+"""How explanations of each sort are told."""
+
+
+def _inside(title: str) -> str:
+    """A title as it stands within a sentence; one that begins with a reading, such as B.Q, stays.
+
+    >>> _inside("Lost inflow"), _inside("B.Q reads low")
+    ('lost inflow', 'B.Q reads low')
+    """
+    return title if "." in title.split()[0] else f"{title[0].lower()}{title[1:]}"
+
+
+def _joined(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
+    """How far the repaired model is still off, where that is far; empty where it is not.
+
+    A name may be right and yet not be all: who adopts the repair must know.
+    """
+    if verdict in ("none", "unnamed", "cannot judge"):
+        return ""
+    far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
+    most, signal = max(far, default=(0.0, ""))
+    if most < FAR:
+        return ""
+    return f" That is not all: {signal} is still off by {most:.0f} times its noise."
+
+
+def next_step(
+    verdict: str,
+    findings: Sequence[Finding],
+    hidden: HiddenDriver | None,
+    missing: Sequence[Missing],
+    refused: str = "",
+) -> str:
+    """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
+    if hidden is not None:
+        return (
+            f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."
+        )
+    if verdict == "none":
+        return "Nothing to do."
+    if verdict == "cannot judge":
+        return "Record settled operation with all readings that the observers need."
+    first = next((f for f in findings if f.sort != "free"), None)
+    if verdict == "ambiguous" and first is not None:
+        return (
+            "Record a part in which the drivers of these explanations move apart, "
+            "or add a sensor that only one of them depends on."
+        )
+    if verdict == "named":
+        return f"{NOT_YET}: {refused}. {PLAIN}" if refused else ADOPT
+    if first is not None:
+        return first.action
+    if missing:
+        return f"Record {missing[0].sensor}: {missing[0].title} would then be judged."
+    return "Vary the operating point at this place, and compare once more."
+
+
+def is_spoiled(fit: Fit) -> bool:
+    """Is a reading predicted worse by the repair, beyond chance and beyond its noise?"""
+    held = fit.heldout
+    rise = held.repaired - held.recalibrated
+    beyond_chance = fit.gain_interval[1] < 0.0
+    return beyond_chance and rise > SPOILED * held.recalibrated and held.repaired > held.noise

@@ -1,0 +1,1 @@
+"""What a comparison of simulation and recording found, as data."""

@@ -1,0 +1,298 @@
+"""What a comparison of simulation and recording found; the terminal, JSON and report show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Changed, Repair
+
+__all__ = ["Changed", "Repair"]
+
+
+class MismatchRefused(Exception):
+    """The comparison cannot be made; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a mismatch shows: readings of `variable` between `low` and `high` (None: open).
+
+    Numbers are in `unit`, as shown; `share` of the mismatch at that place lies inside.
+    """
+
+    variable: str
+    low: float | None
+    high: float | None
+    unit: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Location:
+    """A place that is wrong: `share` of the whole mismatch, where and when (periods in s).
+
+    `title` tells the place in words; `also` lists places that no residual tells from it.
+    """
+
+    module: str
+    place: str
+    title: str
+    share: float
+    region: tuple[Region, ...]
+    periods: tuple[tuple[float, float], ...]
+    also: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter as shown: value, standard uncertainty, 95 % profile interval, in `unit`."""
+
+    title: str
+    value: float
+    u: float
+    lower: float
+    upper: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another explanation that fits about as well."""
+
+    id: str
+    name: str
+    title: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Something that must lose: its gain in log likelihood, to be compared with the finding's."""
+
+    title: str
+    gain: float
+
+
+@dataclass(frozen=True)
+class Period:
+    """A fault was there from `since` to `until` (s) at a degree: a share, or a size in `unit`."""
+
+    since: float
+    until: float
+    degree: float
+    u: float
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``.
+
+    `id` is that of the candidate; `gain` its own gain in log likelihood, prices paid (in settled
+    plants on blocks that it was not fitted to, in plants that store on those it was), and `rivals`
+    those that lost. `closed` is its share of the gains of all explanations.
+    `members` lists all modules where it acts alike, empty for one module alone.
+    """
+
+    id: str
+    sort: str
+    name: str
+    title: str
+    module: str
+    place: str
+    parameters: Mapping[str, Estimate]
+    equation: str
+    text: str
+    action: str
+    source: str
+    probability: float
+    alternatives: tuple[Alternative, ...]
+    gain: float
+    rivals: tuple[Rival, ...]
+    periods: tuple[Period, ...]
+    closed: float
+    members: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square errors of the predicted signal, as shown.
+
+    `repaired` is that of the plant that `rulec adopt` writes; `explained` that of the whole
+    explanation, with what no model may hold (faults, sensors, courses in time), NaN where it was
+    not judged by this signal.
+    """
+
+    shipped: float
+    recalibrated: float
+    repaired: float
+    noise: float
+    points: int
+    explained: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well the predicted signal is met; `gain_interval` is the 95 % block-bootstrap interval
+    of the fall of the held-out error by the repair, as a share of the recalibrated error.
+
+    `closed` is the share of the explainable mismatch (in squares) that is gone, held out.
+    Errors are those of plants that were `simulated`, or else (and in the search) of the residual
+    with the id `relation`, solved for the signal; None where only simulation tells the signal.
+    """
+
+    signal: str
+    unit: str
+    estimation: Errors
+    heldout: Errors
+    gain_interval: tuple[float, float]
+    closed: float
+    relation: str | None = None
+    simulated: bool = False
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """So many rows of the recording served for something, or were not used, because."""
+
+    rows: int
+    used: bool
+    because: str
+
+
+@dataclass(frozen=True)
+class Confounded:
+    """Two parameters that the recording does not tell apart."""
+
+    first: str
+    second: str
+    correlation: float
+
+
+@dataclass(frozen=True)
+class HiddenDriver:
+    """Course of something that drives a mismatch and is not recorded.
+
+    `time` (s) and `course` have shape (n,), `course` in `unit` (of the place that it moves).
+    """
+
+    module: str
+    place: str
+    text: str
+    time: Array
+    course: Array
+    unit: str
+    candidates: tuple[str, ...]
+    sensor: str
+
+
+@dataclass(frozen=True)
+class Check:
+    """What anybody finds who simulates the written plant over the recording, as shown.
+
+    `error` is the root mean square over the `rows` of the held-out spans that have a reading and a
+    prediction; `plain` that of the recalibrated plant over the same rows.
+    """
+
+    signal: str
+    rows: int
+    error: float
+    plain: float
+
+
+@dataclass(frozen=True)
+class Curves:
+    """For pictures; arrays of shape (n,), as shown; `heldout` flags points nothing was fitted to.
+
+    `residual_before` is measured less recalibrated, `residual_after` measured less repaired;
+    `drivers` maps titles (with unit) to readings, `inside` flags points whose errors count: those
+    outside of periods of faults.
+    """
+
+    time: Array
+    measured: Array
+    shipped: Array
+    recalibrated: Array
+    repaired: Array
+    heldout: np.ndarray
+    drivers: Mapping[str, Array]
+    inside: np.ndarray
+
+
+@dataclass(frozen=True)
+class Course:
+    """What the three models predict of a signal; arrays of shape (n,), in `unit`, NaN: nothing.
+
+    Where nothing was found `repaired` is `recalibrated`.
+    """
+
+    signal: str
+    unit: str
+    measured: Array
+    shipped: Array
+    recalibrated: Array
+    repaired: Array
+
+
+@dataclass(frozen=True)
+class Series:
+    """Courses of all predicted signals; `time`, s, and flags `heldout` have shape (n,)."""
+
+    time: Array
+    heldout: np.ndarray
+    courses: tuple[Course, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The whole answer.
+
+    `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
+    ``cannot judge``. `fits` has one for each predicted signal, `fit` is the first. `split` says in
+    words which blocks served for what, `digest` is its hash. `noise` says where the size of the
+    noise comes from. `parameters` and `covariance` (SI) are those of the plant that `rulec adopt`
+    writes, `joined` the ids of the candidates in it, in order. `fixed` holds their parameters that
+    are no unknowns, `misfit` the scatter of each observer about its repaired law, `ranges` the
+    readings at which it was tested, all SI by id. `left_out` are explanations that no model may
+    hold, with the reason, `refused` says why nothing is to be written, empty where it may be;
+    `plain` is the recalibrated plant, which can be written at any time. `checks` are for whoever
+    writes a plant. `series` holds the courses of all `fits`; None where nothing was split.
+    `evidence` counts every row of the recording once.
+    """
+
+    plant: str
+    title: str
+    recording: str
+    verdict: str
+    headline: str
+    locations: tuple[Location, ...]
+    findings: tuple[Finding, ...]
+    fit: Fit | None
+    fits: tuple[Fit, ...]
+    confounded: tuple[Confounded, ...]
+    hidden: HiddenDriver | None
+    untested: tuple[str, ...]
+    next: str
+    split: str
+    digest: str
+    noise: str
+    tried: int
+    notes: tuple[str, ...]
+    joined: tuple[str, ...]
+    parameters: tuple[Changed, ...]
+    covariance: Array
+    curves: Curves | None
+    seconds: float
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    misfit: Mapping[str, float] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    series: Series | None = None
+    evidence: tuple[Evidence, ...] = ()
+    left_out: tuple[tuple[str, str], ...] = ()
+    refused: str = ""
+    plain: Repair | None = None
+    checks: tuple[Check, ...] = ()

@@ -1,0 +1,1 @@
+"""What a recording says of one variant of a model: residuals, slopes, values refitted."""

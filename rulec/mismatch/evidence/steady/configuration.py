@@ -1,0 +1,165 @@
+"""A model in numbers: what is joined, and the values of everything in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Candidate
+
+ERROR = "error:"
+"""Mark before a signal's id: its systematic error, in standard uncertainties of its class."""
+
+
+HIDDEN = "hidden"
+"""Sort of what stands for a driver that is not recorded: an error at a place, free in time."""
+
+CHANGE = "~"
+"""Mark behind the id of a parameter: by how much it differs from its value, where that is free in
+time."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A period, s, and the number of the level it has."""
+
+    since: float
+    until: float
+    level: int
+
+
+@dataclass(frozen=True)
+class Course:
+    """An unknown that has one of a few levels in some periods, and none outside.
+
+    `segment` has shape (n,): the number of the level at each point, -1 outside. A course that is
+    smooth passes from each level to the next: `ahead`, shape (n,), is how far it is.
+    """
+
+    unknown: str
+    segment: np.ndarray
+    periods: tuple[Span, ...]
+    ahead: Array | None = None
+
+    @property
+    def levels(self) -> int:
+        """How many levels there are."""
+        return 1 + max((p.level for p in self.periods), default=-1)
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the values, one per level."""
+        return tuple(f"{self.unknown}#{i}" for i in range(self.levels))
+
+    def degrees(self, values: Mapping[str, float]) -> Array:
+        """The unknown at each point, shape (n,)."""
+        levels = [values[name] * self.share(i) for i, name in enumerate(self.names())]
+        course: Array = np.sum(levels, axis=0)
+        return course
+
+    def share(self, level: int) -> Array:
+        """How much of a level is there at each point, shape (n,)."""
+        share: Array = (self.segment == level).astype(float)
+        if self.ahead is not None:
+            share = share * (1.0 - self.ahead) + (self.segment == level - 1) * self.ahead
+        return share
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is joined and the values of what is free; numbers in SI.
+
+    `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
+    `fixed` references of joined candidates. `released` are modules whose parameters may leave what
+    their calibration states: it was made with a law that left something out. Of these, `trusted`
+    are held by a data sheet that the calibration contradicts.
+    """
+
+    joined: tuple[Candidate, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    courses: tuple[Course, ...] = ()
+    released: frozenset[str] = frozenset()
+    trusted: frozenset[str] = frozenset()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of what is built into module types."""
+        return tuple(c.id for c in self.joined if c.sort != HIDDEN)
+
+    @property
+    def spots(self) -> tuple[str, ...]:
+        """Ids of places, and of parameters, with an error whose course is free in time."""
+        return tuple(c.id for c in self.joined if c.sort == HIDDEN)
+
+    def candidate_of(self, course: Course) -> Candidate:
+        """What has a course."""
+        return next(c for c in self.joined if course.unknown in {u.id for u in c.unknowns})
+
+    @property
+    def in_periods(self) -> frozenset[str]:
+        """Ids of unknowns that are there in some periods only."""
+        return frozenset(c.unknown for c in self.courses)
+
+    def free_unknowns(self) -> tuple[str, ...]:
+        """Unknowns of what is joined, those in periods as one each."""
+        plain = [
+            u.id
+            for c in self.joined
+            for u in c.unknowns
+            if not u.fixed and u.id not in self.in_periods
+        ]
+        return (*plain, *(name for course in self.courses for name in course.names()))
+
+    def limits(self) -> Mapping[str, tuple[float, float]]:
+        """Legal range of each unknown."""
+        ranges = {u.id: (u.lowest, u.highest) for c in self.joined for u in c.unknowns}
+        return {name: ranges[name.partition("#")[0]] for name in self.free_unknowns()}
+
+    def joining(
+        self,
+        candidate: Candidate,
+        values: Mapping[str, float],
+        fixed: Mapping[str, float],
+        course: Course | None = None,
+    ) -> Setting:
+        """With one more candidate."""
+        return replace(
+            self,
+            joined=(*self.joined, candidate),
+            values={**self.values, **values},
+            fixed={**self.fixed, **fixed},
+            courses=self.courses if course is None else (*self.courses, course),
+        )
+
+    def letting_go(self, modules: Iterable[str], trusted: Iterable[str] = ()) -> Setting:
+        """With the calibrations of modules let go, and the data sheets of some of them trusted."""
+        released = self.released.union(modules, trusted)
+        return replace(self, released=released, trusted=self.trusted.union(trusted))
+
+    def wider(self, modules: Iterable[str], contradicted: frozenset[str]) -> tuple[Setting, ...]:
+        """The ways to let the calibrations of modules go that are new."""
+        own = frozenset(modules)
+        found = []
+        if not own <= self.released:
+            found.append(self.letting_go(own))
+        if not own & contradicted <= self.trusted:
+            found.append(self.letting_go(own, own & contradicted))
+        return tuple(found)
+
+    def calibrated(self) -> Setting:
+        """With all calibrations as they are stated."""
+        return replace(self, released=frozenset(), trusted=frozenset())
+
+    def leaving(self, candidate: str) -> Setting:
+        """Without one of the candidates."""
+        gone = {u.id for c in self.joined if c.id == candidate for u in c.unknowns}
+        return replace(
+            self,
+            joined=tuple(c for c in self.joined if c.id != candidate),
+            values={n: v for n, v in self.values.items() if n.partition("#")[0] not in gone},
+            fixed={n: v for n, v in self.fixed.items() if n not in gone},
+            courses=tuple(c for c in self.courses if c.unknown not in gone),
+        )

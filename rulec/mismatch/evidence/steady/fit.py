@@ -1,0 +1,416 @@
+"""Refit all values of a model: base parameters within their priors, sensor errors, unknowns.
+
+Residuals follow a Student distribution with a common scale: points that the model cannot explain
+yet must not bend it, and the scale is that of what is left, not that of the noise alone.
+
+Source: Lange, Little, Taylor 1989 (robust fits by the t distribution); Madsen, Nielsen, Tingleff
+2004 (Gauss-Newton steps with damping by how well the last was foreseen).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.rows import Maps, Rows
+from rulec.mismatch.evidence.steady.system import System
+
+FREEDOM = 4.0
+"""Degrees of freedom of the Student distribution [usual choice]."""
+
+STEPS = 100
+"""Steps after which a fit ends anyway. Of refits with a law in them a quarter is not at its end
+after 20: what a law shares with the values of its module bends the valley that it lies in."""
+
+SOFTEST, HARDEST = 1e-9, 1e9
+"""Between these the damping stays; where it would be harder, there is no step down."""
+
+EASIER = 9.0
+"""By how much damping falls at most after a step that was foreseen."""
+
+BATCHES = 40
+"""Batches of time over which neighbours are found to be alike."""
+
+RELEASE = 30.0
+"""Factor on the stated uncertainty of the parameters of a module that is released, where no data
+sheet says more."""
+
+DRIFTED = 3.0
+"""Factor on the class of a sensor that drifts [assumed]: it was right at another time, or at
+another temperature than the usual one."""
+
+HOLDS = 4.0
+"""Of its standard uncertainties so many lie at most between a data sheet that holds and a value; by
+chance more do in one of 3000 modules of five values."""
+
+CONVERGED = 1e-4
+"""Gain in log likelihood per step below which a fit has ended, as share of the points."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Normal prior of the free values: means and precision, shape (values,), (values, values).
+
+    `lowest`, `highest` bound them; `size` is the scale on which a value moves.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    precision: Array
+    lowest: Array
+    highest: Array
+    size: Array
+
+
+def prior_of(
+    system: System, setting: Setting, anchors: Mapping[str, tuple[float, float]] | None = None
+) -> Prior:
+    """What is known of the free values before the recording.
+
+    `anchors` are means and standard deviations of unknowns that are held loosely.
+    """
+    parameters = system.builder.parameters
+    u = np.sqrt(np.diag(parameters.covariance)) if len(parameters.ids) else np.zeros(0)
+    modules = set(system.modules)
+    base = [i for i in np.flatnonzero(u > 0) if parameters.ids[i].partition(".")[0] in modules]
+    names = [parameters.ids[i] for i in base]
+    freed = [n.partition(".")[0] in setting.released for n in names]
+    doubtful = parameters.contradicted - setting.trusted
+    values = parameters.values.copy()
+    for at, name, free in zip(base, names, freed, strict=True):
+        module = name.partition(".")[0]
+        if free and name in parameters.sheet and module not in doubtful:
+            values[at], stated_u = parameters.sheet[name]
+            # A calibration that strained its sheet widened it; one that broke with it says nothing.
+            u[at] = stated_u if module in setting.trusted else max(stated_u, u[at])
+        elif free:
+            u[at] = RELEASE * u[at]
+    errors = [ERROR + name for name in system.shared]
+    unknowns = setting.free_unknowns()
+    size = len(names) + len(errors) + len(unknowns)
+    mean, scale = np.zeros(size), np.ones(size)
+    precision = np.zeros((size, size))
+    k = len(names)
+    mean[:k], scale[:k] = values[base], u[base]
+    if k:
+        stated = parameters.covariance[np.ix_(base, base)]
+        size_ = np.sqrt(np.diag(stated))
+        # What a calibration says of two parameters together holds as little as what it says of one.
+        correlation = np.where(
+            np.logical_or.outer(freed, freed), np.eye(k), stated / np.outer(size_, size_)
+        )
+        inverse = np.linalg.inv(correlation + 1e-9 * np.eye(k))
+        precision[:k, :k] = inverse / np.outer(u[base], u[base])
+    adrift = _adrift(setting)
+    for i, name in enumerate(errors, start=k):
+        precision[i, i] = DRIFTED**-2 if name in adrift else 1.0
+    lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
+    limits = setting.limits()
+    for i, name in enumerate(unknowns, start=k + len(errors)):
+        lowest[i], highest[i] = limits[name]
+        width = highest[i] - lowest[i]
+        scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
+        if anchors and name in anchors:
+            mean[i], spread_ = anchors[name]
+            precision[i, i] = spread_**-2 if spread_ > 0 else 0.0
+    return Prior((*names, *errors, *unknowns), mean, precision, lowest, highest, scale)
+
+
+def _adrift(setting: Setting) -> set[str]:
+    """Errors of sensors that drift: when or at which temperature they were right is not known."""
+    return {
+        f"{ERROR}{c.module}.{c.place}" for c in setting.joined if c.sort == "sensor" and c.drivers
+    }
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A setting refitted to some points.
+
+    `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
+    of rows say as much as one alone would (they are alike where something is left out).
+    `predicted` are the readings as reconciled by the model. `likelihood` shape (groups,): log
+    likelihood of every group of rows, also of those that were not used. Slopes are worked out when
+    they are asked for: a step that is not taken, and a fit that is only judged, need none.
+    """
+
+    setting: Setting
+    rows: Rows
+    prior: Prior
+    used: np.ndarray
+    temper: float
+    scale: float
+    residual: Array
+    predicted: Mapping[str, Array]
+    likelihood: Array
+    objective: float
+
+    @property
+    def maps(self) -> Maps:
+        """How changes of estimates show in the rows."""
+        return self._slopes[0]
+
+    @property
+    def jacobian(self) -> Array:
+        """Slopes of the residuals by the values, shape (rows, values)."""
+        return self._slopes[1]
+
+    @cached_property
+    def _slopes(self) -> tuple[Maps, Array]:
+        rows, setting = self.rows, self.setting
+        stems = list(dict.fromkeys(name.partition("#")[0] for name in self.prior.names))
+        flows = rows.system.flows(setting, stems, at=self.predicted)
+        maps = rows.maps(flows)
+        columns = {name: rows.column(maps, flows.by_value[name]) for name in stems}
+        courses = {course.unknown: course for course in setting.courses}
+        table = np.empty((len(self.prior.names), len(rows)))
+        for row, name in zip(table, self.prior.names, strict=True):
+            stem, _, number = name.partition("#")
+            row[:] = columns[stem]
+            if number:
+                row *= courses[stem].share(int(number))[rows.point]
+        return maps, table.T
+
+    @cached_property
+    def normal(self) -> Array:
+        """The normal matrix of the values with their prior, shape (values, values)."""
+        weights = self.weights
+        half = self.jacobian * np.sqrt(weights)[:, None]
+        normal: Array = half.T @ half + self.prior.precision
+        normal[np.diag_indices(len(normal))] += 1e-12 / self.prior.size**2
+        return normal
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of the rows in the normal matrix, shape (rows,)."""
+        use = self.used[self.rows.point]
+        robust = student_weights(self.rows, self.residual, self.scale)
+        weights: Array = robust * use / (self.scale**2 * self.temper)
+        return weights
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the values."""
+        size = np.sqrt(np.diag(self.normal))
+        inverse = np.linalg.pinv(self.normal / np.outer(size, size), hermitian=True)
+        covariance: Array = inverse / np.outer(size, size)
+        return covariance
+
+    @cached_property
+    def strain(self) -> float:
+        """How much what was known before is strained, in log likelihood.
+
+        Parameters are stated wrongly now and then: their tails are those of a Student distribution,
+        so that one far off counts no more than a few. The class of a sensor is a promise, which one
+        that is known to err has broken: how far it is off at the usual temperature, say, is open.
+        """
+        prior = self.prior
+        at = np.array([self.setting.values[name] for name in prior.names])
+        size = np.sqrt(np.maximum(np.diag(prior.precision), 0.0))
+        off = size * (at - prior.mean)
+        of_sensors = np.array([name.startswith(ERROR) for name in prior.names], dtype=bool)
+        stated = np.flatnonzero((size > 0) & ~of_sensors)
+        between = prior.precision[np.ix_(stated, stated)] / np.outer(size[stated], size[stated])
+        parts, ways = np.linalg.eigh(between)
+        far = np.sqrt(np.maximum(parts, 0.0)) * (ways.T @ off[stated])
+        tails = 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
+        broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
+        keeps = of_sensors & np.array([name not in broken for name in prior.names], dtype=bool)
+        return tails + 0.5 * float(np.sum(off[keeps] ** 2)) + self.contradiction
+
+    @cached_property
+    def contradiction(self) -> float:
+        """The strain on data sheets that calibrations contradict, where these are not trusted."""
+        parameters = self.rows.system.builder.parameters
+        far = self._off_sheet(parameters.contradicted - self.setting.trusted)
+        return 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
+
+    @property
+    def keeps_trust(self) -> bool:
+        """Do the data sheets hold that are trusted? Only that excuses what a calibration says."""
+        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= HOLDS))
+
+    def _off_sheet(self, modules: AbstractSet[str]) -> Array:
+        """How far values are off the data sheets of modules, in uncertainties of these."""
+        sheet = self.rows.system.builder.parameters.sheet
+        known = [n for n in self.prior.names if n.partition(".")[0] in modules and n in sheet]
+        return np.array([(self.setting.values[n] - sheet[n][0]) / sheet[n][1] for n in known])
+
+    def u(self, name: str) -> float:
+        """Standard uncertainty of a value."""
+        i = self.prior.names.index(name)
+        return float(np.sqrt(max(self.covariance[i, i], 0.0)))
+
+
+def fit(
+    rows: Rows,
+    setting: Setting,
+    used: np.ndarray,
+    steps: int = STEPS,
+    held: Mapping[str, float] | None = None,
+    temper: float = 1.0,
+    anchors: Mapping[str, tuple[float, float]] | None = None,
+) -> Fitted:
+    """Find the most probable values given some points.
+
+    Parameters
+    ----------
+    setting : where to start.
+    used : shape (n,), points to fit to.
+    held : values that must stay where they are put.
+    temper : divides the log likelihood against the priors.
+    anchors : means and standard deviations of unknowns that are held loosely.
+    """
+    system = rows.system
+    prior = prior_of(system, setting, anchors)
+    held = held or {}
+    free = np.array([name not in held for name in prior.names], dtype=bool)
+    at = np.array([setting.values.get(n, m) for n, m in zip(prior.names, prior.mean, strict=True)])
+    for i, name in enumerate(prior.names):
+        at[i] = held.get(name, at[i])
+    use = used[rows.point]
+    current = _evaluated(rows, setting, prior, at, used, temper, None)
+    damping, harder = 1e-3, 2.0
+    for _ in range(steps):
+        step = _step(current, prior, at, free, damping)
+        trial_at = np.clip(at + step, prior.lowest, prior.highest)
+        trial = _evaluated(rows, setting, prior, trial_at, used, temper, current.scale)
+        gain = current.objective - trial.objective
+        if not np.isfinite(trial.objective) or gain < 0:
+            damping, harder = damping * harder, 2.0 * harder
+            if damping > HARDEST:
+                break
+            continue
+        # A valley that bends wants short steps: damping falls only as far as the last was foreseen.
+        foreseen = gain / max(_promised(current, prior, at, trial_at - at), 1e-300)
+        easier = max(1.0 - (2.0 * min(foreseen, 1.0) - 1.0) ** 3, 1.0 / EASIER)
+        damping, harder = max(damping * easier, SOFTEST), 2.0
+        at, current = trial_at, trial
+        if gain < CONVERGED * max(int(use.sum()), 1) * 0.01:
+            break
+    return current
+
+
+def _promised(now: Fitted, prior: Prior, at: Array, step: Array) -> float:
+    """By how much the objective would fall if slopes stayed as they are."""
+    slope = _gradient(now, prior, at)
+    return -float(slope @ step + 0.5 * step @ now.normal @ step)
+
+
+def _gradient(now: Fitted, prior: Prior, at: Array) -> Array:
+    slope: Array = now.jacobian.T @ (now.weights * now.residual)
+    return slope + prior.precision @ (at - prior.mean)
+
+
+def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float) -> Array:
+    gradient = _gradient(now, prior, at)
+    # A value at its bound does not move further out.
+    stopped = ((at <= prior.lowest) & (gradient > 0)) | ((at >= prior.highest) & (gradient < 0))
+    moving = np.flatnonzero(free & ~stopped)
+    step = np.zeros(len(at))
+    if len(moving):
+        normal = now.normal[np.ix_(moving, moving)]
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        scaled = normal / np.outer(size, size) + damping * np.eye(len(moving))
+        step[moving] = -np.linalg.solve(scaled, gradient[moving] / size) / size
+    return step
+
+
+def _evaluated(
+    rows: Rows,
+    setting: Setting,
+    prior: Prior,
+    at: Array,
+    used: np.ndarray,
+    temper: float,
+    scale: float | None,
+) -> Fitted:
+    """Residuals, scale and objective at some values."""
+    placed = replace(
+        setting, values={**setting.values, **dict(zip(prior.names, at.tolist(), strict=True))}
+    )
+    errors, predicted = rows.errors(rows.system.flows(placed))
+    residual = _sound(errors)
+    use = used[rows.point]
+    scale = _scale(rows, residual, use, scale)
+    likelihood = _likelihood(rows, residual, scale)
+    off = at - prior.mean
+    objective = float(
+        0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum() / temper
+    )
+    if not np.isfinite(errors[use]).any():
+        objective = np.inf  # where a law has no value anywhere, nothing is wrong any more
+    return Fitted(
+        placed, rows, prior, used, temper, scale, residual, predicted, likelihood, objective
+    )
+
+
+def temper_of(fitted: Fitted) -> float:
+    """How many neighbouring groups of rows are as good as one, by means over batches of time.
+
+    Source: batch means (Geyer 1992).
+    """
+    rows = fitted.rows
+    factors = []
+    for cell in rows.cells:
+        table = cell.table(fitted.residual).T / fitted.scale
+        table = np.clip(table[fitted.used[cell.points]], -4.0, 4.0)
+        count = len(table) // BATCHES
+        if count < 2:
+            continue
+        means = table[: count * BATCHES].reshape(BATCHES, count, cell.rank).mean(axis=1)
+        spread = np.var(table, axis=0)
+        ratio = count * np.var(means, axis=0, ddof=1) / np.maximum(spread, 1e-300)
+        factors.append((len(table), float(np.max(ratio))))
+    if not factors:
+        return 1.0
+    counts, sizes = np.array(factors).T
+    return float(np.clip(np.average(sizes, weights=counts), 1.0, rows.groups / BATCHES))
+
+
+def _sound(residual: Array) -> Array:
+    """Where a law has no value (a root of something negative) it is as wrong as can be."""
+    bad = ~np.isfinite(residual)
+    if not bad.any():
+        return residual
+    worst = 10.0 * float(np.max(np.abs(residual[~bad]), initial=1.0))
+    return np.where(bad, worst, residual)
+
+
+def _distance(rows: Rows, residual: Array) -> Array:
+    return rows.per_group(residual**2)
+
+
+def student_weights(rows: Rows, residual: Array, scale: float) -> Array:
+    """Weight of every row by the Student distribution."""
+    rank = rows.group_rank
+    weight = (FREEDOM + rank) / (FREEDOM + _distance(rows, residual) / scale**2)
+    spread: Array = weight[rows.group]
+    return spread
+
+
+def _likelihood(rows: Rows, residual: Array, scale: float) -> Array:
+    rank = rows.group_rank
+    distance = _distance(rows, residual) / (FREEDOM * scale**2)
+    value: Array = -rank * np.log(scale) - 0.5 * (FREEDOM + rank) * np.log1p(distance)
+    return value
+
+
+def _scale(rows: Rows, residual: Array, use: np.ndarray, start: float | None) -> float:
+    """Most likely scale of the used residuals, by a few fixed-point steps."""
+    distance, rank = _distance(rows, residual), rows.group_rank
+    chosen = rows.per_group(use.astype(float)) > 0
+    distance, rank = distance[chosen], rank[chosen]
+    if not len(distance):
+        return 1.0
+    square = start**2 if start else max(float(np.median(distance / rank)), 1e-12)
+    for _ in range(8 if start else 30):
+        weight = (FREEDOM + rank) / (FREEDOM + distance / square)
+        square = max(float(np.sum(weight * distance) / np.sum(rank)), 1e-12)
+    return float(np.sqrt(square))

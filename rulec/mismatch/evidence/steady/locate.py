@@ -1,0 +1,222 @@
+"""Step 2: where a mismatch sits, before anything is named, and in which region it shows.
+
+Every place gets an error of unknown course, free at each point. What it would explain of the
+residuals, beyond what it would explain of mere noise, is its share.
+
+Source: own derivation; the idea of free disturbances per equation is that of Kristensen, Madsen,
+Jorgensen 2004, for static relations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Spot
+from rulec.mismatch.answer_types.result import Region
+from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.system import System
+
+ALIKE = 0.99
+"""Places whose errors spread alike to this cosine are not told apart."""
+
+TELLING = 0.35
+"""A region is told if it holds this much more of the mismatch than of the points."""
+
+SLOW = 40
+"""Values of a course that changes slowly."""
+
+ENDS = 40
+"""Ends of a region that are tried per variable."""
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A place with its error: `course` shape (n,), SI of its unit; `share` of the mismatch."""
+
+    spot: Spot
+    column: Array
+    course: Array
+    weight: Array
+    share: float
+
+
+def noise_scale(rows: Rows, residual: Array) -> float:
+    """Scatter of neighbouring residuals in units of the noise that was expected.
+
+    Below 1 the noise was overestimated, which changes nothing.
+    """
+    if rows.system.data.of_rows:
+        return 1.0
+    sizes = []
+    for cell in rows.cells:
+        table = cell.table(residual).T
+        if len(table) > 8:
+            second = np.diff(table, 2, axis=0)
+            sizes.append((len(table), 1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)))
+    if not sizes:
+        return 1.0
+    counts, spreads = np.array(sizes).T
+    return max(1.0, float(np.sqrt(np.average(spreads**2, weights=counts))))
+
+
+def suspects(fitted: Fitted) -> list[Suspect]:
+    """Places by the share of the mismatch that an error there explains, largest first.
+
+    An error may have its own value at every point, or one that changes slowly: what is weak shows
+    in the second way only, what is fast in the first.
+    """
+    rows = fitted.rows
+    system = rows.system
+    # Sensors may be better than their class says; then the scatter of what is left says more.
+    noise = min(noise_scale(rows, fitted.residual), fitted.scale) ** 2
+    open_ = fitted.used[rows.point]
+    total = float(np.sum(fitted.residual[open_] ** 2)) - noise * int(open_.sum())
+    found = []
+    for spot in system.builder.spots:
+        column = spot_column(fitted, spot)
+        if column is None:
+            continue
+        suspect = suspect_at(fitted, spot, column)
+        known = np.flatnonzero((suspect.weight > 0) & fitted.used)
+        course, weight = suspect.course[known], suspect.weight[known]
+        gain = max(_explained(-course * weight, weight, noise, k) for k in (len(known), SLOW))
+        found.append((suspect, gain))
+    most = max((gain for _, gain in found), default=0.0)
+    whole = max(total, most, 1e-300)
+    shared = [replace(s, share=float(np.clip(g / whole, 0.0, 1.0))) for s, g in found]
+    return sorted(shared, key=lambda s: (-round(s.share, 3), s.spot.id))
+
+
+def suspect_at(fitted: Fitted, spot: Spot, column: Array) -> Suspect:
+    """A place with the error that explains each point best; `column` are slopes of the residuals.
+
+    Its share is not known yet.
+    """
+    rows = fitted.rows
+    n = len(rows.system.data)
+    weight = np.bincount(rows.point, column**2, minlength=n).astype(float)
+    moment = np.bincount(rows.point, column * fitted.residual, minlength=n).astype(float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        course = np.where(weight > 0, -moment / weight, np.nan)
+    return Suspect(spot, column, course, weight, 0.0)
+
+
+def _explained(moment: Array, weight: Array, noise: float, values: int) -> float:
+    """Squares that a course of so many values explains beyond what it explains of noise."""
+    count = min(values, len(moment))
+    if count == 0:
+        return 0.0
+    edges = np.linspace(0, len(moment), count + 1).astype(int)[:-1]
+    moments, weights = np.add.reduceat(moment, edges), np.add.reduceat(weight, edges)
+    return float(np.sum(moments**2 / weights)) - noise * count
+
+
+def spot_column(fitted: Fitted, spot: Spot) -> Array | None:
+    """Slopes of the residuals by an error at a place, shape (rows,)."""
+    system = fitted.rows.system
+    if not any(o in system.number for o in spot.observers):
+        return None
+    flows = system.flows(
+        fitted.setting,
+        (spot.unknown,),
+        (spot.id,),
+        modules=system.reached(spot.observers),
+        at=fitted.predicted,
+    )
+    column = fitted.rows.column(fitted.maps, flows.by_value[spot.unknown])
+    return column if np.any(column) else None
+
+
+def alike(first: Suspect, second: Suspect) -> bool:
+    """Do errors at two places look the same in all residuals?"""
+    cosine = np.abs(first.column @ second.column)
+    cosine /= np.linalg.norm(first.column) * np.linalg.norm(second.column)
+    return bool(cosine > ALIKE)
+
+
+def variables_of(system: System, module: str) -> dict[str, Array]:
+    """Readings in which a region can be told: those of the module first, as recorded (SI)."""
+    values = system.data.values
+    own = {n: v for n, v in values.items() if n.partition(".")[0] == module}
+    others = {
+        n: v
+        for n, v in values.items()
+        if n not in own and not any(n in o.signals for o in system.observers)
+    }
+    return {n: v for n, v in {**own, **others}.items() if np.isfinite(v).sum() > 8}
+
+
+def region_of(
+    system: System, contribution: Array, variables: Mapping[str, Array]
+) -> tuple[Region, ...]:
+    """The readings at which a mismatch shows: one variable, from one value to another.
+
+    Parameters
+    ----------
+    contribution : shape (n,), what each point has of the mismatch, not negative.
+    """
+    known = np.isfinite(contribution)
+    total = float(np.sum(contribution[known]))
+    if total <= 0:
+        return ()
+    best: tuple[float, Region] | None = None
+    for name, values in variables.items():
+        signal = system.ruleset.signal_by_id.get(name)
+        if signal is None:
+            continue
+        ends = best_interval(values[known], contribution[known] / total)
+        if ends is None:
+            continue
+        gain, low, high, share = ends
+        shown = [None if v is None else (v - signal.offset) / signal.factor for v in (low, high)]
+        region = Region(name, shown[0], shown[1], signal.unit, share)
+        if best is None or gain > best[0] + 0.02:
+            best = (gain, region)
+    return (best[1],) if best is not None and best[0] > TELLING else ()
+
+
+def best_interval(
+    values: Array, shares: Array
+) -> tuple[float, float | None, float | None, float] | None:
+    """Interval that holds much of the mismatch and few of the points (Youden's index)."""
+    usable = np.isfinite(values)
+    values, shares = values[usable], shares[usable]
+    if len(values) < 8 or np.ptp(values) == 0:
+        return None
+    order = np.argsort(values, kind="stable")
+    values = values[order]
+    inside = np.concatenate([[0.0], np.cumsum(shares[order])])
+    n = len(values)
+    ends = np.unique(np.linspace(0, n, ENDS + 1).astype(int))
+    low, high = np.meshgrid(ends, ends, indexing="ij")
+    gain = np.where(high > low, (inside[high] - inside[low]) - (high - low) / n, -np.inf)
+    i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    first, last = int(ends[i]), int(ends[j])
+    return (
+        float(gain[i, j]),
+        float(values[first]) if first else None,
+        float(values[last - 1]) if last < n else None,
+        float(inside[last] - inside[first]),
+    )
+
+
+def periods_of(time: Array, contribution: Array, most: int = 8) -> tuple[tuple[float, float], ...]:
+    """Spans of time that hold most of a mismatch, where it does not lie everywhere."""
+    known = np.flatnonzero(np.isfinite(contribution))
+    if len(known) < 20 or np.sum(contribution[known]) <= 0:
+        return ()
+    pieces = np.array_split(known, min(120, len(known) // 5))
+    level = np.array([float(np.mean(contribution[p])) for p in pieces])
+    high = level > 0.25 * float(np.quantile(level, 0.98))
+    if high.mean() > 0.5:
+        return ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2).tolist()
+    if len(runs) > most or sum(level[a:b].sum() for a, b in runs) < 0.8 * level.sum():
+        return ()
+    return tuple((float(time[pieces[a][0]]), float(time[pieces[b - 1][-1]])) for a, b in runs)

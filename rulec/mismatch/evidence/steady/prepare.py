@@ -1,0 +1,244 @@
+"""Step 0: settled points of a recording, and which of them serve for what.
+
+Points are split by blocks of time, never singly: neighbours are alike, and a point between two
+others is no test of anything.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
+from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.recordings.point_table import each_row, follows_a_course, is_point_table
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import (
+    LONGEST,
+    Stretches,
+    find_stretches,
+    noise_at_work,
+    systematic_u,
+)
+
+ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
+
+PATTERN = (ESTIMATION, SELECTION, HELDOUT, SELECTION, ESTIMATION)
+"""What the blocks of a recording serve for, in turn."""
+
+BLOCKS = 25
+"""Blocks of a recording."""
+
+SMALLEST = 4
+"""Points that a block needs at least."""
+
+BUDGET = 15_000
+"""Points times observers at most; more samples are averaged into one point."""
+
+BRIDGED = 0.8
+"""Share of readings that must be there for gaps to be bridged."""
+
+UNSETTLED, SPARED = -1, -2
+"""In the place of the number of its point: a sample that is not settled, and one that is and was
+not taken, as a few of so many stretches say the same."""
+
+STATISTICAL = 0.3
+"""Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Settled points.
+
+    `time` shape (n,), s; `part` and `block` shape (n,). `noise` is the statistical standard
+    uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
+    `of_rows` tells that each row of the recording is a settled point of its own, `stretches` which
+    rows are behind each point. `moving` are flags per module, shape (n,): while one ramps, the
+    others may be judged. `sample`, shape (samples,), has the number of the point of each sample of
+    the recording, or `UNSETTLED` or `SPARED`. `timed` tells that points lie on one clock: else
+    nothing can follow time.
+    """
+
+    points: Points
+    time: Array
+    noise: Mapping[str, Array]
+    block: NDArray[np.intp]
+    part: NDArray[np.intp]
+    of_rows: bool
+    split: str
+    digest: str
+    moving: Mapping[str, np.ndarray]
+    stretches: Stretches
+    sample: NDArray[np.intp]
+    timed: bool = True
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def values(self) -> Mapping[str, Array]:
+        return self.points.values
+
+    @property
+    def open(self) -> np.ndarray:
+        """Points that may be looked at before the end."""
+        flags: np.ndarray = self.part != HELDOUT
+        return flags
+
+
+def prepare(
+    recording: Recording, ruleset: Ruleset, heldout: Sequence[tuple[float, float]] = ()
+) -> Data | None:
+    """Find the settled points; None where there are none.
+
+    Readings that are none are left out; what the model says of them is what is in doubt here.
+    """
+    recording = examine(recording, ruleset, by_model=False).recording
+    noise = noise_at_work(recording, ruleset)
+    of_rows = is_point_table(recording, ruleset)
+    if of_rows:
+        stretches = each_row(recording)
+        moving: dict[str, np.ndarray] = {}
+        noise = dict.fromkeys(noise, 0.0)
+        rests = np.ones(len(recording), dtype=bool)
+    else:
+        stretches, moving, rests = settled_parts(recording, ruleset, noise)
+    if not len(stretches):
+        return None
+    points = points_of_stretches(recording, ruleset, stretches, noise)
+    assert points.time is not None
+    time = points.time
+    points = _bridged(points, {s for o in ruleset.observers for s in o.signals})
+    statistical = {}
+    for signal in ruleset.signals:
+        if signal.id in points.values:
+            floor = STATISTICAL * systematic_u(signal, points.values[signal.id])
+            own = points.statistical(signal.id)
+            # A reading that is constant by quantisation or filtering is not therefore exact.
+            smallest = floor if of_rows else 0.1 * floor / np.sqrt(stretches.lengths)
+            statistical[signal.id] = np.maximum(own, smallest)
+    block, part = _split(time, heldout)
+    text = _told(time, part, block, heldout)
+    digest = hashlib.sha256(
+        np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
+    ).hexdigest()[:16]
+    sample = _points_of_samples(stretches, rests)
+    timed = recording.one_clock and (not of_rows or follows_a_course(recording, ruleset))
+    return Data(
+        points,
+        time,
+        statistical,
+        block,
+        part,
+        of_rows,
+        text,
+        digest,
+        moving,
+        stretches,
+        sample,
+        timed,
+    )
+
+
+def _points_of_samples(stretches: Stretches, rests: np.ndarray) -> NDArray[np.intp]:
+    """Number of the point of each sample, shape (samples,); `rests` flags the settled ones."""
+    sample: NDArray[np.intp] = np.where(rests, SPARED, UNSETTLED)
+    for i, (low, high) in enumerate(zip(stretches.first, stretches.last, strict=True)):
+        sample[low:high] = i
+    return sample
+
+
+def settled_parts(
+    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> tuple[Stretches, dict[str, np.ndarray], np.ndarray]:
+    """Pieces of time in which some modules rest, by module in which of them it moves, and all
+    samples in which some rest, shape (samples,).
+
+    Pumps that are run one by one seldom all rest at once.
+    """
+    own: dict[str, list[ObserverSpec]] = {}
+    for observer in ruleset.observers:
+        own.setdefault(observer.module, []).append(observer)
+    n = len(recording)
+    number = np.full((len(own), n), -1)
+    for row, observers in zip(number, own.values(), strict=True):
+        found = find_stretches(recording, ruleset, noise, observers, n)
+        for i, (low, high) in enumerate(zip(found.first, found.last, strict=True)):
+            row[low:high] = i
+    rests: np.ndarray = np.any(number >= 0, axis=0)
+    changes = np.any(np.diff(number, axis=1) != 0, axis=0)
+    first = np.flatnonzero(np.concatenate([[True], changes]))
+    last = np.append(first[1:], n)
+    kept = rests[first]
+    pieces = _pieces(Stretches(first[kept], last[kept]), len(ruleset.observers))
+    moving = {module: row[pieces.first] < 0 for module, row in zip(own, number, strict=True)}
+    return pieces, moving, rests
+
+
+def _bridged(points: Points, read: set[str]) -> Points:
+    """Gaps in readings that no estimate needs, bridged: they may drive something all the same."""
+    assert points.time is not None
+    values = dict(points.values)
+    for name, course in points.values.items():
+        known = np.isfinite(course)
+        if name not in read and not known.all() and known.mean() > BRIDGED:
+            values[name] = np.interp(points.time, points.time[known], course[known])
+    return replace(points, values=values)
+
+
+def _pieces(stretches: Stretches, observers: int) -> Stretches:
+    """Stretches cut, so that there are as many points as the budget allows, and no more."""
+    budget = BUDGET // max(observers, 1)
+    length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST)
+    first, last = [], []
+    for low, high in zip(stretches.first, stretches.last, strict=True):
+        count = max(1, round((high - low) / length))
+        edges = np.linspace(low, high, count + 1).astype(int)
+        first.append(edges[:-1])
+        last.append(edges[1:])
+    if not first:
+        return stretches
+    pieces = Stretches(np.concatenate(first), np.concatenate(last))
+    if len(pieces) <= 1.5 * budget:
+        return pieces
+    # Many short stretches: every so-manyth is kept, whole.
+    keep = np.arange(len(pieces)) % (-(-len(pieces) // budget)) == 0
+    return Stretches(pieces.first[keep], pieces.last[keep])
+
+
+def _split(
+    time: Array, heldout: Sequence[tuple[float, float]]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Number of the block of each point, and what it serves for."""
+    n = len(time)
+    blocks = int(np.clip(n // SMALLEST, 1, BLOCKS))
+    block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)
+    part = np.array(PATTERN)[block % len(PATTERN)]
+    if heldout:
+        inside = np.zeros(n, dtype=bool)
+        for low, high in heldout:
+            inside |= (time >= low) & (time <= high)
+        rest = np.cumsum(~inside) - 1
+        count = max(int((~inside).sum()), 1)
+        blocks = int(np.clip(count // SMALLEST, 1, BLOCKS))
+        open_ = np.clip(rest * blocks // count, 0, blocks - 1)
+        part = np.where(inside, HELDOUT, open_ % 2)
+        block = np.where(inside, blocks + np.arange(n) * BLOCKS // max(n, 1), open_)
+        block = np.unique(block, return_inverse=True)[1]
+    return block, part
+
+
+def _told(
+    time: Array, part: NDArray[np.intp], block: NDArray[np.intp], heldout: Sequence[object]
+) -> str:
+    counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
+    chosen = "as asked" if heldout else "every fifth block"
+    return (
+        f"{len(time)} settled points in {len(np.unique(block))} blocks of time: "
+        f"{counts[0]} for estimation, {counts[1]} for selection, {counts[2]} held out ({chosen})"
+    )

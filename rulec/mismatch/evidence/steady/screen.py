@@ -1,0 +1,317 @@
+"""What each candidate could explain at best, by one linear step from the model as it is.
+
+A full refit of every candidate would be slow, and needless: most explain nothing. A candidate's
+term is linear in its amplitudes near their null, so that its gain follows from projections. Shapes
+(thresholds, exponents) are tried on a grid.
+
+Source: score test (Rao 1948); the gain is that of a likelihood with free scale.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import MEDIAN, TIME, Candidate, Unknown
+from rulec.mismatch.evidence.steady.configuration import Course
+from rulec.mismatch.evidence.steady.fit import Fitted, Prior, prior_of, student_weights
+from rulec.mismatch.evidence.steady.system import System
+
+MOST_STARTS = 12
+"""Combinations of shapes that are tried of one candidate."""
+
+BENT = 5.0
+"""Ratio of two starts from which on a law is taken to bend between them."""
+
+VARYING = 3.0
+"""A driver varies by this many times the noise of its settled readings."""
+
+NEAR_ZERO = 0.05
+"""Share of its median reading below which no reference lies whose readings are positive."""
+
+FAR = 2.5
+"""Residuals beyond this many scales count less, in the second of two looks."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
+
+    `along` are others that must be joined with it; `held` is the gain under a calibration that
+    holds.
+    """
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    fixed: Mapping[str, float]
+    gain: float
+    course: Course | None = None
+    along: tuple[Trial, ...] = ()
+    held: float = 0.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """The weighted linear problem around a fit; what base values can mend is projected out.
+
+    `pull` is the slope of the priors there, in units of the weighted squares, shape (values,).
+    """
+
+    weights: Array
+    residual: Array
+    jacobian: Array
+    inverse: Array
+    pull: Array
+    total: float
+    count: int
+
+    def cleaned(self, columns: Array) -> Array:
+        """Columns less what the values that are free anyway can imitate, shape (rows, k)."""
+        left: Array = columns - self.jacobian @ self._imitated(columns)
+        return left
+
+    def _imitated(self, columns: Array) -> Array:
+        imitated: Array = self.inverse @ (self.jacobian.T @ (self.weights[:, None] * columns))
+        return imitated
+
+    def best(self, columns: Array, lowest: Array, highest: Array) -> tuple[Array, float]:
+        """Amplitudes within bounds, and the gain in log likelihood with free scale."""
+        whole = np.arange(columns.shape[1])[None]
+        amplitudes, gains = self.best_of(columns, whole, lowest, highest)
+        return amplitudes[0], float(gains[0])
+
+    def best_of(
+        self, columns: Array, sets: np.ndarray, lowest: Array, highest: Array
+    ) -> tuple[Array, Array]:
+        """The same for many sets of columns, numbers of shape (sets, k): shapes (sets, k), (sets,).
+
+        `lowest` and `highest` are those of each column.
+        """
+        clean = self.cleaned(columns)
+        normal = columns.T @ (self.weights[:, None] * clean)
+        # A sensor that errs beyond its class is held by its prior: what frees it gains that.
+        moment = clean.T @ (self.weights * self.residual) - self._imitated(columns).T @ self.pull
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        # What base values imitate all but wholly has no gain of its own.
+        alone = np.einsum("nk,n,nk->k", columns, self.weights, columns)
+        sound = (size**2 >= 1e-9 * alone) & np.isfinite(size)
+        normal, size = np.where(np.outer(sound, sound), normal, 0.0), np.where(sound, size, 1.0)
+        scaled = normal / np.outer(size, size) + 1e-9 * np.eye(len(size))
+        block = (sets[:, :, None], sets[:, None, :])
+        found = np.linalg.solve(scaled[block], np.where(sound, moment / size, 0.0)[sets][..., None])
+        amplitudes = np.clip(-found[..., 0] / size[sets], lowest[sets], highest[sets])
+        amplitudes = np.where(sound[sets].all(axis=1)[:, None], amplitudes, 0.0)
+        fall = -2.0 * np.einsum("sk,sk->s", amplitudes, moment[sets])
+        fall = fall - np.einsum("sk,skl,sl->s", amplitudes, normal[block], amplitudes)
+        share = np.clip(fall / self.total, 0.0, 1.0 - 1e-9)
+        return amplitudes, -0.5 * self.count * np.log1p(-share)
+
+
+def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
+    """Two looks: by the weights of the robust fit, and with far points counting more.
+
+    The first sees what is small and everywhere, the second what is large and rare. `prior` stands
+    for that of the fit, such as one that lets a calibration go.
+    """
+    rows, scale = fitted.rows, fitted.scale
+    use = fitted.used[rows.point]
+    size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
+    huber = np.minimum(1.0, FAR * scale / np.maximum(size, 1e-300))
+    robust = student_weights(rows, fitted.residual, scale)
+    known = prior or fitted.prior
+    return _look(fitted, robust * use, known), _look(fitted, huber * use, known)
+
+
+def _look(fitted: Fitted, weights: Array, prior: Prior) -> Look:
+    jacobian, scale = fitted.jacobian, fitted.scale
+    normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.temper)
+    normal = normal + prior.precision
+    size = np.sqrt(np.maximum(np.diag(normal), 0.0))
+    size = np.where(size > 0.0, size, 1.0)  # a value that nothing speaks of has no scale
+    inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
+    inverse = inverse / np.outer(size, size) / (scale**2 * fitted.temper)
+    # The weighted optimum need not be that of the fit: what is left must be free of base values.
+    at = np.array([fitted.setting.values[name] for name in fitted.prior.names])
+    unit = scale**2 * fitted.temper
+    pull = unit * prior.precision @ (at - prior.mean)
+    part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
+    residual = fitted.residual - jacobian @ part
+    pull = pull - unit * prior.precision @ part
+    # What can fall is also the strain on the priors.
+    strained = float(pull @ (at - part - prior.mean))
+    total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
+    count = int(np.sum(weights > 0))
+    return Look(weights, residual, jacobian, inverse, pull, max(total, 1e-300), count)
+
+
+def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
+    """The best start of each candidate that could help, best first.
+
+    Physics is also looked at with the calibration of its module let go: one that was made on data
+    that contain the physics has made room for it.
+    """
+    looks = looks_at(fitted)
+    eased: dict[tuple[str, ...], tuple[Look, ...]] = {}
+    trials = []
+    for candidate in candidates:
+        own: tuple[Look, ...] = ()
+        if candidate.sort in ("physics", "ageing"):
+            if candidate.modules not in eased:
+                eased[candidate.modules] = _eased(fitted, candidate.modules)
+            own = eased[candidate.modules]
+        trials += _best_of(fitted, looks, own, candidate)
+    return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
+
+
+def _eased(fitted: Fitted, modules: Sequence[str]) -> tuple[Look, ...]:
+    """Looks with the calibrations of modules let go."""
+    system = fitted.rows.system
+    ways = fitted.setting.wider(modules, system.contradicted)
+    return tuple(look for way in ways for look in looks_at(fitted, prior_of(system, way)))
+
+
+def _best_of(
+    fitted: Fitted, looks: Sequence[Look], eased: Sequence[Look], candidate: Candidate
+) -> list[Trial]:
+    system = fitted.rows.system
+    if not _has_drivers(system, candidate):
+        return []
+    fixed = references(system, candidate)
+    amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
+    best: Trial | None = None
+    held = 0.0
+    null = {u.id: u.null for u in amplitudes if u.null is not None}
+    for shape, at in itertools.product(starts(system, candidate), _bends(amplitudes, null)):
+        columns = columns_of(fitted, candidate, {**at, **shape}, fixed)
+        if columns is None:
+            continue
+        low = np.array([u.lowest - null[u.id] for u in amplitudes])
+        high = np.array([u.highest - null[u.id] for u in amplitudes])
+        for look in (*looks, *eased):
+            found, gain = look.best(columns, low, high)
+            held = held if any(look is e for e in eased) else max(held, gain)
+            if best is None or gain > best.gain:
+                values = {
+                    u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
+                }
+                best = Trial(candidate, {**values, **shape}, fixed, gain)
+    return [replace(best, held=held)] if best is not None and best.gain > 0 else []
+
+
+def _bends(
+    amplitudes: Sequence[Unknown], null: Mapping[str, float]
+) -> Iterator[Mapping[str, float]]:
+    """Amplitudes at which the slope of a law is taken: at the null, and where it may differ.
+
+    An entry that states starts of different size says that its law bends.
+    """
+    yield null
+    for unknown in amplitudes:
+        sizes = [abs(start - null[unknown.id]) for start in unknown.starts]
+        if len(sizes) > 1 and max(sizes) > BENT * min(sizes):
+            yield {**null, unknown.id: max(unknown.starts, key=abs)}
+
+
+def columns_of(
+    fitted: Fitted, candidate: Candidate, values: Mapping[str, float], fixed: Mapping[str, float]
+) -> Array | None:
+    """Slopes of the residuals by the amplitudes of a candidate, shape (rows, amplitudes)."""
+    rows = fitted.rows
+    names = [u.id for u in candidate.unknowns if u.null is not None and not u.fixed]
+    setting = fitted.setting.joining(candidate, values, fixed)
+    system = rows.system
+    flows = system.flows(
+        setting, names, modules=system.reached(candidate.observers), at=fitted.predicted
+    )
+    columns = np.stack([rows.column(fitted.maps, flows.by_value[n]) for n in names], axis=1)
+    return columns if np.any(columns) else None
+
+
+def _has_drivers(system: System, candidate: Candidate) -> bool:
+    """Is everything recorded that drives it, and does it vary by more than its noise?
+
+    A law that bends where a reading is at rest would only fit the noise of that reading.
+    """
+    data = system.data
+    for name in candidate.drivers.values():
+        if name == TIME:
+            continue
+        values = data.values.get(name)
+        if values is None or not np.isfinite(values[data.open]).any():
+            return False
+        if np.nanstd(values[data.open]) < VARYING * np.nanmedian(data.noise[name]):
+            return False
+    return any(o in system.number for o in candidate.observers)
+
+
+def references(system: System, candidate: Candidate) -> dict[str, float]:
+    """Fixed parameters, where the recording is open: the median reading of their driver or another
+    quantile, or half the distance between two."""
+    found = {}
+    for unknown in candidate.unknowns:
+        if unknown.fixed and len(unknown.quantiles) == 2:
+            low, high = _readings(system, unknown, unknown.quantiles)
+            found[unknown.id] = 0.5 * (high - low) or 1.0
+        elif unknown.fixed:
+            found[unknown.id] = _readings(system, unknown, unknown.quantiles or MEDIAN)[0]
+    return found
+
+
+def with_open_references(system: System, trial: Trial) -> Trial | None:
+    """The trial with the conditions at which the plain law holds searched for; None without such.
+
+    Those of a calibration on an earlier run were others than the usual ones of this recording.
+    """
+    candidate = trial.candidate
+    opened = {u.id: _opened(system, u) for u in candidate.unknowns if u.fixed and u.neutral}
+    if not opened:
+        return None
+    return replace(
+        trial,
+        candidate=replace(
+            candidate, unknowns=tuple(opened.get(u.id, u) for u in candidate.unknowns)
+        ),
+        values={**trial.values, **{n: v for n, v in trial.fixed.items() if n in opened}},
+        fixed={n: v for n, v in trial.fixed.items() if n not in opened},
+    )
+
+
+def _opened(system: System, unknown: Unknown) -> Unknown:
+    """A reference as an unknown: the readings of its driver, and half their span beyond."""
+    low, middle, high = _readings(system, unknown, (0.0, 0.5, 1.0))
+    beyond = 0.5 * (high - low)
+    # What is positive by its nature stays so.
+    lowest = max(low - beyond, NEAR_ZERO * middle) if low > 0.0 else low - beyond
+    opened = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
+    signal = system.ruleset.signal_by_id.get(unknown.driver or "")
+    if signal is None:
+        return opened
+    return replace(opened, unit=signal.unit, factor=signal.factor, offset=signal.offset)
+
+
+def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:
+    """Combinations of values for the parameters that only shape a term."""
+    shapes = [u for u in candidate.unknowns if u.null is None and not u.fixed]
+    grids = [_grid(system, u) for u in shapes]
+    for combination in itertools.islice(itertools.product(*grids), MOST_STARTS):
+        yield {u.id: v for u, v in zip(shapes, combination, strict=True)}
+
+
+def _grid(system: System, unknown: Unknown) -> list[float]:
+    values = list(unknown.starts)
+    if unknown.driver is not None and unknown.quantiles:
+        values += _readings(system, unknown, unknown.quantiles)
+    return [float(np.clip(v, unknown.lowest, unknown.highest)) for v in dict.fromkeys(values)]
+
+
+def _readings(system: System, unknown: Unknown, quantiles: Sequence[float] = MEDIAN) -> list[float]:
+    """Quantiles of the readings of a parameter's driver."""
+    data = system.data
+    assert unknown.driver is not None
+    values = data.time - data.time[0] if unknown.driver == TIME else data.values[unknown.driver]
+    values = values[data.open & np.isfinite(values)]
+    return [float(v) for v in np.quantile(values, quantiles)] if len(values) else []

@@ -1,0 +1,176 @@
+"""The relations of a plant over the points of a recording: flows by every observer, with slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
+from rulec_runtime.contract.tangent import run_with_slopes
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
+
+from rulec.effects.candidate import TIME, Candidate
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.evidence.steady.configuration import CHANGE, ERROR, Setting
+from rulec.mismatch.evidence.steady.prepare import Data
+
+Slopes = dict[str, dict[int, Array]]
+"""Per name of a free value the derivative of each observer (its number) that it reaches."""
+
+
+@dataclass(frozen=True)
+class Flows:
+    """Estimates of all observers, shape (observers, n), m3/s, and their slopes.
+
+    `by_reading` are slopes by readings, `by_value` by free values.
+    """
+
+    values: Array
+    by_reading: Slopes
+    by_value: Slopes
+
+
+@dataclass(frozen=True)
+class System:
+    """A plant and the points of a recording.
+
+    `observers` are those whose readings are recorded; all arrays over observers are in this order.
+    """
+
+    ruleset: Ruleset
+    builder: ModelBuilder
+    data: Data
+
+    @cached_property
+    def observers(self) -> tuple[ObserverSpec, ...]:
+        present = {name for name, v in self.data.values.items() if np.isfinite(v).any()}
+        return tuple(o for o in self.ruleset.observers if set(o.signals) <= present)
+
+    @cached_property
+    def modules(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(o.module for o in self.observers))
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """What may explain this recording: without a common clock nothing that follows one."""
+        every = self.builder.candidates
+        return every if self.data.timed else tuple(c for c in every if not c.follows_time)
+
+    @property
+    def contradicted(self) -> frozenset[str]:
+        """Modules whose calibration and data sheet differ beyond chance."""
+        return self.builder.parameters.contradicted
+
+    @cached_property
+    def number(self) -> Mapping[str, int]:
+        """Place of each observer."""
+        return {o.id: i for i, o in enumerate(self.observers)}
+
+    @cached_property
+    def observed(self) -> Observed:
+        """What the plain plan says of the points, for all observers of the ruleset."""
+        return observe(self.ruleset, self.data.points)
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """Which estimates may be used at which point, shape (observers, n)."""
+        seen = self.observed.valid
+        valid = np.array([seen[self.ruleset.observer_index[o.id]] for o in self.observers])
+        for row, observer in zip(valid, self.observers, strict=True):
+            if observer.module in self.data.moving:
+                row &= ~self.data.moving[observer.module]
+        return valid
+
+    @cached_property
+    def inputs(self) -> dict[str, Array | float]:
+        """Readings as recorded and the clock; SI."""
+        clock = self.data.time - self.data.time[0]
+        return {**self.data.values, TIME: clock, **self.builder.parameters.constants}
+
+    @cached_property
+    def shared(self) -> Mapping[str, Array]:
+        """Systematic standard uncertainty of each reading, shape (n,)."""
+        used = {s for o in self.observers for s in o.signals}
+        return {name: u for name, u in self.data.points.systematic.items() if name in used}
+
+    def corrected(
+        self, setting: Setting, at: Mapping[str, Array] | None = None
+    ) -> dict[str, Array | float]:
+        """Plan inputs: readings less the errors of their sensors, and all values."""
+        inputs = {**self.inputs, **(at or {}), **setting.fixed, **setting.values}
+        parameters = self.builder.parameters
+        for name, value in zip(parameters.ids, parameters.values, strict=True):
+            inputs.setdefault(name, float(value))
+        for course in setting.courses:
+            degrees, name = course.degrees(setting.values), course.unknown.removesuffix(CHANGE)
+            inputs[name] = degrees if name == course.unknown else inputs[name] + degrees
+        for name, u in self.shared.items():
+            error = setting.values.get(ERROR + name, 0.0)
+            if error:
+                inputs[name] = inputs[name] - error * u
+        return inputs
+
+    def flows(
+        self,
+        setting: Setting,
+        by: Sequence[str] = (),
+        spots: Sequence[str] = (),
+        modules: Sequence[str] | None = None,
+        at: Mapping[str, Array] | None = None,
+    ) -> Flows:
+        """Evaluate the observers of all (or some) modules.
+
+        Parameters
+        ----------
+        by : names of free values to differentiate by; sensor errors too.
+        spots : ids of places with an unknown error, which counts as 0 (a name for `by`).
+        at : readings other than those recorded.
+        """
+        inputs = self.corrected(setting, at)
+        n = len(self.data)
+        values = np.full((len(self.observers), n), np.nan)
+        by_reading: Slopes = {}
+        raw: Slopes = {}
+        own_spots = {s.id: s for s in self.builder.spots}
+        built = self.built_in(setting)
+        spots = (*(s for s in spots if s in own_spots and s not in built), *built)
+        by_plan = list(dict.fromkeys(name.removesuffix(CHANGE) for name in by))
+        for module in self.modules if modules is None else modules:
+            plan = self.builder.plan(module, setting.ids, spots)
+            zero = {own_spots[s].unknown: 0.0 for s in spots if s not in built}
+            signals = [name for name in plan.inputs if name in self.shared]
+            names = [o for o in self.observers if o.module == module]
+            wanted = plan.select([f"q:{o.id}" for o in names])
+            out, slopes = run_with_slopes(wanted, {**inputs, **zero}, [*by_plan, *signals])
+            for observer in names:
+                i, key = self.number[observer.id], f"q:{observer.id}"
+                values[i] = out[key]
+                for name, slope in slopes[key].items():
+                    table = by_reading if name in self.shared else raw
+                    table.setdefault(name, {})[i] = slope
+        return Flows(values, by_reading, self._of_values(by, raw, by_reading))
+
+    def built_in(self, setting: Setting) -> tuple[str, ...]:
+        """Places with an error that plans must have an input for; a parameter is one anyway."""
+        places = {s.id for s in self.builder.spots}
+        return tuple(s for s in setting.spots if s in places)
+
+    def reached(self, observers: Sequence[str]) -> tuple[str, ...]:
+        """Modules of some observers, in order."""
+        touched = {o.rpartition(".")[0] for o in observers}
+        return tuple(m for m in self.modules if m in touched)
+
+    def _of_values(self, by: Sequence[str], raw: Slopes, by_reading: Slopes) -> Slopes:
+        """Slopes by free values; those by sensor errors follow from the readings they act on."""
+        result: Slopes = {}
+        for name in by:
+            signal = name.removeprefix(ERROR)
+            if signal == name:
+                result[name] = raw.get(name.removesuffix(CHANGE), {})
+            else:
+                u = self.shared[signal]
+                result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
+        return result

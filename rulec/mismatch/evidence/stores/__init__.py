@@ -1,0 +1,1 @@
+"""Evidence over time: errors of the readings of a plant that stores."""

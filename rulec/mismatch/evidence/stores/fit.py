@@ -1,0 +1,437 @@
+"""Fit a model to what is open of a recording: simulation error, priors, bounds, its noise.
+
+Source: trust region with bounds (Branch, Coleman, Li 1999; scipy); slow errors of inputs are
+eliminated by projection (variable projection: Golub, Pereyra 1973).
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.autocorrelation_time import Flags
+from rulec_runtime.simulation.balances import TIME, RanAway
+
+from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch.evidence.stores.drift import Drift
+from rulec.mismatch.evidence.stores.noise import Noise, noise_of
+from rulec.mismatch.evidence.stores.simulation_problem import Bench, Simulated, unknowns_of
+
+WIDEST = 6.0
+"""Stated uncertainties by which a parameter may leave its value."""
+
+SMALLEST = 0.02
+"""A parameter keeps its sign, and this share of itself."""
+
+NEAR = 0.01
+"""Share of its range by which a value may be off an end and still count as there."""
+
+INWARD, PRESSING = 0.1, 0.5
+"""A value is pressed to an end if this share of the way back would cost so much likelihood, """
+
+ONWARD = 1.92
+"""and to go on would gain so much (chi-square with one degree, half): a truth that lies at the end,
+as of a pump that follows no further at all, is pressed there by noise half of the time."""
+
+GENTLE = 0.05
+"""Share of a step that matters by which a strength is off its null where models are made linear."""
+
+EDGE = 0.02
+"""Share of the recording before which, and this much before whose end, nothing begins."""
+
+QUICK = 8
+"""Evaluations of a fit that starts near its end."""
+
+RUNAWAY = 1e6
+"""Error, in standard deviations, of a model whose states grow beyond all bounds."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model fitted to a recording.
+
+    `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
+    (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
+    signal, shape (n,); `noise` is what they show. `strain` is half the squares of what the priors
+    cost, those of sensors too. `slow` holds errors within the class of sensors, in their
+    uncertainties, `inputs` what was given, put right by them, and `drift` what they do. `pressed`
+    names unknowns that stand at an end of what is possible and would go on.
+    """
+
+    joined: tuple[Candidate, ...]
+    values: Mapping[str, float]
+    free: tuple[str, ...]
+    noise: Mapping[str, Noise]
+    errors: Mapping[str, Array]
+    strain: float
+    covariance: Array
+    slow: Array
+    inputs: Mapping[str, Array]
+    drift: Drift
+    pressed: tuple[str, ...] = ()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of what is joined."""
+        return tuple(c.id for c in self.joined)
+
+    def u(self, name: str) -> float:
+        """Standard uncertainty of a parameter, SI."""
+        i = self.free.index(name)
+        return float(np.sqrt(max(self.covariance[i, i], 0.0)))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Which samples count, and how: `known` and `noise` per signal.
+
+    `slow` holds errors of what is given that a simulation starts from, shape (errors of `drift`,).
+    """
+
+    known: Mapping[str, Flags]
+    noise: Mapping[str, Noise]
+    drift: Drift
+    slow: Array
+
+    def flags(self) -> Flags:
+        """Samples that count, all signals one below the other."""
+        return np.concatenate(list(self.known.values()))
+
+    def weights(self) -> Array:
+        """What errors are divided by, one per sample, stacked alike."""
+        return np.concatenate(
+            [np.full(len(k), self.noise[n].weight) for n, k in self.known.items()]
+        )
+
+    def basis(self) -> Array:
+        """Orthonormal columns that span slow errors and their priors, stacked."""
+        if not self.drift.count:
+            return np.zeros((int(self.flags().sum()), 0))
+        moved = (self.drift.moved / self.weights()[:, None])[self.flags()]
+        basis, _ = np.linalg.qr(np.vstack([moved, np.eye(self.drift.count)]))
+        return np.asarray(basis)
+
+
+class Fitter:
+    """Fits models with some candidates joined."""
+
+    def __init__(
+        self, bench: Bench, joined: tuple[Candidate, ...], fixed: Mapping[str, float]
+    ) -> None:
+        self.bench, self.joined, self.fixed = bench, joined, dict(fixed)
+        self.ids = tuple(c.id for c in joined)
+        self.free = bench.free(joined)
+        base = bench.base
+        place = {n: i for i, n in enumerate(base.ids)}
+        self._count = sum(n in place for n in self.free)
+        rows = [place[n] for n in self.free[: self._count]]
+        self._mean = base.values[rows]
+        covariance = base.covariance[np.ix_(rows, rows)]
+        self._u = np.sqrt(np.diag(covariance))
+        scaled = covariance / np.outer(self._u, self._u)
+        self._prior = np.linalg.inv(np.linalg.cholesky(scaled + 1e-12 * np.eye(len(rows))))
+        self._unknowns = [unknowns_of(joined)[n] for n in self.free[self._count :]]
+        duration = float(bench.time[-1])
+        self._scale = np.concatenate([self._u, [_size(u, duration) for u in self._unknowns]])
+        self._low, self._high = self._bounds()
+
+    def _bounds(self) -> tuple[Array, Array]:
+        low, high = self._mean - WIDEST * self._u, self._mean + WIDEST * self._u
+        low = np.where(self._mean > 0, np.maximum(low, SMALLEST * self._mean), low)
+        high = np.where(self._mean < 0, np.minimum(high, SMALLEST * self._mean), high)
+        ends = [self._ends(u) for u in self._unknowns]
+        return (
+            np.concatenate([low, [end[0] for end in ends]]),
+            np.concatenate([high, [end[1] for end in ends]]),
+        )
+
+    def _ends(self, unknown: Unknown) -> tuple[float, float]:
+        """What is possible; what is there nearly from the first sample on, or to the last, no
+        recording can tell from what always is, or never."""
+        if unknown.driver != TIME:
+            return unknown.lowest, unknown.highest
+        duration = float(self.bench.time[-1])
+        return EDGE * duration, (1.0 - EDGE) * duration
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """Values of the free parameters, SI, within bounds; plain ones where none is given."""
+        plain = dict(zip(self.free, self._mean, strict=False))
+        at = np.array([values.get(n, plain.get(n, 0.0)) for n in self.free])
+        return np.asarray(np.clip(at, self._low, self._high))
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Between which values a parameter may lie, SI."""
+        i = self.free.index(name)
+        return float(self._low[i]), float(self._high[i])
+
+    def fall(
+        self, at: Array, i: int, step: float, along: Array, judged: Judged, basis: Array
+    ) -> float:
+        """The least cost with one parameter held a step off; `along` is how others go with it.
+
+        Values that only the priors tell apart form a ridge, which no descent from beside it climbs.
+        """
+        value = at[i] + step
+        with self._held({i: value}):
+            starts = [np.clip(at + step * a, self._low, self._high) for a in (0.0, along)]
+            near = [self.descend(start, judged, basis, QUICK) for start in starts]
+            return min(self.cost(point, judged, basis) for point in near)
+
+    @contextlib.contextmanager
+    def _held(self, values: Mapping[int, float]) -> Iterator[None]:
+        """Some free values, by number, stay where they are put."""
+        low, high = self._low.copy(), self._high.copy()
+        for i, value in values.items():
+            margin = 1e-7 * self._scale[i]
+            self._low[i], self._high[i] = value - margin, value + margin
+        try:
+            yield
+        finally:
+            self._low, self._high = low, high
+
+    def scattered(self, at: Array, random: np.random.Generator, share: float) -> Array:
+        """A start somewhere near: the plain parameters moved by a share of their uncertainties."""
+        moved = at.copy()
+        moved[: self._count] += share * self._u * random.standard_normal(self._count)
+        return np.clip(moved, self._low, self._high)
+
+    def stated(self, at: Array) -> Array:
+        """The same with all plain parameters as they are stated."""
+        moved = at.copy()
+        moved[: self._count] = self._mean
+        return np.clip(moved, self._low, self._high)
+
+    def values(self, at: Array) -> dict[str, float]:
+        """The same by id, with what is fixed."""
+        return {**self.fixed, **dict(zip(self.free, at.tolist(), strict=True))}
+
+    def simulate(self, at: Array, judged: Judged, slopes: bool = True) -> Simulated:
+        """Simulate at a point."""
+        seeds = self.free if slopes else ()
+        inputs = judged.drift.put_right(self.bench.record.inputs, judged.slow)
+        return self.bench.simulate(self.ids, self.values(at), seeds, inputs)
+
+    def _strain(self, at: Array) -> Array:
+        return np.asarray(self._prior @ ((at[: self._count] - self._mean) / self._u))
+
+    def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
+        """Weighted errors and strains of the priors, and their slopes per scaled parameter."""
+        said = self.simulate(at, judged)
+        flags, weights = judged.flags(), judged.weights()
+        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
+        slopes = [said.slopes[n] * self._scale for n in self.bench.signals]
+        columns = np.column_stack([np.concatenate(errors), np.concatenate(slopes)])
+        columns = _projected((columns / weights[:, None])[flags], basis, judged.slow)
+        strain = np.zeros((self._count, len(self.free)))
+        strain[:, : self._count] = self._prior * self._scale[: self._count] / self._u
+        return (
+            np.concatenate([columns[:, 0], self._strain(at)]),
+            np.concatenate([columns[:, 1:], strain]),
+        )
+
+    def cost(self, at: Array, judged: Judged, basis: Array) -> float:
+        """Half the sum of squares; infinite where the model runs away."""
+        try:
+            said = self.simulate(at, judged, slopes=False)
+        except RanAway:
+            return float("inf")
+        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
+        column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
+        total = np.sum(_projected(column, basis, judged.slow) ** 2) + np.sum(self._strain(at) ** 2)
+        return 0.5 * float(total)
+
+    def gentle(self, at: Array, known: Mapping[str, float]) -> Array:
+        """The point with strengths that are not known yet nearly at their null.
+
+        There a model is linear in them, whatever their sign.
+        """
+        near = at.copy()
+        for i, unknown in enumerate(self._unknowns, self._count):
+            if unknown.null is not None and unknown.id not in known:
+                near[i] = unknown.null + GENTLE * self._scale[i]
+        return np.asarray(np.clip(near, self._low, self._high))
+
+    def ahead(self, at: Array, judged: Judged, basis: Array) -> Array:
+        """The optimum of the model made linear at a point, thresholds and times held there."""
+        try:
+            residual, slopes = self.residual(at, judged, basis)
+        except RanAway:
+            return at
+        shaping = [i for i, u in enumerate(self._unknowns, self._count) if u.null is None]
+        slopes[:, shaping] = 0.0
+        step = -np.linalg.lstsq(slopes, residual, rcond=1e-9)[0] * self._scale
+        return np.asarray(np.clip(at + step, self._low, self._high))
+
+    def changes(
+        self, at: Array, judged: Judged, basis: Array, candidate: Candidate
+    ) -> tuple[Array, Array, Array]:
+        """What strengths of a candidate change in weighted errors, per scaled step, shape (errors,
+        strengths); and the ends of their ranges in such steps from their null, shape (strengths,).
+        """
+        residual, slopes = self.residual(at, judged, basis)
+        own = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+        places = [self.free.index(name) for name in own]
+        null, scale = np.array(list(own.values())), self._scale[places]
+        columns = slopes[: len(residual) - self._count, places]
+        return columns, (self._low[places] - null) / scale, (self._high[places] - null) / scale
+
+    def descend(self, at: Array, judged: Judged, basis: Array, evaluations: int) -> Array:
+        """A local optimum near a point."""
+        from scipy.optimize import least_squares
+
+        kept: dict[bytes, tuple[Array, Array]] = {}
+
+        def both(z: Array) -> tuple[Array, Array]:
+            key = z.tobytes()
+            if key not in kept:
+                kept.clear()
+                try:
+                    kept[key] = _compressed(*self.residual(z * self._scale, judged, basis))
+                except RanAway:
+                    count = len(z) + 1
+                    kept[key] = (np.full(count, RUNAWAY), np.zeros((count, len(z))))
+            return kept[key]
+
+        low, high = self._low / self._scale, self._high / self._scale
+        span = np.minimum(1e-9 * (1.0 + np.abs(low) + np.abs(high)), 1e-6)
+        span = np.minimum(span, 0.25 * (high - low))
+        # Steps that lead nowhere overflow, and are turned down.
+        with np.errstate(all="ignore"):
+            found = least_squares(
+                lambda z: both(z)[0],
+                np.clip(at / self._scale, low + span, high - span),
+                jac=lambda z: both(z)[1],
+                bounds=(low, high),
+                max_nfev=evaluations,
+                xtol=1e-6,
+                ftol=1e-6,
+                gtol=1e-6,
+            )
+        return np.asarray(found.x * self._scale)
+
+    def errors(self, at: Array, judged: Judged) -> tuple[dict[str, Array], Array]:
+        """Simulated less measured less what errors within the class of sensors explain; NaN where
+        nothing was measured. Those errors beside it."""
+        said = self.simulate(at, judged, slopes=False)
+        errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
+        whole, slow = np.concatenate(errors), judged.slow
+        if judged.drift.count:
+            weights, flags = judged.weights(), judged.flags()
+            moved = judged.drift.moved / weights[:, None]
+            left = (whole / weights)[flags]
+            normal = moved[flags].T @ moved[flags] + np.eye(len(slow))
+            found = np.linalg.solve(normal, moved[flags].T @ left + slow)
+            whole, slow = whole - judged.drift.moved @ found, slow - found
+        return dict(zip(self.bench.signals, np.split(whole, len(errors)), strict=True)), slow
+
+    def _descended(self, at: Array, judged: Judged, evaluations: int) -> Array:
+        """A local optimum, also of the other values at the times at which something begins.
+
+        Errors have a kink where such a time passes a sample: there steps of all values end.
+        """
+        basis = judged.basis()
+        at = self.descend(at, judged, basis, evaluations)
+        times = [i for i, u in enumerate(self._unknowns, self._count) if u.driver == TIME]
+        if not times:
+            return at
+        with self._held({i: float(at[i]) for i in times}):
+            return self.descend(at, judged, basis, evaluations)
+
+    def finish(self, at: Array, judged: Judged, evaluations: int = 40, rounds: int = 2) -> Fitted:
+        """Fit and look at the noise in turn."""
+        for _ in range(rounds):
+            at = self._descended(at, judged, evaluations)
+            errors, slow = self.errors(at, judged)
+            noise, given = self._noise(errors, judged), judged.drift.given(slow)
+            judged = replace(judged, noise=noise, slow=given)
+        strain = 0.5 * float(np.sum(self._strain(at) ** 2) + np.sum(slow**2))
+        return Fitted(
+            self.joined,
+            self.values(at),
+            self.free,
+            judged.noise,
+            errors,
+            strain,
+            np.zeros((0, 0)),
+            judged.slow,
+            judged.drift.put_right(self.bench.record.inputs, judged.slow),
+            judged.drift,
+            self._pressed(at, judged),
+        )
+
+    def _pressed(self, at: Array, judged: Judged) -> tuple[str, ...]:
+        """Unknowns at an end of their range, other than their null, that the data push there."""
+        at_end = [
+            (self._count + i, unknown, end)
+            for i, unknown in enumerate(self._unknowns)
+            for end in (unknown.lowest, unknown.highest)
+            if unknown.null is not None and end != unknown.null
+            if abs(at[self._count + i] - end) < NEAR * (unknown.highest - unknown.lowest)
+        ]
+        for i, unknown in enumerate(self._unknowns):
+            low, high = self._ends(unknown)
+            if unknown.driver == TIME and not low < at[self._count + i] < high:
+                return (unknown.id,)
+        if not at_end:
+            return ()
+        residual, slopes = self.residual(at, judged, judged.basis())
+        open_ = np.diag(np.linalg.pinv(slopes.T @ slopes))
+        found = []
+        for i, unknown, end in at_end:
+            back = INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
+            steep = abs(float(slopes[:, i] @ residual))
+            if steep * back > PRESSING and 0.5 * steep**2 * open_[i] > ONWARD:
+                found.append(unknown.id)
+        return tuple(found)
+
+    def _noise(self, errors: Mapping[str, Array], judged: Judged) -> dict[str, Noise]:
+        """The noise that errors show, per signal."""
+        least = self.bench.record.resolution
+        return {n: noise_of(e, judged.known[n], least[n]) for n, e in errors.items()}
+
+    def with_covariance(self, fitted: Fitted, judged: Judged) -> Fitted:
+        """The same with the covariance of its parameters."""
+        judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
+        _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
+        # What the data leave open is uniform between its bounds, and no more uncertain than that.
+        span = np.minimum(self._high - self._low, 1e6 * self._scale) / self._scale
+        scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
+        covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
+        return replace(fitted, covariance=covariance)
+
+
+def _compressed(residual: Array, slopes: Array) -> tuple[Array, Array]:
+    """As many rows as parameters and one more, with the same squares, gradient and curvature.
+
+    The optimiser takes a singular value decomposition at each point; that of all samples would cost
+    more than to simulate them.
+    """
+    count = slopes.shape[1]
+    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([slopes, residual]), mode="r"))
+    return triangle[:, count].copy(), triangle[:, :count].copy()
+
+
+def _projected(columns: Array, basis: Array, slow: Array) -> Array:
+    """What is left of columns, errors first, when slow errors explain what their priors allow.
+
+    `slow` is where those stand already.
+    """
+    extra = basis.shape[1]
+    if not extra:
+        return columns
+    padded = np.vstack([columns, np.zeros((extra, columns.shape[1]))])
+    padded[-extra:, 0] = slow
+    return np.asarray(padded - basis @ (basis.T @ padded))
+
+
+def _size(unknown: Unknown, duration: float) -> float:
+    """A step that matters for an unknown."""
+    if unknown.driver == TIME:
+        return EDGE * duration
+    null = unknown.null or 0.0
+    sizes = [abs(s - null) for s in unknown.starts if s != null]
+    span = unknown.highest - unknown.lowest
+    return min(sizes, default=0.1 * span if np.isfinite(span) else unknown.factor)

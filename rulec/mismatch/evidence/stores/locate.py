@@ -1,0 +1,177 @@
+"""Where a mismatch sits: every balance and every sensor gets an error of free course, one by one.
+
+The course is a row of values over time, held together by a prior; its size is the one under which
+the errors of the model are most likely. A place is suspected by what that explains.
+
+Source: noise terms on state equations point at the deficient one (Kristensen, Madsen, Jorgensen
+2004); here as a smoothed input, by linear response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.simulation.balances import RanAway
+
+from rulec.effects.candidate import Spot
+from rulec.mismatch.answer_types.result import Region
+from rulec.mismatch.evidence.steady.locate import TELLING, best_interval
+from rulec.mismatch.evidence.stores.fit import Fitted, Judged
+from rulec.mismatch.evidence.stores.simulation_problem import Bench
+
+KNOTS = (48, 192)
+"""Values of an error over a recording: one that is smooth, and one that surges."""
+
+MOST = 0.5
+"""Share of the squared errors with which a smooth course will do."""
+
+SIZES = np.logspace(-3.0, 1.5, 19)
+"""Sizes of an error that are tried, as a share of what would move readings by their scatter."""
+
+STORED = ("balance", "reading")
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A place with the course of its error, SI, shape (n,); `gain` in log likelihood.
+
+    `share` is the part of the squared errors that goes.
+    """
+
+    spot: Spot
+    course: Array
+    gain: float
+    share: float
+
+
+def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
+    """Places by what an error there explains, the likeliest first."""
+    found: list[Suspect] = []
+    for knots in KNOTS:
+        found = _suspects(bench, fitted, judged, knots)
+        # The smoother a course that will do, the more its place is worth.
+        if found and found[0].share > MOST:
+            break
+    return found
+
+
+def _suspects(bench: Bench, fitted: Fitted, judged: Judged, knots: int) -> list[Suspect]:
+    weights = np.concatenate(
+        [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
+    )
+    flags = judged.flags()
+    error = np.concatenate([fitted.errors[n] for n in bench.signals])
+    left = np.where(flags, error, 0.0)[flags] / weights[flags]
+    found = []
+    for spot in bench.builder.spots:
+        if spot.kind not in STORED:
+            continue
+        response = _response(bench, fitted, spot, knots)
+        if response is None:
+            continue
+        columns, shapes, size = response
+        found.append(_suspect(spot, columns[flags] / weights[flags, None], shapes, size, left))
+    return sorted(found, key=lambda s: -s.gain)
+
+
+def smooth_gain(bench: Bench, fitted: Fitted, judged: Judged, spot: Spot, count: int) -> float:
+    """What as many free parameters without physics would gain at a place: a smooth course in time.
+
+    By linear response, in log likelihood with the size of the noise unknown.
+    """
+    response = _response(bench, fitted, spot, count)
+    if response is None:
+        return 0.0
+    weights = np.concatenate(
+        [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
+    )
+    flags = judged.flags()
+    error = np.concatenate([fitted.errors[n] for n in bench.signals])
+    left = np.where(flags, error, 0.0)[flags] / weights[flags]
+    columns = response[0][flags] / weights[flags, None]
+    found = np.linalg.lstsq(columns, left, rcond=None)[0]
+    before, after = float(np.sum(left**2)), float(np.sum((left - columns @ found) ** 2))
+    return 0.5 * before * float(np.log(before / max(after, 1e-300)))
+
+
+def _response(
+    bench: Bench, fitted: Fitted, spot: Spot, knots: int
+) -> tuple[Array, list[Array], float] | None:
+    """What unit errors at a place do to all readings, stacked; None where nothing sees it.
+
+    Scaled so that a constant unit error moves readings by their scatter.
+    """
+
+    def shown(course: Array) -> Array:
+        said = bench.simulate(
+            fitted.ids,
+            fitted.values,
+            inputs={**fitted.inputs, spot.unknown: course},
+            spots=(spot.id,),
+        )
+        return np.concatenate([said.shown[n] for n in bench.signals])
+
+    scatter = max(float(np.nanstd(v)) for v in bench.record.measured.values())
+    zero = np.zeros(len(bench.time))
+    try:
+        plain = shown(zero)
+        size = 1e-6 * spot.factor
+        moved = float(np.nanmax(np.abs(shown(zero + size) - plain)))
+        if moved <= 1e-12 * scatter:
+            return None
+        size *= scatter / moved
+        ends = np.linspace(bench.time[0], bench.time[-1], max(knots, 2))
+        shapes = [np.interp(bench.time, ends, row) for row in np.eye(len(ends))[:knots]]
+        step = 0.02 * size
+        columns = [(shown(step * shape) - plain) / 0.02 for shape in shapes]
+    except RanAway:
+        return None
+    return np.column_stack(columns), shapes, size
+
+
+def _suspect(spot: Spot, columns: Array, shapes: list[Array], size: float, left: Array) -> Suspect:
+    """The size of the error that makes what is left most likely, and its course there."""
+    basis, lengths, turned = np.linalg.svd(columns, full_matrices=False)
+    inside = basis.T @ left
+    best: tuple[float, float] = (0.0, 0.0)
+    for scale in SIZES:
+        spread = 1.0 + (scale * lengths) ** 2
+        gain = 0.5 * float(np.sum(inside**2 * (1.0 - 1.0 / spread)) - np.sum(np.log(spread)))
+        if gain > best[0]:
+            best = (gain, float(scale))
+    gain, scale = best
+    pull = scale**2 * lengths / (1.0 + (scale * lengths) ** 2)
+    course = np.asarray(-(turned.T @ (pull * inside)))
+    explained = left + columns @ course
+    share = 1.0 - float(np.sum(explained**2) / max(np.sum(left**2), 1e-300))
+    whole = np.sum([c * s for c, s in zip(course, shapes, strict=True)], axis=0)
+    return Suspect(spot, whole * size, gain, max(share, 0.0))
+
+
+def region_in(
+    contribution: Array, variables: Mapping[str, tuple[Array, float, float, str]]
+) -> tuple[Region, ...]:
+    """The values at which a mismatch shows: one variable, from one value to another.
+
+    Parameters
+    ----------
+    contribution : shape (n,), what each sample has of the mismatch, not negative.
+    variables : by id a course (SI), factor, offset and unit to show it in.
+    """
+    known = np.isfinite(contribution)
+    total = float(np.sum(contribution[known]))
+    if total <= 0:
+        return ()
+    best: tuple[float, Region] | None = None
+    for name, (course, factor, offset, unit) in variables.items():
+        ends = best_interval(course[known], contribution[known] / total)
+        if ends is None:
+            continue
+        gain, low, high, share = ends
+        shown = [None if v is None else (v - offset) / factor for v in (low, high)]
+        if best is None or gain > best[0] + 0.02:
+            best = (gain, Region(name, shown[0], shown[1], unit, share))
+    return (best[1],) if best is not None and best[0] > TELLING else ()

@@ -1,0 +1,48 @@
+"""How much an error of a simulation says: its size, and for how long it stays as it is.
+
+A plain model is off for long stretches. Were its errors counted as if each sample were new, every
+candidate that bends the curve would seem proven a thousand times over. So squares of errors are
+counted once per memory of what remains.
+
+Source: effective number of samples for squares of an autocorrelated series (Bartlett 1946).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.autocorrelation_time import Flags, memory_of
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of an error (SI), and the number of samples that say one new thing."""
+
+    spread: float
+    memory: float
+
+    @property
+    def weight(self) -> float:
+        """What an error is divided by, so that a square counts as one nat and a half."""
+        return float(self.spread * np.sqrt(self.memory))
+
+
+def noise_of(error: Array, known: Flags, least: float) -> Noise:
+    """The noise that an error shows.
+
+    Parameters
+    ----------
+    error : shape (n,); where it is not `known`, it does not count.
+    least : standard deviation at least, such as the resolution of the sensor.
+    """
+    seen = error[known]
+    spread = float(np.sqrt(np.mean(seen**2))) if len(seen) else least
+    return Noise(max(spread, least), memory_of(error, known))
+
+
+def gain(before: Noise, after: Noise, samples: int) -> float:
+    """By how much the logarithm of the likelihood rises, the size of the noise being unknown."""
+    count = samples / max(after.memory, 1.0)
+    return float(count * np.log(before.spread / after.spread))

@@ -1,0 +1,178 @@
+"""A recording as the analysis of a plant that stores reads it: even in time, split into blocks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.autocorrelation_time import Flags
+from rulec_runtime.recordings.coarse_steps import coarse_step
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import standing_still
+from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
+
+from rulec.mismatch.evidence.steady.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
+
+BUDGET = 4096
+"""Samples at most; neighbours of longer recordings are averaged."""
+
+BLOCKS = 25
+"""Blocks of a recording."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """Samples in order of time.
+
+    `inputs` holds what is given, all finite, `measured` what sensors showed, NaN where they show
+    nothing; both per signal an array, shape (n,), SI. `resolution` is the step in which a reading
+    moves at least. `glitches` counts readings that were set aside, per signal. Of the rows of the
+    recording, shape (rows,): `sample` is the number of the sample that each is a part of, -1 for
+    none; `read` and `odd` flag those with a usable reading of what is predicted, and those with one
+    that was set aside. `timed` tells that samples lie on one clock: else nothing can follow time.
+    """
+
+    time: Array
+    inputs: Mapping[str, Array]
+    measured: Mapping[str, Array]
+    resolution: Mapping[str, float]
+    glitches: Mapping[str, int]
+    part: NDArray[np.intp]
+    split: str
+    digest: str
+    sample: NDArray[np.intp]
+    read: Flags
+    odd: Flags
+    timed: bool = True
+
+    @property
+    def open(self) -> Flags:
+        """Samples that may be looked at before the end."""
+        flags: Flags = self.part != HELDOUT
+        return flags
+
+
+def record_of(
+    recording: Recording,
+    ruleset: Ruleset,
+    given: Sequence[str],
+    heldout: Sequence[tuple[float, float]] = (),
+) -> Record | None:
+    """Prepare a recording; None where a reading that is given, or every predicted one, is missing.
+
+    Parameters
+    ----------
+    given : signals that no equation predicts.
+    """
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    if any(n not in recording.values for n in dynamics.inputs):
+        return None
+    shown = [n for n in dynamics.outputs if n in recording.values]
+    measured: dict[str, Array] = {}
+    glitches: dict[str, int] = {}
+    strange: dict[str, Flags] = {}
+    for name in shown:
+        values = recording.values[name]
+        measured[name] = without_odd(ruleset.signal_by_id[name], values)
+        strange[name] = np.isfinite(values) & ~np.isfinite(measured[name])
+        glitches[name] = int(strange[name].sum())
+    rows, whole = np.arange(len(recording.time)), measured
+    inputs = {n: v for n, v in recording.values.items() if n in given}
+    factor = -(-len(recording.time) // BUDGET)
+    time, inputs, measured = thinned(recording.time, inputs, measured, factor)
+    inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
+    if any(n not in inputs for n in dynamics.inputs) or len(time) < BLOCKS:
+        return None
+    measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > BLOCKS}
+    if not measured:
+        return None
+    part = _split(time, inputs, heldout)
+    digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
+    steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
+    text = _told(time, part, heldout)
+    sample = np.where(rows < len(time) * factor, rows // factor, -1)
+    read = np.any([np.isfinite(whole[n]) for n in measured], axis=0)
+    odd = np.any([strange[n] for n in measured], axis=0)
+    timed = recording.one_clock
+    return Record(
+        time, inputs, measured, steps, glitches, part, text, digest, sample, read, odd, timed
+    )
+
+
+def without_odd(signal: SignalSpec, values: Array) -> Array:
+    """Readings without those that no neighbour bears out, or that stand still, shape (n,)."""
+    odd = glitches_in(values)
+    for first, behind in standing_still(values, ends=(signal.lowest, signal.highest)):
+        odd[first + 1 : behind] = True
+    return np.where(odd, np.nan, values)
+
+
+def _resolution(values: Array, signal: SignalSpec) -> float:
+    """Standard deviation of a reading's steps, however coarse."""
+    u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
+    return coarse_step(values, u) / float(np.sqrt(12.0)) or resolution(values, signal)
+
+
+def lacking(recording: Recording, ruleset: Ruleset) -> str:
+    """Why `record_of` finds nothing to compare, for people."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+
+    def absent(names: Sequence[str]) -> list[str]:
+        known = recording.values
+        return [n for n in names if n not in known or not np.isfinite(known[n]).any()]
+
+    if given := absent(dynamics.inputs):
+        return f"{', '.join(given)} drives the plant and is not in the recording"
+    if len(absent(dynamics.outputs)) == len(dynamics.outputs):
+        return f"it needs a reading of {' or '.join(dynamics.outputs)}; the recording has none"
+    return f"{len(recording)} samples; more than {BLOCKS} with readings are needed"
+
+
+def _split(
+    time: Array, inputs: Mapping[str, Array], heldout: Sequence[tuple[float, float]]
+) -> NDArray[np.intp]:
+    """What each sample serves for.
+
+    Which blocks are set aside follows from what is given alone: those whose inputs are most like
+    the others', so that what is proved there was also there to be learnt. The first block is none
+    of them: what was stored at the beginning shows there alone.
+    """
+    n = len(time)
+    block = np.arange(n) * BLOCKS // n
+    if heldout:
+        inside = np.zeros(n, dtype=bool)
+        for low, high in heldout:
+            inside |= (time >= low) & (time <= high)
+        return np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
+    turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
+    parts = [turn[block % len(PATTERN)] for turn in turns if turn[0] != HELDOUT]
+    return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
+
+
+def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) -> float:
+    """Largest distance between the distributions of smoothed inputs (Kolmogorov, Smirnov)."""
+    far = 0.0
+    for course in inputs.values():
+        smooth = np.convolve(course, np.ones(length) / length)[: len(course)]
+        levels = np.quantile(smooth, np.linspace(0.0, 1.0, 41))
+        inside, outside = np.sort(smooth[flags]), np.sort(smooth[~flags])
+        shares = [np.searchsorted(v, levels, "right") / len(v) for v in (inside, outside)]
+        far = max(far, float(np.max(np.abs(shares[0] - shares[1]))))
+    return round(far, 3)
+
+
+def _told(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str:
+    counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
+    chosen = "as asked" if heldout else "every fifth block, by the inputs"
+    return (
+        f"{len(time)} samples in {BLOCKS} blocks of time: {counts[0] + counts[1]} to search and "
+        f"fit, {counts[2]} held out ({chosen}); simulation runs through all of them"
+    )

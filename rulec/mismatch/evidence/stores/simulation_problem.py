@@ -1,0 +1,167 @@
+"""Models of one plant over one recording: simulated as often as the analysis asks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.autocorrelation_time import Flags
+from rulec_runtime.simulation.balances import TIME, Balances, Course
+
+from rulec.effects.candidate import BaseParameters, Candidate, Unknown
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.evidence.stores.record import Record
+
+SHOWN = "shown:"
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a model says: per measured signal what its sensor shows, shape (n,), SI.
+
+    `slopes` are derivatives by the seeds, shape (n, seeds); `course` is all of it.
+    """
+
+    shown: Mapping[str, Array]
+    slopes: Mapping[str, Array]
+    course: Course
+
+
+class Bench:
+    """The plant, what may join it, and the recording."""
+
+    def __init__(self, ruleset: Ruleset, builder: ModelBuilder, record: Record) -> None:
+        self.ruleset, self.builder, self.record = ruleset, builder, record
+        self.signals = tuple(record.measured)
+        self.time: Array = record.time - record.time[0]
+        # Noise and fits may see samples that are open; a reading at the end of its range counts.
+        self.known: Mapping[str, Flags] = {
+            n: np.isfinite(v) & record.open for n, v in record.measured.items()
+        }
+
+    @cached_property
+    def _lines(self) -> frozenset[str]:
+        """Given readings that go in a line from one sample to the next."""
+        return frozenset(s.id for s in self.ruleset.signals if s.between == "line")
+
+    @property
+    def base(self) -> BaseParameters:
+        """Parameters of the plain plant."""
+        return self.builder.parameters
+
+    def balances(self, joined: tuple[str, ...]) -> Balances:
+        """The balances with candidates built in."""
+        return self.builder.balances(joined)
+
+    def free(self, joined: Sequence[Candidate]) -> tuple[str, ...]:
+        """Parameters that a fit may move: uncertain ones that reach what is measured, unknowns."""
+        plan = self.balances(tuple(c.id for c in joined)).plan
+        reached = plan.select(self._watched(plan.outputs)).used_inputs
+        known = [n for n in self.base.ids if n in reached]
+        return (*known, *(u.id for c in joined for u in c.unknowns if not u.fixed))
+
+    def _watched(self, outputs: Mapping[str, int]) -> list[str]:
+        shown = [f"{SHOWN}{n}" for n in self.signals]
+        moving = ("der:", "start:", "low:", "high:", "after:")
+        return [n for n in outputs if n.startswith(moving) or n in shown]
+
+    @cached_property
+    def plain_values(self) -> dict[str, float]:
+        """Values of all parameters of the plain plant, SI."""
+        base = self.base
+        return {**base.constants, **dict(zip(base.ids, base.values.tolist(), strict=True))}
+
+    def simulate(
+        self,
+        joined: tuple[str, ...],
+        values: Values,
+        seeds: Sequence[str] = (),
+        inputs: Mapping[str, Array] | None = None,
+        spots: tuple[str, ...] = (),
+    ) -> Simulated:
+        """Simulate the whole recording, or with other `inputs`; raises `RanAway`.
+
+        Errors at `spots` are inputs by their unknowns.
+        """
+        whole = self.builder.balances(joined, spots) if spots else self.balances(joined)
+        given = self.record.inputs if inputs is None else inputs
+        table = np.column_stack([given[n] for n in whole.inputs] or [np.zeros((len(self.time), 0))])
+        held = np.array([n not in self._lines for n in whole.inputs], dtype=np.bool_)
+        course = whole.run(self.time, table, held, {**self.plain_values, **values}, seeds)
+        shown, slopes = {}, {}
+        for name in self.signals:
+            i = whole.outputs.index(f"{SHOWN}{name}")
+            shown[name], slopes[name] = self._within(
+                name, course.shown[:, i], course.slopes[:, i, :]
+            )
+        return Simulated(shown, slopes, course)
+
+    def _within(self, name: str, shown: Array, slopes: Array) -> tuple[Array, Array]:
+        """A sensor shows no more than the end of its range."""
+        low, high = self._ends[name]
+        inside = (shown > low) & (shown < high)
+        return np.asarray(np.clip(shown, low, high)), np.where(inside[:, None], slopes, 0.0)
+
+    @cached_property
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of what each sensor shows: its range, unless the recording proves more."""
+        found = {}
+        for name, seen in self.record.measured.items():
+            signal = self.ruleset.signal_by_id[name]
+            low = -np.inf if signal.lowest is None else min(signal.lowest, float(np.nanmin(seen)))
+            high = np.inf if signal.highest is None else max(signal.highest, float(np.nanmax(seen)))
+            found[name] = low, high
+        return found
+
+    def trajectory(
+        self, joined: tuple[str, ...], values: Values, name: str, inputs: Mapping[str, Array]
+    ) -> Array:
+        """Course of a given reading, time, or what the model says of a state, a flow or a sensor.
+
+        Shape (n,), SI.
+        """
+        if name == TIME:
+            return self.time
+        if name in inputs:
+            return np.asarray(inputs[name])
+        whole = self.balances(joined)
+        course = self.simulate(joined, values, inputs=inputs).course
+        if name in whole.states:
+            return np.ascontiguousarray(course.states[:, whole.states.index(name)])
+        module, _, end = name.partition(".")
+        output = f"{SHOWN}{name}" if f"{SHOWN}{name}" in whole.outputs else f"{end}:{module}"
+        return np.ascontiguousarray(course.shown[:, whole.outputs.index(output)])
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Explanations all of whose parameters reach something that is measured.
+
+        Without a common clock nothing that follows one.
+        """
+        known = self.builder.candidates
+        timed = [c for c in known if self.record.timed or not c.follows_time]
+        return tuple(c for c in timed if self._reaches(c))
+
+    def _reaches(self, candidate: Candidate) -> bool:
+        plan = self.balances((candidate.id,)).plan
+        reached = plan.select(self._watched(plan.outputs)).used_inputs
+        return all(u.id in reached for u in candidate.unknowns if not u.fixed)
+
+    def candidate(self, name: str) -> Candidate:
+        """A candidate by id."""
+        return self._by_id[name]
+
+    @cached_property
+    def _by_id(self) -> dict[str, Candidate]:
+        return {c.id: c for c in self.builder.candidates}
+
+
+def unknowns_of(joined: Sequence[Candidate]) -> dict[str, Unknown]:
+    """All unknowns by id."""
+    return {u.id: u for c in joined for u in c.unknowns}

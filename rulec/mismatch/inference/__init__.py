@@ -1,0 +1,1 @@
+"""How certain the explanations are, and their proof on samples held out."""

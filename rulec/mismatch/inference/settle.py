@@ -1,0 +1,148 @@
+"""The repaired model as it will be used: with sensors as they are, and what it may be trusted for.
+
+In the search each sensor may err within its class. Whoever uses the model later reads the same
+sensors: their errors belong into the parameters then, as in any calibration on site.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch.answer_types.result import Changed, Repair
+from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+
+FAR = 5.0
+"""Robust standard deviations beyond which a point is set aside, as in calibration."""
+
+REPAIRING = ("physics", "ageing")
+"""Sorts of explanations that become part of a model."""
+
+
+def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> Fitted:
+    """Refit a setting (that of the fit unless given) with no error of any sensor.
+
+    Terms without physics behind them are left out: nobody should rely on them.
+    """
+    setting = fitted.setting if setting is None else setting
+    for candidate in setting.joined:
+        if candidate.sort == "free":
+            setting = setting.leaving(candidate.id)
+    none = {ERROR + name: 0.0 for name in fitted.rows.system.shared}
+    return fit(fitted.rows, setting, fitted.used, held=none, temper=fitted.temper)
+
+
+def repair_of(settled: Fitted) -> Repair:
+    """What to write into a plant of a refitted model."""
+    setting, system = settled.setting, settled.rows.system
+    known = {*system.builder.parameters.ids, *setting.free_unknowns()}
+    names = [n for n in settled.prior.names if n in known]
+    places = [settled.prior.names.index(n) for n in names]
+    return Repair(
+        setting.ids,
+        tuple(Changed(n, float(setting.values[n]), settled.u(n)) for n in names),
+        settled.covariance[np.ix_(places, places)],
+        {u.id: setting.fixed[u.id] for c in setting.joined for u in c.unknowns if u.fixed},
+        _misfit(settled),
+        _ranges(settled),
+    )
+
+
+def _misfit(settled: Fitted) -> dict[str, float]:
+    """What two estimates of a flow still differ by, noise of the readings included, as calibration
+    counts it.
+
+    It is the fault of the one that has a misfit at all, or of both alike. Points far off belong to
+    something else and are set aside.
+    """
+    system = settled.rows.system
+    flows = system.flows(settled.setting)
+    found: dict[str, float] = {}
+    for spec in system.ruleset.residuals:
+        ids = [t.observer for t in spec.terms]
+        if len(ids) != 2 or not all(o in system.number for o in ids):
+            continue
+        first, second = (system.number[o] for o in ids)
+        difference = flows.values[first] - flows.values[second]
+        usable = settled.used & system.valid[first] & system.valid[second]
+        off = difference[usable & np.isfinite(difference)]
+        if not len(off):
+            continue
+        near = off[_near(off)]
+        own = [o for o in ids if system.ruleset.observer_by_id[o].misfit > 0] or ids
+        for name in own:
+            value = float(np.sqrt(np.mean(near**2) / len(own)))
+            found[name] = max(found.get(name, 0.0), value)
+    return found
+
+
+def _ranges(settled: Fitted) -> dict[str, tuple[float, float]]:
+    """Readings at which the relations that speak of a signal were tested, and held.
+
+    A relation is tested where all its estimates may be used. Where one of them is missing (no flow
+    through a closed valve, say), what is left says nothing of the others; where the two are far
+    apart, the model is wrong or the plant is. A signal that only drives a law is tested with its
+    module's relations. A meter is no law: what it may show is not known from where it was used.
+    """
+    system, setting = settled.rows.system, settled.setting
+    tested, fitted = _tested(settled), _with_values(settled)
+    laws = {(c.module, d) for c in setting.joined for d in c.drivers.values()}
+    found = {}
+    for name in sorted(system.data.values):
+        readers = {o.id for o in system.observers if name in o.signals and o.id in fitted}
+        modules = {m for m, d in laws if d == name} if not readers else set()
+        readers |= {o.id for o in system.observers if o.module in modules}
+        own = [flags for ids, flags in tested.items() if readers.intersection(ids)]
+        values = system.data.values[name]
+        values = values[np.all(own, axis=0) & np.isfinite(values)] if own else values[:0]
+        if len(values):
+            found[name] = (float(values.min()), float(values.max()))
+    return found
+
+
+def _with_values(settled: Fitted) -> set[str]:
+    """Observers with values that were fitted."""
+    system, found = settled.rows.system, set()
+    for observer in system.observers:
+        plan = system.builder.plan(observer.module, settled.setting.ids)
+        used = plan.select([f"q:{observer.id}"]).used_inputs
+        if set(settled.prior.names).intersection(used):
+            found.add(observer.id)
+    return found
+
+
+def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
+    """Per relation (its observers) the points at which it was tested and held, shape (n,).
+
+    Relations that were tested nowhere in this recording are left out.
+    """
+    system = settled.rows.system
+    flows = system.flows(settled.setting).values
+    found = {}
+    for spec in system.ruleset.residuals:
+        ids = tuple(t.observer for t in spec.terms)
+        if not all(o in system.number for o in ids):
+            continue
+        rows = [system.number[o] for o in ids]
+        off = np.asarray(sum(t.sign * flows[i] for t, i in zip(spec.terms, rows, strict=True)))
+        usable = settled.used & np.all(system.valid[rows], axis=0) & np.isfinite(off)
+        if usable.any():
+            usable[usable] = _near(off[usable])
+            found[ids] = usable
+    return found
+
+
+def _near(off: Array) -> np.ndarray:
+    """Which of some errors are not far off."""
+    far = np.abs(off - np.median(off))
+    flags: np.ndarray = far <= FAR * max(1.4826 * float(np.median(far)), 1e-300)
+    return flags
+
+
+def plain_of(setting: Setting) -> Setting:
+    """The plain model to compare with; faults that come and go are no part of any model."""
+    for candidate in setting.joined:
+        if not setting.in_periods & {u.id for u in candidate.unknowns}:
+            setting = setting.leaving(candidate.id)
+    return setting.calibrated()

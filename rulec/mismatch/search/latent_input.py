@@ -1,0 +1,207 @@
+"""A driver that nobody recorded: its course from what is left, and what it looks like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
+from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
+from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspects
+from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.search.knots import FEWEST, KNOTS, clipped, knotted, levels_of
+from rulec.mismatch.search.periods import degree_course
+from rulec.mismatch.search.price import FLICKERING, RARITY
+from rulec.mismatch.search.time_varying import spot_of, wandering
+
+LOOKED_AT = 3
+"""Places at which such a course is tried."""
+
+
+def hidden_trials(fitted: Fitted) -> list[Trial]:
+    """A course that is free in time, where it explains most: of an error, and of a parameter.
+
+    Which of a law's parameters wanders shows before any fit; that none does, and something adds to
+    the law, does not: the more a course curves the law, the less one linear step says of both.
+    """
+    if not fitted.rows.system.data.timed:
+        return []
+    taken = fitted.setting.spots
+    places = _likeliest(fitted, [s for s in suspects(fitted) if s.spot.id not in taken])
+    found = []
+    for place in places[:LOOKED_AT]:
+        own = [w for w in wandering(fitted, place.spot) if w.spot.id not in taken]
+        found += [_trial(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
+    return found
+
+
+def _likeliest(fitted: Fitted, ways: list[Suspect]) -> list[Suspect]:
+    """Where a course explains most first; a law sooner than a reading, as it is priced."""
+    price = {"signal": FLICKERING + RARITY["sensor"]}
+    return sorted(ways, key=lambda way: price.get(way.spot.kind, 0.0) - _told(fitted, way))
+
+
+def _told(fitted: Fitted, suspect: Suspect) -> float:
+    """What a course there explains of all residuals, in log likelihood, its values paid for."""
+    rows = fitted.rows
+    course, weight = degree_course(fitted, suspect.column)
+    known = np.flatnonzero(np.isfinite(course) & fitted.used)
+    if len(known) < FEWEST * KNOTS[0]:
+        return -np.inf
+    sound = student_weights(rows, fitted.residual, fitted.scale) * fitted.used[rows.point]
+    total = float(np.sum(sound * fitted.residual**2))
+    best = -np.inf
+    for count, levels, table in knotted(course[known], weight[known]):
+        off = course[known] - table @ levels
+        explained = float(np.sum(weight[known] * (course[known] ** 2 - off**2)))
+        n = int(np.sum(sound > 0))
+        left = max(total - explained, 1e-12 * total)
+        best = max(best, 0.5 * (n * np.log(total / left) - count * np.log(n)))
+    return float(best)
+
+
+def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
+    data = fitted.rows.system.data
+    spot = suspect.spot
+    known = np.flatnonzero((suspect.weight > 0) & fitted.used)
+    levels = levels_of(suspect.course[known], suspect.weight[known])
+    # Held-out points lie between those that are known; outside of all the course stays.
+    at = np.interp(np.arange(len(data)), known, np.linspace(0.0, len(levels) - 1.0, len(known)))
+    segment = np.minimum(at.astype(int), len(levels) - 1)
+    knots = data.time[known[np.linspace(0, len(known) - 1, len(levels)).astype(int)]]
+    ends = [*((knots[1:] + knots[:-1]) / 2.0), knots[-1]]
+    periods, since = [], float(knots[0])
+    for i, until in enumerate(ends):
+        periods.append(Span(since, float(until), i))
+        since = float(until)
+    values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
+    course = Course(spot.unknown, segment, tuple(periods), at - segment)
+    return Trial(_candidate(spot), values, {}, 0.0, course)
+
+
+def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
+    """An error at the place of a fault, with its periods: what it follows is not known."""
+    candidate, course = trial.candidate, trial.course
+    spots = [s for s in fitted.rows.system.builder.spots if s.module == candidate.module]
+    here = [s for s in spots if s.place == candidate.place]
+    here = here or [s for s in spots if set(s.observers) & set(candidate.observers)]
+    if course is None or not here or here[0].id in fitted.setting.spots:
+        return None
+    same = replace(course, unknown=here[0].unknown)
+    return Trial(_candidate(here[0]), dict.fromkeys(same.names(), 0.0), {}, trial.gain, same)
+
+
+def _candidate(spot: Spot) -> Candidate:
+    unknown = Unknown(
+        spot.unknown, "e", "error", spot.unit, spot.factor, 0.0, 0.0, -np.inf, np.inf,
+        (), (), None, False,
+    )  # fmt: skip
+    return Candidate(
+        spot.id,
+        HIDDEN,
+        HIDDEN,
+        "Something that is not recorded",
+        spot.module,
+        spot.place,
+        spot.observers,
+        (unknown,),
+        {},
+        "",
+        f"{spot.module}.{spot.place} follows something that is not recorded",
+        "",
+        "",
+    )
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """A course at a place, shape (points,), SI, and the times of it."""
+
+    spot: Spot
+    time: Array
+    course: Array
+
+
+def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
+    """The course of a hidden driver, at every point that speaks of it.
+
+    What is left of each point is added to the value of its window, and smoothed.
+    """
+    system = fitted.rows.system
+    course = next(c for c in fitted.setting.courses if fitted.setting.candidate_of(c).id == name)
+    spot = spot_of(system, fitted.setting.candidate_of(course))
+    column = spot_column(fitted, spot)
+    level = course.degrees(fitted.setting.values)
+    if column is None:
+        return Reconstruction(spot, system.data.time, level)
+    rest, weight = degree_course(fitted, column)
+    known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
+    values = level[known] + clipped(rest[known])
+    smooth = _smoothed(values, weight[known], len(known) // (6 * KNOTS[-1]))
+    return Reconstruction(spot, system.data.time[known], smooth)
+
+
+def likeness(first: Reconstruction, second: Reconstruction) -> float:
+    """Correlation of two courses, over the time of the first."""
+    along = np.interp(first.time, second.time, second.course)
+    if np.ptp(along) == 0 or np.ptp(first.course) == 0:
+        return 0.0
+    return float(np.corrcoef(first.course, along)[0, 1])
+
+
+def _smoothed(values: Array, weight: Array, width: int) -> Array:
+    kernel = np.hanning(2 * max(width, 1) + 3)[1:-1]
+    top = np.convolve(values * weight, kernel, mode="same")
+    smooth: Array = top / np.convolve(weight, kernel, mode="same")
+    return smooth
+
+
+def described(time: Array, course: Array) -> str:
+    """What a course looks like, in words that a plant engineer can match to a cause."""
+    span = float(np.ptp(course))
+    if span == 0:
+        return "constant"
+    length = float(time[-1] - time[0])
+    level = (course - course[0]) / span
+    tail = float(np.median(level[-max(len(level) // 5, 1) :]))
+    parts = ["slow"]
+    ahead = level * np.sign(tail)
+    first = int(np.argmax(ahead > 0.63 * abs(tail)))
+    if abs(tail) > 0.3 and float(ahead[: first + 1].min()) > -0.33:
+        when = float(time[first] - time[0])
+        way = "rises" if tail > 0 else "falls"
+        parts.append(f"{way} from the start, two thirds of the way within {_span(when)}")
+    turns = _turns(level)
+    if turns:
+        parts.append(f"turns {turns} time{'s' * (turns > 1)} over {_span(length)}")
+    rests = np.diff(time)
+    long = np.flatnonzero(rests > 20.0 * np.median(rests))
+    back = [i for i in long if abs(level[i + 1]) < 0.5 * abs(level[i])]
+    if back:
+        parts.append("returns during stops")
+    return ", ".join(parts)
+
+
+def _turns(level: Array) -> int:
+    """Changes of direction larger than a third of the span."""
+    turns, extreme, direction = 0, float(level[0]), 0
+    for value in level:
+        if direction >= 0 and value < extreme - 0.33:
+            turns += direction > 0
+            direction, extreme = -1, float(value)
+        elif direction <= 0 and value > extreme + 0.33:
+            turns += direction < 0
+            direction, extreme = 1, float(value)
+        elif direction * (value - extreme) > 0 or direction == 0:
+            extreme = max(extreme, float(value)) if direction > 0 else extreme
+            extreme = min(extreme, float(value)) if direction < 0 else extreme
+    return turns
+
+
+def _span(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

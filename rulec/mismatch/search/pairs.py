@@ -1,0 +1,124 @@
+"""Two explanations at once, where each alone is hidden by the other."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import Candidate
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.screen import Trial, columns_of, looks_at, screen
+from rulec.mismatch.search.compete import Contestant, Refit, cost_of, refit
+from rulec.mismatch.search.pair_gains import MORE, REFITTED, pair_gains
+from rulec.mismatch.search.periods import FEW_CHANGES, coming_and_going, periods_of
+
+PAIRED = 12
+"""Single trials to which a second is looked for, under a calibration that holds."""
+
+TRIED = 2
+"""Seconds that are tried beside each single explanation."""
+
+BEGUN = 4
+"""Single explanations, under a calibration that holds, to which a second is looked for."""
+
+
+def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[Refit]:
+    """Refits with the two explanations of the most promising pairs whose parts hide each other.
+
+    All pairs are looked at: of two that hide each other one may show nothing alone. `least` is the
+    gain, linearised, below which none is refitted.
+    """
+    single = [t for t in trials if not t.candidate.members]
+    drawn = [(t, columns_of(fitted, t.candidate, _at_null(t), t.fixed)) for t in single]
+    terms = [(t, columns) for t, columns in drawn if columns is not None]
+    if len(terms) < 2:
+        return []
+    names, columns = [t.candidate.name for t, _ in terms], [c for _, c in terms]
+    low, high = np.concatenate([_ends(t) for t, _ in terms]).T
+    found = []
+    for (i, j), gain in pair_gains(looks_at(fitted), names, columns, low, high).items():
+        first, second = terms[i][0], terms[j][0]
+        if gain > max(least, MORE * (first.held + second.held)):
+            found.append((gain, first, second))
+    found.sort(key=lambda f: (-f[0], f[1].candidate.id, f[2].candidate.id))
+    return [_refitted(fitted, first, second) for _, first, second in found[:REFITTED]]
+
+
+def _ends(trial: Trial) -> Array:
+    """Between which amplitudes those of a trial may lie, shape (amplitudes, 2)."""
+    ends = [
+        (u.lowest - u.null, u.highest - u.null)
+        for u in trial.candidate.unknowns
+        if u.null is not None and not u.fixed
+    ]
+    return np.array(ends).reshape(-1, 2)
+
+
+def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
+    """Refits with pairs that may do what a calibration does that is let go: it holds here."""
+    single = [t for t in trials if not t.candidate.members]
+    found: dict[frozenset[str], Refit] = {}
+    begins = []
+    for first in sorted(single, key=lambda t: -t.held)[:PAIRED]:
+        setting = fitted.setting.joining(first.candidate, first.values, first.fixed)
+        begins.append((fit(fitted.rows, setting, fitted.used, temper=fitted.temper), first))
+    for begun, first in sorted(begins, key=lambda b: cost_of(b[0]))[:BEGUN]:
+        others = [t.candidate for t in single if t.candidate.name != first.candidate.name]
+        seconds = sorted(screen(begun, others), key=lambda t: -t.held)[:TRIED]
+        for second in seconds:
+            pair = frozenset((first.candidate.id, second.candidate.id))
+            if pair not in found:
+                found[pair] = _refitted(fitted, first, second)
+    return list(found.values())
+
+
+def torn_pairs(
+    fitted: Fitted, torn: Sequence[Contestant], free: Sequence[Candidate], most: int = BEGUN
+) -> list[Refit]:
+    """Refits with a second explanation beside single ones that gain enough and yet do not win.
+
+    `most` of these are tried, the best in the sample first.
+    """
+    found: dict[frozenset[str], Refit] = {}
+    for begun, first in _alone(torn)[:most]:
+        for second in _seconds(begun, free):
+            pair = frozenset((first.candidate.id, second.candidate.id))
+            if len(pair) > 1 and pair not in found:
+                found[pair] = _refitted(fitted, first, second)
+    return list(found.values())
+
+
+def _alone(torn: Sequence[Contestant]) -> list[Refit]:
+    """Single explanations, as they were refitted, the best in the sample first.
+
+    What comes and goes more often imitates anything, and all the more beside another.
+    """
+    each = [(c.fitted, c.trial) for c in torn if c.trial is not None and not c.trial.along]
+    single = [(fitted, trial) for fitted, trial in each if periods_of(trial) <= FEW_CHANGES]
+    return sorted(single, key=lambda s: cost_of(s[0]))
+
+
+def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
+    """What may stand beside an explanation that is there already: what lasts, and what begins."""
+    joined = {c.id for c in begun.setting.joined}
+    rest = [c for c in free if c.id not in joined]
+    # Far from what was read a law may have no slope: then it lacks nothing that could be told.
+    with contextlib.suppress(np.linalg.LinAlgError):
+        return [*screen(begun, rest)[:TRIED], *coming_and_going(begun, rest, FEW_CHANGES)[:TRIED]]
+    return []
+
+
+def _at_null(trial: Trial) -> dict[str, float]:
+    """Values of a trial with its amplitudes at their null."""
+    null = {u.id: u.null for u in trial.candidate.unknowns if u.null is not None}
+    return {name: null.get(name, value) for name, value in trial.values.items()}
+
+
+def _refitted(fitted: Fitted, first: Trial, second: Trial) -> Refit:
+    """Both joined; the second stands along with the first."""
+    setting = fitted.setting.joining(second.candidate, second.values, second.fixed, second.course)
+    return refit(replace(fitted, setting=setting), replace(first, along=(second,)))

@@ -1,0 +1,199 @@
+"""A course in time cut into levels, and the levels that are states of their own.
+
+Source: optimal partitioning (Jackson et al. 2005) with the penalty of Yao 1988; two classes of
+levels by Otsu 1979.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+
+PENALTY = 4.0
+"""Price of a step, in log(means): its time and its level."""
+
+APART = 0.75
+"""Share of the scatter of all levels that two states explain, if there are two: an even spread of
+levels gives as much."""
+
+SUDDEN = 0.6
+"""Share of the distance between two states that a change from one to the other has at once: what
+swings slowly is no fault that comes and goes."""
+
+ALIKE = 0.25
+"""Levels that follow each other and differ by less than this share are one period."""
+
+MOST_LEVELS = 3
+"""Degrees that a fault comes at."""
+
+TELLING = 0.05
+"""Share of the scatter of degrees that a few levels may leave."""
+
+SHORTEST = 3
+"""Means that a period has at least."""
+
+
+@dataclass(frozen=True)
+class Segments:
+    """A course cut into levels: ``first[i] : first[i + 1]`` are means of one level."""
+
+    first: NDArray[np.intp]
+    level: Array
+    length: NDArray[np.intp]
+
+
+def cut(course: Array, penalty: float) -> Segments:
+    """Cut a course with unit noise into levels, each paid for.
+
+    >>> import numpy as np
+    >>> found = cut(np.array([0.0, 0.1, -0.1, 9.0, 9.1, 8.9]), 5.0)
+    >>> found.first.tolist(), found.level.round(6).tolist()
+    ([0, 3], [0.0, 9.0])
+    """
+    n = len(course)
+    sums = np.concatenate([[0.0], np.cumsum(course)])
+    squares = np.concatenate([[0.0], np.cumsum(course**2)])
+    best = np.full(n + 1, np.inf)
+    best[0] = -penalty
+    before = np.zeros(n + 1, dtype=int)
+    starts = np.arange(n)
+    for end in range(1, n + 1):
+        low = starts[:end]
+        length = end - low
+        total = sums[end] - sums[low]
+        cost = best[low] + (squares[end] - squares[low]) - total**2 / length + penalty
+        before[end] = int(np.argmin(cost))
+        best[end] = cost[before[end]]
+    edges = [n]
+    while edges[-1]:
+        edges.append(int(before[edges[-1]]))
+    first = np.array(edges[:0:-1])
+    length = np.diff(np.append(first, n))
+    level = (sums[first + length] - sums[first]) / length
+    return Segments(first, level, length)
+
+
+def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
+    """Which levels are a state of their own, away from those at rest.
+
+    The split that leaves least scatter within both classes; at rest is the longer class, or the
+    lower one of a degree that cannot be negative. What is at rest is split again, as long as it
+    is two states: a fault may come at several degrees.
+    """
+    on = np.zeros(len(segments.level), dtype=bool)
+    segments = replace(segments, level=_without_odd_ones(segments, odd))
+    rest = np.flatnonzero(segments.length >= SHORTEST)
+    while True:
+        found = _split(segments, rest)
+        if found is None:
+            return on
+        middle, rest_is_low = found
+        on |= segments.level > middle if rest_is_low else segments.level < middle
+        rest = rest[~on[rest]]
+
+
+def _without_odd_ones(segments: Segments, odd: float) -> Array:
+    """Levels, the few far-off ones drawn in: they are no state."""
+    order = np.argsort(segments.level)
+    share = np.cumsum(segments.length[order]) / segments.length.sum()
+    ends = np.minimum(np.searchsorted(share, [odd, 1.0 - odd]), len(order) - 1)
+    low, high = segments.level[order][ends]
+    clipped: Array = np.clip(segments.level, low, high)
+    return clipped
+
+
+def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] | None:
+    """The level between two states, and whether rest is the lower one; None for one state."""
+    level, length = segments.level, segments.length
+    if len(lasting) < 2:
+        return None
+    order = lasting[np.argsort(level[lasting])]
+    scatter = [
+        _scatter(level[order[:i]], length[order[:i]])
+        + _scatter(level[order[i:]], length[order[i:]])
+        for i in range(1, len(order))
+    ]
+    split = int(np.argmin(scatter)) + 1
+    whole = _scatter(level[order], length[order])
+    low, high = order[:split], order[split:]
+    if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
+        return None
+    # Levels at rest that others separate differ by noise: two states must pay for themselves.
+    if whole - scatter[split - 1] < PENALTY * float(np.log(length.sum())):
+        return None
+    middle = 0.5 * float(level[low].max() + level[high].min())
+    if not _changes_at_once(level, lasting, level > middle):
+        return None
+    return middle, _one_sided(level[order]) or length[low].sum() >= length[high].sum()
+
+
+def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray) -> bool:
+    """Is a change of state a step, with no more than a short segment between?"""
+    before, after = lasting[:-1], lasting[1:]
+    changed = above[before] != above[after]
+    if not changed.any():
+        return False
+    steps = np.abs(level[after] - level[before])[changed]
+    distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
+    return float(np.median(steps)) > SUDDEN * distance
+
+
+def _one_sided(level: Array) -> bool:
+    """Levels above those at rest are what a degree that cannot be negative gives."""
+    return bool(level.max() > -level.min())
+
+
+def _scatter(level: Array, length: NDArray[np.intp]) -> float:
+    mean = float(np.average(level, weights=length))
+    return float(np.sum(length * (level - mean) ** 2))
+
+
+def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
+    """First and last mean (excluded) of each period: neighbours at about one level are one."""
+    first = segments.first
+    last = first + segments.length
+    runs: list[tuple[int, int, float]] = []
+    rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
+    for i in np.flatnonzero(on):
+        level = float(segments.level[i]) - rest
+        if runs and runs[-1][1] == first[i] and abs(level - runs[-1][2]) < ALIKE * abs(level):
+            begin, _, known = runs[-1]
+            share = (last[i] - first[i]) / (last[i] - begin)
+            runs[-1] = (begin, int(last[i]), known + share * (level - known))
+        else:
+            runs.append((int(first[i]), int(last[i]), level))
+    return [(begin, end) for begin, end, _ in runs]
+
+
+def few_levels(
+    levels: Array, lengths: NDArray[np.intp], most: int = MOST_LEVELS
+) -> tuple[NDArray[np.intp], Array]:
+    """Number of the level of each period, and the levels: as few as tell most, at most three.
+
+    A fault that comes and goes has a few degrees; one that has another each time is no fault.
+
+    >>> number, centres = few_levels(np.array([0.2, 0.21, 0.4]), np.array([5, 5, 5]))
+    >>> number.tolist(), centres.round(3).tolist()
+    ([0, 0, 1], [0.205, 0.4])
+    """
+    order = np.argsort(levels)
+    whole = _scatter(levels, lengths)
+    best = np.zeros(len(levels), dtype=int)
+    for count in range(1, min(most, len(levels)) + 1):
+        splits = itertools.combinations(range(1, len(levels)), count - 1)
+        parts = [np.split(order, split) for split in itertools.islice(splits, 5000)]
+        scatters = [sum(_scatter(levels[p], lengths[p]) for p in part) for part in parts]
+        chosen = parts[int(np.argmin(scatters))]
+        for i, part in enumerate(chosen):
+            best[part] = i
+        if min(scatters) <= TELLING * whole or whole <= 0:
+            break
+    centres = [
+        float(np.average(levels[best == i], weights=lengths[best == i]))
+        for i in range(int(best.max()) + 1)
+    ]
+    return best, np.array(centres)

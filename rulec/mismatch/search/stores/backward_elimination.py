@@ -1,0 +1,219 @@
+"""How sure each explanation is: the model without it, and with others in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec.effects.candidate import Candidate
+from rulec.mismatch.answer_types.result import Confounded, Rival
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter
+from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
+from rulec.mismatch.search.stores.beam import are_twins, in_place_of
+from rulec.mismatch.search.stores.price import needed
+from rulec.mismatch.search.stores.search import Found
+from rulec.mismatch.search.stores.searcher import Searcher
+
+CONFOUNDED = 0.9
+"""Correlation beyond which two values are not told apart."""
+
+DROP = 1.92
+"""Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
+
+WEIGHED, DISTANT = 6, 8.0
+"""Other explanations that are fitted to the end, and how far behind they may be, log likelihood;
+unless they would be told by themselves: a trial of what begins finds a part of its gain at most."""
+
+EXCHANGES, WORTH = 2, 0.5
+"""Exchanges at most, and the gain that one must bring."""
+
+REFINED = 5
+"""Steps of the search for each end of an interval."""
+
+Odds = tuple[tuple[Candidate, float], ...]
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An explanation that the final model has: its own gain, and the odds of others instead."""
+
+    candidate: Candidate
+    gain: float
+    others: Odds
+    rivals: tuple[Rival, ...]
+
+    @property
+    def probability(self) -> float:
+        """Against all others that would do."""
+        return 1.0 / (1.0 + sum(odds for _, odds in self.others))
+
+
+def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
+    """Leave out what is not needed, exchange what another explains better, and weigh the rest."""
+    best = found.best
+    for left in range(EXCHANGES, -1, -1):
+        best, without = _needed_alone(searcher, best, found)
+        if not best.joined:
+            return best, ()
+        others = {c.id: _others(searcher, found, c, without[c.id]) for c in best.joined}
+        better = _better(searcher, best, [f for own in others.values() for f in own])
+        if better is None or not left:
+            break
+        best = better
+    accepted = []
+    for candidate in best.joined:
+        bare = without[candidate.id]
+        rivals = tuple(_rivals(searcher, bare, candidate))
+        own = searcher.gain(best, bare)
+        if max(r.gain for r in rivals) >= own:
+            # A course without physics does as well: the rest is weighed without it.
+            return doubted(searcher, replace(found, best=bare))
+        accepted.append(
+            Accepted(
+                candidate, own, _odds(searcher, best, others[candidate.id], bare, found), rivals
+            )
+        )
+    return best, tuple(accepted)
+
+
+def _others(searcher: Searcher, found: Found, left: Candidate, bare: Fitted) -> list[Fitted]:
+    """Other explanations in the place of one, best first; alone they were all tried already."""
+    if bare is found.plain and found.singles:
+        return [f for f in found.singles if f.ids != (left.id,) and not f.joined[0].members]
+    return searcher.ranked(in_place_of(left, bare, searcher.bench.candidates), found.plain)
+
+
+def _rivals(searcher: Searcher, bare: Fitted, candidate: Candidate) -> Iterator[Rival]:
+    """What must lose against it: doing nothing, and as many parameters without physics."""
+    yield Rival("the model without it", 0.0)
+    count = sum(not u.fixed for u in candidate.unknowns)
+    gains = [
+        smooth_gain(searcher.bench, bare, searcher.judged, spot, count)
+        for spot in searcher.bench.builder.spots
+        if spot.kind in STORED and spot.module in candidate.modules
+    ]
+    if gains:
+        yield Rival("a smooth course in time at its place", max(gains))
+
+
+def _needed_alone(
+    searcher: Searcher, best: Fitted, found: Found
+) -> tuple[Fitted, dict[str, Fitted]]:
+    """A model of which nothing can be left out, and it without each of its explanations."""
+    while best.joined:
+        without = {c.id: _without(searcher, best, c, found.plain) for c in best.joined}
+        worst = min(best.joined, key=lambda c: searcher.gain(best, without[c.id]))
+        if searcher.gain(best, without[worst.id]) >= needed(found.tried):
+            return best, without
+        best = without[worst.id]
+    return best, {}
+
+
+def _without(searcher: Searcher, model: Fitted, left: Candidate, plain: Fitted) -> Fitted:
+    """The model without one explanation, fitted anew from here and from the plain model."""
+    rest = tuple(c for c in model.joined if c.id != left.id)
+    if not rest:
+        return plain
+    values = {n: v for n, v in model.values.items() if not n.startswith(f"{left.id}.")}
+    return searcher.polished(searcher.trial(replace(model, joined=rest, values=values), rest))
+
+
+def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | None:
+    """A better model with one explanation exchanged for another, if there is one."""
+    ahead = max(others, key=lambda f: searcher.gain(f, best), default=None)
+    if ahead is None or searcher.gain(ahead, best) < 0.0:
+        return None
+    polished = searcher.polished(ahead)
+    return polished if searcher.gain(polished, best) > WORTH and not polished.pressed else None
+
+
+def _odds(
+    searcher: Searcher, best: Fitted, others: list[Fitted], bare: Fitted, found: Found
+) -> Odds:
+    """Odds of other explanations in the place of one, the likeliest first.
+
+    Those that come near are fitted to the end first: a trial does not know yet what errors of
+    sensors do in its model. The same effect that does the very same elsewhere, as what delays the
+    way from one module to the next, is no other; a fault elsewhere is, as it is mended there.
+    """
+    near = sorted(others, key=lambda f: -searcher.gain(f, best))[:WEIGHED]
+    least = needed(found.tried)
+    hopeful = [
+        f for f in near if searcher.gain(f, best) > -DISTANT or searcher.gain(f, bare) > least
+    ]
+    exact = [searcher.polished(f) for f in hopeful]
+    ahead = [
+        (f.joined[-1], 0.0 if _as_simple(f, best) else searcher.gain(f, best))
+        for f in exact
+        if not f.pressed and not _the_same(f, best)
+    ]
+    odds = [(c, float(np.exp(np.clip(g, -700.0, 5.0)))) for c, g in ahead]
+    return tuple(sorted(odds, key=lambda o: -o[1]))
+
+
+def _as_simple(one: Fitted, other: Fitted) -> bool:
+    """Do two models predict the very same with as many values? Then nothing recorded, and no
+    habit of what is left out how often, tells which of them it is: their odds are even."""
+    values = [sum(not u.fixed for c in f.joined for u in c.unknowns) for f in (one, other)]
+    modules = [sum(len(c.modules) for c in f.joined) for f in (one, other)]
+    return values[0] == values[1] and modules[0] == modules[1] and are_twins(one, other)
+
+
+def _the_same(one: Fitted, other: Fitted) -> bool:
+    """Do two models say the same of two places that readings cannot tell apart?"""
+    names = [sorted(c.name for c in f.joined) for f in (one, other)]
+    fault = one.joined[-1].sort == "fault"
+    return names[0] == names[1] and not fault and are_twins(one, other)
+
+
+def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:
+    """95 % interval of a value by its profile likelihood, all others fitted anew.
+
+    Source: Venzon and Moolgavkar 1988.
+    """
+    fitter = Fitter(searcher.bench, best.joined, searcher.kept(best))
+    judged = replace(searcher.judged, noise=best.noise, slow=best.slow, drift=best.drift)
+    basis = judged.basis()
+    at = fitter.vector(best.values)
+    i, u = best.free.index(name), best.u(name)
+    along = best.covariance[:, i] / best.covariance[i, i]
+    low, high = fitter.bounds(name)
+    bottom = fitter.cost(at, judged, basis)
+    ends = []
+    for side in (-1.0, 1.0):
+        reach = (at[i] - low) if side < 0 else (high - at[i])
+        step, good, bad = min(1.96 * u, reach), 0.0, np.inf
+        for _ in range(REFINED):
+            if step <= 0.0:
+                break
+            fall = fitter.fall(at, i, side * step, along, judged, basis) - bottom
+            if fall < DROP:
+                good = step
+                if step >= reach:
+                    break
+                grow = 3.0 if fall <= 0 else float(np.clip(np.sqrt(DROP / fall), 1.1, 3.0))
+                step = min(step * grow, reach, 0.5 * (good + bad) if np.isfinite(bad) else reach)
+            else:
+                bad = step
+                step = max(step * float(np.sqrt(DROP / fall)), 0.5 * (good + bad) * 0.5)
+            if abs(fall - DROP) < 0.1:
+                break
+        ends.append(float(at[i] + side * step))
+    return ends[0], ends[1]
+
+
+def confounded(best: Fitted) -> tuple[Confounded, ...]:
+    """Unknowns that go along with another value."""
+    brought = {u.id for c in best.joined for u in c.unknowns}
+    size = np.sqrt(np.maximum(np.diag(best.covariance), 1e-300))
+    correlation = best.covariance / np.outer(size, size)
+    found = []
+    for i, first in enumerate(best.free):
+        for j, second in enumerate(best.free):
+            if first in brought and (second not in brought or j > i):
+                value = float(correlation[i, j])
+                if abs(value) > CONFOUNDED:
+                    found.append(Confounded(first, second, value))
+    return tuple(sorted(found, key=lambda c: -abs(c.correlation)))

@@ -1,0 +1,27 @@
+"""What an explanation costs before any data, in log odds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.search.price import COMMON, RARITY
+
+NEEDED = 3.0
+"""Gain in log likelihood that an explanation needs beyond the logarithm of those tried."""
+
+
+def price_of(fitted: Fitted, news: float) -> float:
+    """Half the logarithm of the news for each value found, and how rare each sort is.
+
+    Source: Schwarz 1978.
+    """
+    each = 0.5 * float(np.log(max(news, 2.0)))
+    count = sum(not u.fixed for c in fitted.joined for u in c.unknowns)
+    rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in fitted.joined)
+    return each * count + rare
+
+
+def needed(tried: int) -> float:
+    """Gain that is worth naming."""
+    return NEEDED + float(np.log(max(tried, 1)))

@@ -1,0 +1,131 @@
+"""Which of some refitted models wins a round, and what is recorded of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rulec.effects.candidate import TIME
+from rulec.mismatch.answer_types.result import Rival
+from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.compete import Contestant, Refit, contest, cost_of
+from rulec.mismatch.search.rivals import at_an_end, beats, defeated, instead_of, released
+from rulec.mismatch.search.weigh import gain_in_sample, net_gain, odds_of
+
+CONTESTED = 6
+"""Refitted trials of each round that are judged on blocks they were not fitted to."""
+
+EVEN = 1.5
+"""Odds up to which two are told apart by blocks that they were not fitted to."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A round: the model that won it, if any; no records where a recalibration did.
+
+    `tried` counts all explanations tried so far, `finalists` are the best that were tried alone.
+    """
+
+    winner: Contestant | None
+    records: tuple[Accepted, ...]
+    tried: int
+    finalists: tuple[Trial, ...] = ()
+
+
+def gain_of(step: Step | None, now: Contestant) -> float:
+    """Net gain of the winner of a step; none without one."""
+    return net_gain(step.winner, now) if step is not None and step.winner is not None else 0.0
+
+
+def contested(refitted: Sequence[Refit], now: Contestant) -> list[Contestant]:
+    """Those that fit best in the sample, judged on blocks they were not fitted to, best first."""
+    by_fit = sorted(refitted, key=lambda f: cost_of(f[0]))
+    chosen = [contest(fitted, trial) for fitted, trial in by_fit[:CONTESTED]]
+    return sorted(chosen, key=lambda c: -net_gain(c, now))
+
+
+def best_of(refitted: Sequence[Refit], now: Contestant) -> Contestant | None:
+    return max((contest(*r) for r in refitted), key=lambda c: gain_in_sample(c, now), default=None)
+
+
+def first_to_win(
+    now: Contestant, ranked: Sequence[Contestant], hidden: Contestant | None, tried: int
+) -> Step | None:
+    """The first that beats all rivals; or the calibration let go, where that does as well."""
+    easing = released(now, ranked)
+    for contestant in ranked:
+        if easing is not None and not beats(contestant, easing, now):
+            return Step(easing, (), tried)
+        if hidden is not None and not _as_good(contestant, hidden, now):
+            continue
+        rivals = defeated(contestant, now, easing, tried)
+        if rivals is None:
+            continue
+        # Of those that explain the same, the most probable: the first may lead by next to nothing.
+        for other in instead_of(contestant, ranked, now):
+            lost = defeated(other, now, easing, tried)
+            if lost is not None and odds_of(other, contestant) > EVEN:
+                contestant, rivals = other, lost
+        return Step(contestant, recorded(contestant, now, ranked, rivals), tried)
+    return None
+
+
+def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> bool:
+    """Does an explanation do what a course that is free in time would do?
+
+    One whose driver is recorded may leave a part to others. What follows only the clock, or comes
+    and goes, is itself no more than a course, and must be the better one.
+    """
+    trial = contestant.trial
+    assert trial is not None
+    comes_and_goes = any(t.course is not None for t in (trial, *trial.along))
+    if not comes_and_goes and TIME not in trial.candidate.drivers.values():
+        return True
+    return gain_in_sample(contestant, now) > gain_in_sample(hidden, now)
+
+
+def recorded(
+    winner: Contestant, now: Contestant, ranked: Sequence[Contestant], rivals: tuple[Rival, ...]
+) -> tuple[Accepted, ...]:
+    """What was accepted; two records where two explanations were needed at once."""
+    assert winner.trial is not None
+    alike = instead_of(winner, ranked, now)
+    others = [c for c in alike if net_gain(c, now) > 0 and not runs_out(c)]
+    trials = (winner.trial, *winner.trial.along)
+    ours = {t.candidate.id for t in trials}
+    records = []
+    for trial in trials:
+        kept: dict[str, tuple[Trial, float]] = {}
+        for other in others:
+            instead_ = _in_place_of(trial, ours, other)
+            if instead_ is not None and instead_.candidate.id not in kept:
+                kept[instead_.candidate.id] = (instead_, min(odds_of(other, winner), 1.0))
+        gain = net_gain(winner, now) / len(trials)
+        # What lost against both together is told as its part beside the part of each.
+        lost = tuple(replace(rival, gain=rival.gain / len(trials)) for rival in rivals)
+        rest = tuple(kept.values())
+        records.append(
+            Accepted(trial, gain, lost, tuple(t for t, _ in rest), tuple(o for _, o in rest))
+        )
+    return tuple(records)
+
+
+def runs_out(contestant: Contestant) -> bool:
+    """Is a law of it at an end of its range? It lost, whatever it gains."""
+    trial = contestant.trial
+    return trial is not None and at_an_end(
+        contestant, *(t.candidate for t in (trial, *trial.along))
+    )
+
+
+def _in_place_of(trial: Trial, ours: set[str], other: Contestant) -> Trial | None:
+    """What another model has instead of an explanation; None if it has the same.
+
+    `ours` are the ids of all that was found together.
+    """
+    assert other.trial is not None
+    theirs = (other.trial, *other.trial.along)
+    if trial.candidate.id in {t.candidate.id for t in theirs}:
+        return None
+    return next((t for t in theirs if t.candidate.id not in ours), other.trial)

@@ -1,0 +1,395 @@
+"""Build a law into a module type: the place that it joins stands on its plain self from then on.
+
+A definition ``Q_law`` is renamed ``Q_law_plain``, and a new ``Q_law`` is the law over it; the
+equation of an observer becomes a definition; for a signal there is a new definition of what its
+reading should be, which stands wherever the reading stood. The result is a module type like any
+other: it is lowered for the analysis, written as YAML, and compiled.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Parameter, Reading, State
+from rulec.language.expression import Expression, Rejected
+from rulec.language.rewrite import name_node, over, replaced, text_of, written
+
+SHORT = 60
+"""A plain law with drivers replaced stands inside the new law up to this length."""
+
+LONGEST_NAME = 36
+"""Names are cut to this, so that a number behind them fits."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A law to be built in at some places, ``(kind, name)`` each.
+
+    `kind` is ``definition``, ``observer``, ``signal``, ``balance`` (the derivative of a state),
+    ``reading`` (what a sensor shows) or ``end`` (what flows in or out). The law stands over ``law``
+    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, or plan
+    inputs such as ``B.T``) and `parameters`, whose plan inputs are in `ids`. `also` lists further
+    places with laws of their own; `states` are brought in, and stand in all laws.
+    """
+
+    places: tuple[tuple[str, str], ...]
+    law: Expression
+    drivers: Mapping[str, str]
+    parameters: Mapping[str, Parameter]
+    ids: Mapping[str, str]
+    substitutes: Mapping[str, Mapping[str, Expression]] = field(default_factory=dict)
+    also: tuple[tuple[tuple[str, str], Expression], ...] = ()
+    states: Mapping[str, State] = field(default_factory=dict)
+
+    def laws(self) -> Iterator[tuple[str, str, Expression]]:
+        """Every place with the law that it gets, as (kind, name, law)."""
+        yield from ((kind, place, self.law) for kind, place in self.places)
+        yield from ((kind, place, law) for (kind, place), law in self.also)
+
+
+@dataclass(frozen=True)
+class Amended:
+    """A module type with changes built in.
+
+    `inputs` maps local parameters that were brought in to plan inputs, `outside` local names to
+    plan inputs that are no signals of the module; `corrected` maps signals to the definition of
+    what they should read. `made` are the definitions that no author wrote, `raw` those of them that
+    stand over readings as they are.
+    """
+
+    type: ModuleType
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    outside: Mapping[str, str] = field(default_factory=dict)
+    corrected: Mapping[str, str] = field(default_factory=dict)
+    made: frozenset[str] = frozenset()
+    raw: frozenset[str] = frozenset()
+
+
+def amend(amended: Amended, change: Change) -> Amended:
+    """Build one more change in; raises `Rejected` where no equation can be written for it."""
+    names: dict[str, ast.expr] = {}
+    parameters, inputs = dict(amended.type.parameters), dict(amended.inputs)
+    taken = _taken(amended)
+    for name, parameter in change.parameters.items():
+        local = fresh(name, taken)
+        parameters[local] = replace(parameter, name=local)
+        inputs[local] = change.ids[name]
+        names[name] = name_node(local)
+        taken.add(local)
+    outside = dict(amended.outside)
+    for driver, source in change.drivers.items():
+        if not _is_own(amended.type, source):
+            names[driver] = name_node(_outside(outside, source, taken))
+    for name in change.states:
+        local = fresh(name, taken)
+        names[name] = name_node(local)
+        taken.add(local)
+    kind = replace(amended.type, parameters=parameters)
+    result = replace(amended, type=kind, inputs=inputs, outside=outside)
+    for number, (place_kind, place, law) in enumerate(change.laws()):
+        own = replace(change, law=law)
+        if place_kind == "end" and place in result.type.definitions:
+            place_kind = "definition"
+        result, plain = _JOIN[place_kind](result, own, place, names)
+        if number == 0:
+            result = _with_states(result, change, names, plain)
+    return result
+
+
+def _is_own(kind: ModuleType, source: str) -> bool:
+    return source in kind.signals or source in kind.states or (source in ENDS and kind.flows)
+
+
+def _with_states(
+    amended: Amended, change: Change, names: Mapping[str, ast.expr], plain: str
+) -> Amended:
+    """States that a change brings in, over the plain value of its first place."""
+    if not change.states:
+        return amended
+    table = {**_own(amended, change), **names, "law": name_node(plain)}
+    states = dict(amended.type.states)
+    for name, state in change.states.items():
+        local = names[name]
+        assert isinstance(local, ast.Name)
+
+        def told(expression: Expression | None) -> Expression | None:
+            return None if expression is None else written(replaced(expression.tree, table))
+
+        rate, start = told(state.rate), told(state.start)
+        assert rate is not None
+        assert start is not None
+        states[local.id] = replace(
+            state,
+            name=local.id,
+            rate=rate,
+            start=start,
+            low=told(state.low),
+            high=told(state.high),
+            after=told(state.after),
+        )
+    return replace(amended, type=replace(amended.type, states=states))
+
+
+def _outside(outside: dict[str, str], source: str, taken: set[str]) -> str:
+    """Local name of a plan input that is not the module's own."""
+    known = next((name for name, input_ in outside.items() if input_ == source), None)
+    if known is not None:
+        return known
+    local = fresh(source.replace(".", "_"), taken)
+    outside[local] = source
+    taken.add(local)
+    return local
+
+
+def _taken(amended: Amended) -> set[str]:
+    kind = amended.type
+    names = {*kind.signals, *kind.parameters, *kind.definitions, *kind.observers, *kind.provides}
+    return {*names, *kind.states, *ENDS, *amended.outside}
+
+
+def fresh(name: str, taken: Iterable[str]) -> str:
+    """The name, with a number behind it if it is taken."""
+    used, name = set(taken), name[:LONGEST_NAME]
+    tried, count = name, 1
+    while tried in used:
+        count += 1
+        tried = f"{name}_{count}"
+    return tried
+
+
+def _own(amended: Amended, change: Change) -> dict[str, ast.expr]:
+    """Names of the own signals that drive, as what they should read where that is known."""
+    return {
+        driver: name_node(amended.corrected.get(source, source))
+        for driver, source in change.drivers.items()
+        if _is_own(amended.type, source)
+    }
+
+
+Joined = tuple[Amended, str]
+"""A type with a law built in, and under which name it has the plain value."""
+
+
+def _join_definition(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    old = amended.type.definitions[place]
+    writer = _Writer(amended, {**_own(amended, change), **names}, place, old.expression)
+    return writer.put_in(change), writer.plain
+
+
+def _join_observer(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    old = amended.type.observers[place]
+
+    def put(kind: ModuleType, law: Expression) -> ModuleType:
+        return replace(kind, observers={**kind.observers, place: replace(old, expression=law)})
+
+    return _join_equation(amended, change, place, names, old.expression, put)
+
+
+def _join_balance(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    old = amended.type.states[place]
+
+    def put(kind: ModuleType, law: Expression) -> ModuleType:
+        return replace(kind, states={**kind.states, place: replace(old, rate=law)})
+
+    return _join_equation(amended, change, f"der_{place}", names, old.rate, put)
+
+
+def _join_reading(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    old = amended.type.readings[place]
+
+    def put(kind: ModuleType, law: Expression) -> ModuleType:
+        return replace(kind, readings={**kind.readings, place: Reading(place, law, old.origin)})
+
+    return _join_equation(amended, change, f"{place}_shown", names, old.expression, put)
+
+
+def _join_equation(
+    amended: Amended,
+    change: Change,
+    name: str,
+    names: Mapping[str, ast.expr],
+    old: Expression,
+    put: Callable[[ModuleType, Expression], ModuleType],
+) -> Joined:
+    """The equation becomes a definition, and the law stands in its place."""
+    writer = _Writer(amended, {**_own(amended, change), **names}, name, old)
+    law = writer.law(change)
+    plain = Definition(writer.plain, old, f"{name}, plain law")
+    brought = {plain.name: plain, **writer.copies}
+    kind = replace(amended.type, definitions={**amended.type.definitions, **brought})
+    made = amended.made | brought.keys()
+    return replace(amended, type=put(kind, law), made=made), writer.plain
+
+
+def _join_signal(
+    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
+) -> Joined:
+    """The law of a sensor stands over raw readings: two corrections need not wait on each other.
+
+    What flows in or out by the network is built in alike.
+    """
+    kind = amended.type
+    raw = {d: name_node(s) for d, s in change.drivers.items() if _is_own(kind, s)}
+    if place in amended.corrected:
+        true = amended.corrected[place]
+        old = kind.definitions[true]
+        writer = _Writer(amended, {**raw, **names}, true, old.expression)
+        result = writer.put_in(change)
+        return replace(result, raw=result.raw | {writer.plain, *writer.copies}), writer.plain
+    true = fresh(f"{place}_true", _taken(amended))
+    law = written(replaced(change.law.tree, {**raw, **names, "law": name_node(place)}))
+    there = {place: name_node(true)}
+    definitions = {
+        name: d if name in amended.raw else replace(d, expression=over(d.expression, there))
+        for name, d in kind.definitions.items()
+    }
+    observers = {
+        name: replace(o, expression=over(o.expression, there)) for name, o in kind.observers.items()
+    }
+    states = {name: state_over(s, there) for name, s in kind.states.items()}
+    readings = {
+        name: replace(r, expression=over(r.expression, there)) for name, r in kind.readings.items()
+    }
+    what = f"what {place} should read" if place in kind.signals else f"{place}, repaired"
+    first = {true: Definition(true, law, what)}
+    kind = replace(
+        kind,
+        definitions={**first, **definitions},
+        observers=observers,
+        states=states,
+        readings=readings,
+    )
+    joined = replace(
+        amended,
+        type=kind,
+        corrected={**amended.corrected, place: true},
+        made=amended.made | {true},
+        raw=amended.raw | {true},
+    )
+    return joined, place
+
+
+def state_over(state: State, table: Mapping[str, ast.expr]) -> State:
+    """A state with names in its equations replaced."""
+
+    def told(expression: Expression | None) -> Expression | None:
+        return None if expression is None else over(expression, table)
+
+    rate, start = over(state.rate, table), over(state.start, table)
+    low, high, after = told(state.low), told(state.high), told(state.after)
+    return replace(state, rate=rate, start=start, low=low, high=high, after=after)
+
+
+_JOIN = {
+    "definition": _join_definition,
+    "observer": _join_observer,
+    "signal": _join_signal,
+    "balance": _join_balance,
+    "reading": _join_reading,
+    "end": _join_signal,
+}
+
+
+class _Writer:
+    """Writes the law of a change over the plain law of one place."""
+
+    def __init__(
+        self, amended: Amended, names: Mapping[str, ast.expr], place: str, old: Expression
+    ) -> None:
+        self._amended, self._names, self._place, self._old = amended, names, place, old
+        self._taken = _taken(amended)
+        self.plain = fresh(f"{place}_plain", self._taken)
+        self._taken.add(self.plain)
+        self.copies: dict[str, Definition] = {}
+
+    def law(self, change: Change) -> Expression:
+        table = {**self._names, "law": name_node(self.plain)}
+        for key, drivers in change.substitutes.items():
+            table[key] = self._substituted(change, drivers)
+        return written(replaced(change.law.tree, table))
+
+    def put_in(self, change: Change) -> Amended:
+        """The law put in where a definition stood; that one keeps its place under a new name."""
+        kind, law = self._amended.type, self.law(change)
+        old = kind.definitions[self._place]
+        definitions: dict[str, Definition] = {}
+        for name, definition in kind.definitions.items():
+            if name == self._place:
+                plain = Definition(self.plain, old.expression, f"{old.title}, plain law")
+                definitions |= {self.plain: plain, **self.copies}
+                definition = replace(old, expression=law)
+            definitions[name] = definition
+        made = self._amended.made | {self.plain, *self.copies}
+        return replace(self._amended, type=replace(kind, definitions=definitions), made=made)
+
+    def _substituted(self, change: Change, drivers: Mapping[str, Expression]) -> ast.expr:
+        """The plain law with drivers replaced.
+
+        A law that was built in before may have no value there, such as friction over a flow of 0:
+        then what it stands on counts, as a term that vanishes with the law does in the limit.
+        """
+        taken, copies = set(self._taken), dict(self.copies)
+        layers = list(self._layers())
+        for name, law in layers:
+            try:
+                return written(self._replaced(change, drivers, name, law)).tree
+            except Rejected:
+                self._taken, self.copies = set(taken), dict(copies)
+                if law is layers[-1][1]:
+                    raise
+        raise AssertionError("there is always the law itself")
+
+    def _layers(self) -> Iterator[tuple[str, Expression]]:
+        """The law, the one that it was built over, and so on down to the author's own."""
+        name, law = self._place, self._old
+        stem = f"{self._place}_plain"[:LONGEST_NAME]
+        while True:
+            yield name, law
+            made = (n for n, _ in law.names() if n in self._amended.made and n.startswith(stem))
+            beneath = next(made, None)
+            if beneath is None:
+                return
+            name, law = beneath, self._amended.type.definitions[beneath].expression
+
+    def _replaced(
+        self, change: Change, drivers: Mapping[str, Expression], place: str, law: Expression
+    ) -> ast.expr:
+        """A law with drivers replaced; what it stands on is written out or copied."""
+        table: dict[str, ast.expr | None] = {}
+        for driver, by in drivers.items():
+            own = self._names[driver]
+            assert isinstance(own, ast.Name), "checked when the effect was matched"
+            table[own.id] = replaced(by.tree, self._names)
+        shown = ", ".join(f"{driver}={by}" for driver, by in drivers.items())
+
+        def copy(name: str, expression: Expression) -> ast.expr | None:
+            """None where no replaced driver stands in it."""
+            for used, _ in expression.names():
+                definition = self._amended.type.definitions.get(used)
+                if used not in table and definition is not None:
+                    table[used] = copy(used, definition.expression)
+            inner = {n: t for n, _ in expression.names() if (t := table.get(n)) is not None}
+            if not inner:
+                return None
+            return self._short(replaced(expression.tree, inner), name, shown)
+
+        return copy(place, law) or name_node(self.plain if law is self._old else place)
+
+    def _short(self, tree: ast.expr, name: str, shown: str) -> ast.expr:
+        """The tree itself, or the name of a new definition that holds it."""
+        if len(text_of(tree)) <= SHORT:
+            return tree
+        local = fresh(f"{name}_at", self._taken)
+        self._taken.add(local)
+        self.copies[local] = Definition(local, written(tree), f"{name} where {shown}")
+        return name_node(local)

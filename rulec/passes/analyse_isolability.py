@@ -1,0 +1,160 @@
+"""Pass 9, analyse isolability: which faults the residuals cannot tell apart, and what would help.
+
+Two faults *coincide* where they move all residuals in the same proportion: no reading of this
+plant separates them at one operating point. A fault is *nested* in another where its whole
+signature is part of the other's: they differ only in residuals that one of them leaves at zero,
+which noise may hide. Two others are *close* where a small degree of one is seen, but lies within
+the noise of what the other can do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from rulec.passes.advise import Adviser
+from rulec.passes.cheapest import SMALL
+from rulec.passes.derive_rules import Rules
+from rulec.passes.neighbourhood import Sensor
+from rulec.passes.reach import seen_through_states
+
+SAME_DIRECTION = 1.0 - 1e-9
+
+
+@dataclass(frozen=True)
+class Group:
+    """Faults that are hard or impossible to tell apart.
+
+    `kind` is ``coincide``, ``nested`` or ``close``; `degrees`, per fault, those from which on it
+    is told from the others at one operating point (inf: never; empty: not looked at); `sensors`
+    the cheapest that would tell them apart at small degrees, if they are not told already.
+    """
+
+    faults: tuple[str, ...]
+    kind: str
+    advice: str
+    degrees: tuple[float, ...]
+    sensors: tuple[Sensor, ...]
+
+
+@dataclass(frozen=True)
+class Isolability:
+    """Rules with their ambiguities; `unobserved` modules and faults leave no trace."""
+
+    rules: Rules
+    groups: tuple[Group, ...]
+    unobserved: tuple[str, ...]
+
+
+def analyse_isolability(rules: Rules) -> Isolability:
+    """Compare the rows of the fault-symptom matrix."""
+    assembly = rules.signatures.assembly
+    faults = [h.id for h in assembly.hypotheses]
+    effects = _matrix(rules, faults)
+    adviser = Adviser(rules.signatures)
+    shown = _by_detectability(rules)
+    found = dict.fromkeys(_coinciding(faults, effects), "coincide")
+    found |= dict.fromkeys(_nested(faults, effects), "nested")
+    known = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
+    found |= {pair: "close" for pair in adviser.alike() if frozenset(pair) not in known}
+    groups = [_group(adviser, shown, names, kind) for names, kind in found.items()]
+    silent = [f for f, row in zip(faults, effects, strict=True) if row.nnz == 0]
+    watched = {r.module for r in assembly.residuals.residuals} | {
+        o.split(".")[0] for r in assembly.residuals.residuals for _, o in r.terms
+    }
+    watched |= {c.fault.split(".")[0] for c in rules.signatures.cells}
+    network = assembly.residuals.network
+    watched |= seen_through_states(network) if network.stores else set()
+    blind = [m for m in network.plant.modules if m not in watched]
+    return Isolability(rules, tuple(groups), (*blind, *silent))
+
+
+Shown = Mapping[str, list[tuple[float, str]]]
+"""Residuals of each fault with the degree from which on they show it, smallest first."""
+
+
+def _matrix(rules: Rules, faults: list[str]) -> sparse.csr_matrix:
+    """Effects per unit of degree, shape (faults, residuals), in units of threshold."""
+    signatures = rules.signatures
+    residuals = [r.id for r in signatures.assembly.residuals.residuals]
+    row = {name: i for i, name in enumerate(faults)}
+    column = {name: i for i, name in enumerate(residuals)}
+    entries = [c.sensitivity for c in signatures.cells]
+    where = (
+        [row[c.fault] for c in signatures.cells],
+        [column[c.residual] for c in signatures.cells],
+    )
+    return sparse.csr_matrix((entries, where), (len(faults), len(residuals)))
+
+
+def _coinciding(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, ...]]:
+    """Groups of faults whose rows point the same way."""
+    length = np.sqrt(np.asarray(effects.multiply(effects).sum(axis=1)).ravel())
+    unit = sparse.diags(1.0 / np.where(length > 0, length, 1.0)) @ effects
+    alike = sparse.coo_matrix(unit @ unit.T)
+    partners: dict[int, set[int]] = {}
+    for i, j, cosine in zip(alike.row, alike.col, alike.data, strict=True):
+        if cosine > SAME_DIRECTION:
+            partners.setdefault(int(i), set()).add(int(j))
+    groups = dict.fromkeys(tuple(sorted(partners[i])) for i in sorted(partners))
+    return [tuple(faults[j] for j in members) for members in groups if len(members) > 1]
+
+
+def _nested(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, str]]:
+    """Ordered pairs (inner, outer) of signatures, one part of the other."""
+    signs = effects.sign()
+    size = np.diff(signs.indptr)
+    agree = sparse.coo_matrix(signs @ signs.T)
+    pairs = sorted(
+        (int(i), int(j))
+        for i, j, common in zip(agree.row, agree.col, agree.data, strict=True)
+        if i != j and common == size[i] < size[j]
+    )
+    return [(faults[i], faults[j]) for i, j in pairs]
+
+
+def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) -> Group:
+    """A group with how far apart its faults are, and what would help if that is not enough."""
+    degrees = adviser.degrees(names)
+    far = not degrees or max(degrees) <= SMALL
+    advice = None if far else adviser.advise(names)
+    parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
+    if any(np.isfinite(degrees)) and not (far and parts):
+        each = " and ".join(_from(adviser, n, x) for n, x in zip(names, degrees, strict=True))
+        parts.append(f"{'' if parts else 'told apart '}safely, by all residuals, from {each} on")
+    if advice is not None:
+        more = " and ".join(s.title for s in advice.sensors)
+        does = "would do so from" if parts else "would tell them apart from a degree of"
+        parts.append(f"{more} {does} {adviser.sizes(names, advice.degree)} on")
+    elif not far:
+        parts.append("no further reading there would; compare several operating points")
+    sensors = advice.sensors if advice is not None else ()
+    shown_degrees = tuple(adviser.in_unit(n, x) for n, x in zip(names, degrees, strict=False))
+    return Group(names, kind, "; ".join(parts), shown_degrees, sensors)
+
+
+def _from(adviser: Adviser, fault: str, degree: float) -> str:
+    return (
+        f"{adviser.size(fault, degree)} ({fault})"
+        if np.isfinite(degree)
+        else f"no degree ({fault})"
+    )
+
+
+def _by_detectability(rules: Rules) -> Shown:
+    """The cells of each fault, smallest degree first."""
+    table: dict[str, list[tuple[float, str]]] = {}
+    for cell in rules.signatures.cells:
+        table.setdefault(cell.fault, []).append((cell.detectable, cell.residual))
+    return {fault: sorted(cells) for fault, cells in table.items()}
+
+
+def _telling(adviser: Adviser, shown: Shown, inner: str, outer: str) -> str:
+    """The residual that only the outer fault moves, and from which degree on it shows it."""
+    common = {residual for _, residual in shown[inner]}
+    degree, residual = next((d, r) for d, r in shown[outer] if r not in common)
+    return f"{residual} tells them apart from a degree of {degree:.2g}{adviser.unit(outer)} on"

@@ -1,0 +1,405 @@
+"""Pass 6, assemble: the differentiated types put together to the equations of the plant.
+
+Every module instance is lowered to nodes of one graph. A *gradient* here is a table from an
+independent input (a reading, a whitened parameter, a misfit) to a node: the derivative times the
+standard uncertainty of that input. Covariances are then plain sums of products, and two
+estimates that share a sensor are correlated by construction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import sympy
+from rulec_runtime.contract.ruleset import MISFIT
+
+from rulec.algebra.graph import Graph, Node
+from rulec.knowledge.plant import Module
+from rulec.passes.derive_residuals import Residual, Residuals
+from rulec.passes.differentiate import GATHERED, Models, TypeFault, TypeModel
+from rulec.passes.undo import undo_graph
+
+Gradient = Mapping[str, Node]
+
+PARAMETERS = "u:parameters"
+MODEL = "u:model"
+
+
+@dataclass(frozen=True)
+class TargetNodes:
+    """What a fault scales: value, slopes of all observers it reaches, curvatures, inverses."""
+
+    value: Node
+    gradient: Gradient
+    slopes: Mapping[str, Node]
+    slope_gradients: Mapping[str, Gradient]
+    curvatures: Mapping[str, Node]
+    inverse: Mapping[str, tuple[sympy.Expr, Mapping[sympy.Symbol, Node]]]
+    whole: Node
+    whole_gradient: Gradient
+    reaction: Node
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A fault of a module instance; `affects` lists observer ids in the whole plant, `scales` the
+    signals in what it scales."""
+
+    id: str
+    module: str
+    fault: TypeFault
+    target: str
+    affects: tuple[str, ...]
+    scales: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``."""
+
+    residuals: Residuals
+    graph: Graph
+    observers: Mapping[str, Node]
+    gradients: Mapping[str, Gradient]
+    guards: Mapping[str, tuple[tuple[str, Node], ...]]
+    targets: Mapping[str, TargetNodes]
+    hypotheses: tuple[Hypothesis, ...]
+    residual_nodes: Mapping[str, Node]
+    residual_gradients: Mapping[str, Gradient]
+    residual_variances: Mapping[str, Node]
+    undo: Graph
+    models: Models
+
+
+def assemble(models: Models) -> Assembly:
+    """Lower all modules of the plant into one graph."""
+    plant = models.residuals.network.plant
+    signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
+    graph = Graph([*signals, *(f"u:{s}" for s in signals), PARAMETERS, MODEL])
+    parts = {m.name: _Instance(m, models, graph) for m in plant.modules.values()}
+    observers: dict[str, Node] = {}
+    gradients: dict[str, Gradient] = {}
+    guards: dict[str, tuple[tuple[str, Node], ...]] = {}
+    for part in parts.values():
+        part.lower_observers(observers, gradients, guards)
+    readers = _readers(parts.values())
+    hypotheses = tuple(h for part in parts.values() for h in _hypotheses(part, readers))
+    targets: dict[str, TargetNodes] = {}
+    for part in parts.values():
+        part.lower_targets(targets)
+    _reach_across(parts, readers, targets)
+    _react(parts, readers, targets)
+    nodes, residual_gradients, variances = _residual_nodes(
+        graph, models.residuals.residuals, observers, gradients
+    )
+    return Assembly(
+        models.residuals,
+        graph,
+        observers,
+        gradients,
+        guards,
+        targets,
+        hypotheses,
+        nodes,
+        residual_gradients,
+        variances,
+        undo_graph(models, tuple(h.id for h in hypotheses)),
+        models,
+    )
+
+
+class _Instance:
+    """Lowers one module; holds the tables that lowering needs."""
+
+    def __init__(self, module: Module, models: Models, graph: Graph) -> None:
+        self.module, self.graph = module, graph
+        self.model: TypeModel = models.types[module.type.key]
+        network = models.residuals.network
+        self.gathers = {
+            name: tuple(f"{m}.{s}" for m, s in network.gathers[module.name, name])
+            for name in module.type.gathers
+        }
+        self.nodes = self._symbol_nodes()
+        self._blocks = {p: b for b in module.blocks for p in b.parameters}
+
+    def _symbol_nodes(self) -> dict[sympy.Symbol, Node]:
+        graph, symbols = self.graph, self.model.symbols
+        nodes = {symbols[s]: graph.input(self.id(s)) for s in self.module.type.signals}
+        for name, parameter in self.module.parameters.items():
+            nodes[symbols[name]] = graph.constant(parameter.value)
+        for name, signals in self.gathers.items():
+            nodes[symbols[GATHERED + name]] = graph.sum(graph.input(s) for s in signals)
+        return nodes
+
+    def id(self, name: str) -> str:
+        return f"{self.module.name}.{name}"
+
+    def lower(self, expression: sympy.Expr) -> Node:
+        return self.graph.lower(expression, self.nodes)
+
+    def gradient(self, derivatives: Mapping[str, sympy.Expr]) -> dict[str, Node]:
+        """Derivatives by local variables to derivatives by independent inputs, times u."""
+        graph, kind = self.graph, self.module.type
+        lowered = dict(
+            zip(derivatives, graph.lower_all(derivatives.values(), self.nodes), strict=True)
+        )
+        result: dict[str, Node] = {}
+
+        def contribute(name: str, node: Node) -> None:
+            result[name] = graph.add(result.get(name, graph.zero), node)
+
+        for name, node in lowered.items():
+            if name in kind.signals:
+                signal = self.id(name)
+                contribute(signal, graph.mul(node, graph.input(f"u:{signal}")))
+            elif name.startswith(GATHERED):
+                for signal in self.gathers[name.removeprefix(GATHERED)]:
+                    contribute(signal, graph.mul(node, graph.input(f"u:{signal}")))
+            elif name not in self._blocks and self.module.parameters[name].u:
+                parameter = self.module.parameters[name]
+                u = graph.mul(graph.constant(parameter.u), graph.input(PARAMETERS))
+                contribute(name if parameter.shared else self.id(name), graph.mul(node, u))
+        self._whiten(lowered, contribute)
+        return {name: node for name, node in result.items() if not graph.is_zero(node)}
+
+    def _whiten(self, lowered: Mapping[str, Node], contribute: Callable[[str, Node], None]) -> None:
+        """Correlated parameters become independent ones through the factor of their block."""
+        graph = self.graph
+        for index, block in enumerate(self.module.blocks):
+            for j in range(len(block.parameters)):
+                terms = [
+                    graph.mul(lowered[p], graph.constant(block.factor[i][j]))
+                    for i, p in enumerate(block.parameters)
+                    if p in lowered and block.factor[i][j]
+                ]
+                if terms:
+                    node = graph.mul(graph.sum(terms), graph.input(PARAMETERS))
+                    contribute(f"{self.module.name}#{index}.{j}", node)
+
+    def lower_observers(
+        self,
+        observers: dict[str, Node],
+        gradients: dict[str, Gradient],
+        guards: dict[str, tuple[tuple[str, Node], ...]],
+    ) -> None:
+        for name, expression in self.model.observers.items():
+            key = self.id(name)
+            observers[key] = self.lower(expression)
+            gradient = self.gradient(self.model.gradients[name])
+            misfit = self.module.misfit.get(name, 0.0)
+            if misfit:
+                node = self.graph.mul(self.graph.constant(misfit), self.graph.input(MODEL))
+                gradient[f"{key}{MISFIT}"] = node
+            gradients[key] = gradient
+            guards[key] = tuple(
+                (condition.text, self.lower(condition.value))
+                for condition in self.model.guards[name]
+            )
+
+    def lower_targets(self, targets: dict[str, TargetNodes]) -> None:
+        for name, target in self.model.targets.items():
+            targets[self.id(name)] = TargetNodes(
+                self.lower(target.value),
+                self.gradient(target.gradient),
+                {self.id(o): self.lower(e) for o, e in target.slopes.items()},
+                {self.id(o): self.gradient(g) for o, g in target.slope_gradients.items()},
+                {self.id(o): self.lower(e) for o, e in target.curvatures.items()},
+                {self.id(o): (e, self.nodes) for o, e in target.inverse.items()},
+                self.lower(target.whole),
+                self.gradient(target.whole_gradient),
+                self.graph.zero,
+            )
+
+    def signals_of(self, target: str) -> tuple[str, ...]:
+        """Signals in what faults of a target scale; none where they act on the flow."""
+        found: list[str] = []
+        for name in self.model.targets[target].gradient if target in self.model.targets else ():
+            if name in self.module.type.signals:
+                found.append(self.id(name))
+            elif name.startswith(GATHERED):
+                found += self.gathers[name.removeprefix(GATHERED)]
+        return tuple(found)
+
+    def slope(self, observer: str, variable: str) -> Node:
+        """Derivative of an own observer by a local variable, without uncertainty."""
+        expression = self.model.gradients[observer].get(variable)
+        return self.graph.zero if expression is None else self.lower(expression)
+
+    def flow_response(self, target: str, signal: str) -> Node | None:
+        """How the flow follows a shift of `signal` along a component that a target leaves alone.
+
+        None if no such component's primary observer reads the signal.
+        """
+        distorted = self.model.targets[target].slopes
+        for names in self.module.type.components().values():
+            if names[0] not in distorted and signal in self.model.gradients[names[0]]:
+                return self.slope(names[0], signal)
+        return None
+
+    def back_pressure_response(self, gathered: str) -> Node:
+        """How the flow follows a pressure downstream, two components in series.
+
+        The primary observers of two components hold at once; their common signal adapts.
+        """
+        graph, variable = self.graph, GATHERED + gathered
+        primaries = [names[0] for names in self.module.type.components().values()]
+        for line in primaries:
+            if variable not in self.model.gradients[line]:
+                continue
+            for other in primaries:
+                shared = [
+                    s
+                    for s, signal in self.module.type.signals.items()
+                    if s in self.model.gradients[other]
+                    and s in self.model.gradients[line]
+                    and not signal.is_input
+                ]
+                if other != line and shared:
+                    along = self.slope(other, shared[0])
+                    across = self.slope(line, shared[0])
+                    down = self.slope(line, variable)
+                    return graph.div(graph.mul(along, down), graph.sub(along, across))
+        return graph.zero
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """An observer that reads signals of other modules under the name `gathered`."""
+
+    part: _Instance
+    gathered: str
+    observer: str
+
+    @property
+    def id(self) -> str:
+        return self.part.id(self.observer)
+
+    @cached_property
+    def slope(self) -> tuple[Node, Gradient, Node]:
+        """Slope by the sum downstream, its gradient, its curvature: the same for every signal."""
+        variable = GATHERED + self.gathered
+        expression, symbols = self.part.model.gradients[self.observer][variable], self._symbols
+        derivatives = dict(_derivatives(expression, symbols))
+        gradient = self.part.gradient(derivatives)
+        curvature = derivatives.get(variable, sympy.S.Zero)
+        return self.part.lower(expression), gradient, self.part.lower(curvature)
+
+    @property
+    def _symbols(self) -> tuple[tuple[str, sympy.Symbol], ...]:
+        return tuple(self.part.model.symbols.items())
+
+
+Readers = Mapping[str, list[_Reader]]
+"""Observers of other modules by the signal that they read through `downstream`."""
+
+
+@lru_cache(maxsize=10_000)
+def _derivatives(
+    expression: sympy.Expr, symbols: tuple[tuple[str, sympy.Symbol], ...]
+) -> tuple[tuple[str, sympy.Expr], ...]:
+    """Non-zero derivatives by name; worked out once per module type."""
+    free = expression.free_symbols
+    return tuple((n, sympy.diff(expression, s)) for n, s in symbols if s in free)
+
+
+def _readers(parts: Iterable[_Instance]) -> Readers:
+    found: dict[str, list[_Reader]] = {}
+    for part in parts:
+        for name, signals in part.gathers.items():
+            reading = [
+                _Reader(part, name, observer)
+                for observer, gradient in part.model.gradients.items()
+                if GATHERED + name in gradient
+            ]
+            for signal in signals:
+                found.setdefault(signal, []).extend(reading)
+    return found
+
+
+def _hypotheses(part: _Instance, readers: Readers) -> Iterable[Hypothesis]:
+    for fault in part.model.faults:
+        affects = [part.id(o) for o in fault.affects]
+        if fault.fault.acts_on == "signal":
+            affects += [reader.id for reader in readers.get(part.id(fault.target), ())]
+        name = part.module.name
+        yield Hypothesis(
+            part.id(fault.id),
+            name,
+            fault,
+            part.id(fault.target),
+            tuple(affects),
+            part.signals_of(fault.target),
+        )
+
+
+def _reach_across(
+    parts: Mapping[str, _Instance], readers: Readers, targets: dict[str, TargetNodes]
+) -> None:
+    """Add the slopes of observers in other modules that read a faulty signal."""
+    for part in parts.values():
+        for name in part.model.targets:
+            if name not in part.module.type.signals:
+                continue
+            key = part.id(name)
+            old = targets[key]
+            slopes, gradients = dict(old.slopes), dict(old.slope_gradients)
+            curvatures = dict(old.curvatures)
+            for reader in readers.get(key, ()):
+                slopes[reader.id], gradients[reader.id], curvatures[reader.id] = reader.slope
+            targets[key] = replace(
+                old, slopes=slopes, slope_gradients=gradients, curvatures=curvatures
+            )
+
+
+def _react(
+    parts: Mapping[str, _Instance], readers: Readers, targets: dict[str, TargetNodes]
+) -> None:
+    """Fill in how the true flow of a module follows when a definition shifts (paper form).
+
+    A dosing module moves along its pump curve; a mixer makes all modules upstream move.
+    """
+    for part in parts.values():
+        graph = part.graph
+        for name, target in part.model.targets.items():
+            if name in part.module.type.signals or target.driver is None:
+                continue
+            own = part.flow_response(name, target.driver)
+            if own is None:
+                reading = readers.get(part.id(target.driver), ())
+                upstream = dict.fromkeys((reader.part, reader.gathered) for reader in reading)
+                own = graph.sum(other.back_pressure_response(n) for other, n in upstream)
+            targets[part.id(name)] = replace(targets[part.id(name)], reaction=own)
+
+
+def _residual_nodes(
+    graph: Graph,
+    residuals: Iterable[Residual],
+    observers: Mapping[str, Node],
+    gradients: Mapping[str, Gradient],
+) -> tuple[dict[str, Node], dict[str, Gradient], dict[str, Node]]:
+    """Residuals, their gradients and variances."""
+    nodes: dict[str, Node] = {}
+    tables: dict[str, Gradient] = {}
+    variances: dict[str, Node] = {}
+    for residual in residuals:
+        nodes[residual.id] = graph.signed_sum((s, observers[o]) for s, o in residual.terms)
+        table = combine(graph, [(s, gradients[o]) for s, o in residual.terms])
+        tables[residual.id] = table
+        variances[residual.id] = graph.sum(graph.square(node) for node in table.values())
+    return nodes, tables, variances
+
+
+def combine(graph: Graph, parts: Iterable[tuple[int, Gradient]]) -> dict[str, Node]:
+    """Signed sum of gradients."""
+    terms: dict[str, list[tuple[int, Node]]] = {}
+    for sign, gradient in parts:
+        for name, node in gradient.items():
+            terms.setdefault(name, []).append((sign, node))
+    return {name: graph.signed_sum(nodes) for name, nodes in terms.items()}
+
+
+def covariance(graph: Graph, a: Gradient, b: Gradient) -> Node:
+    """Covariance of two quantities from their gradients."""
+    return graph.sum(graph.mul(a[name], b[name]) for name in a if name in b)

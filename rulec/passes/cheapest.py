@@ -1,0 +1,92 @@
+"""Which of some sensors tell faults apart, and cost least.
+
+What a sensor adds is one more comparison; its effects and covariance follow from the tables of
+`linearise`, so nothing is compiled again.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.passes.neighbourhood import NO_SPREAD, Neighbourhood, Sensor, apart
+
+SEPARATED = 4.0
+"""Standard deviations that tell two faults apart: two bounds of Table 1, each twice its u."""
+
+SMALL = 0.2
+"""A degree at which faults should be told apart; beyond it they count as alike in practice."""
+
+SEEN = 2.0
+"""Advice may leave a fault that is hard to see at this multiple of the degree that shows it."""
+
+MOST = 4
+"""No advice asks for more sensors than this."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Sensors that together tell a group apart, and the degree from which on they do."""
+
+    sensors: tuple[Sensor, ...]
+    degree: float
+
+
+def degrees_of(gram: Array) -> tuple[float, ...]:
+    """Per fault the degree from which on it is told from every other one."""
+    distance = apart(gram)
+    with np.errstate(divide="ignore"):
+        worst = SEPARATED / distance.min(axis=-1)
+    return tuple(float(x) for x in worst)
+
+
+def cheapest(
+    hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor]
+) -> Advice | None:
+    """Of one or two sensors the cheapest that tell all faults apart, else a greedy choice."""
+    gram = hood.gram(faults)
+    effects, covariance = hood.added(faults, sensors)
+
+    def among(chosen: tuple[int, ...]) -> Array:
+        """Products of effects with some of the sensors added."""
+        part = effects[:, chosen]
+        own = covariance[np.ix_(chosen, chosen)]
+        inverse = np.linalg.inv(own + NO_SPREAD * np.eye(len(chosen)))
+        more: Array = gram + part @ inverse @ part.T
+        return more
+
+    def cost(chosen: tuple[int, ...]) -> float:
+        return sum(sensors[i].cost for i in chosen)
+
+    numbers = range(len(sensors))
+    choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
+    for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
+        told = [(max(degrees_of(among(c))), c) for c in same if _is_told(among(c))]
+        if told:
+            degree, chosen = min(told)
+            return Advice(tuple(sensors[i] for i in chosen), degree)
+    chosen = ()
+    while len(chosen) < min(MOST, len(sensors)):
+        more = [(*chosen, i) for i in numbers if i not in chosen]
+        chosen = min(more, key=lambda c: (_degrees_left(among(c)), cost(c)))
+        if _is_told(among(chosen)):
+            return Advice(tuple(sensors[i] for i in chosen), max(degrees_of(among(chosen))))
+    return None
+
+
+def _degrees_left(gram: Array) -> tuple[int, float]:
+    """How many faults are told at no degree, and the largest degree of the others."""
+    degrees = np.array(degrees_of(gram))
+    never = np.isinf(degrees)
+    return int(never.sum()), float(degrees[~never].max(initial=0.0))
+
+
+def _is_told(gram: Array) -> bool:
+    """Is every fault told from the others at a small degree, or nearly as soon as it is seen?"""
+    distance = apart(gram)
+    enough = np.minimum(SMALL * np.diagonal(distance) / SEEN, SEPARATED)
+    return bool(np.all(SMALL * distance.min(axis=-1) >= enough))

@@ -1,0 +1,219 @@
+"""Pass 8, derive rules: from a residual to a fault degree, with uncertainty.
+
+Every rule has one form. `g` is what the fault scales, `mu` = dR/dg; the residual says how much of
+g is there too much, ``D = R/mu``; the law of the fault turns g and D into the degree. The forms
+differ in what they take for mu or D:
+
+linear : slope at the measured point, at the same flow (default).
+paper : slope that includes the answer of the true flow (Eq. 16 of the seed paper).
+exact : D from the observer solved for g, no linearisation; where one observer alone is wrong.
+
+For leakage and power readings the linear rule is exact already.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy
+
+from rulec.algebra.graph import Graph, Node
+from rulec.passes.assemble import Assembly, Hypothesis
+from rulec.passes.derive_signatures import Signature, Signatures
+from rulec.passes.differentiate import EXCESS, FLOW, G
+from rulec.passes.moments import Moments, Signed
+
+
+@dataclass(frozen=True)
+class Rule:
+    """The forms that a cell has in the plan, and the rule as readable text."""
+
+    signature: Signature
+    forms: tuple[str, ...]
+    equation: str
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Signatures with rules; the graph of the assembly now has all outputs."""
+
+    signatures: Signatures
+    rules: tuple[Rule, ...]
+
+
+def derive_rules(signatures: Signatures) -> Rules:
+    """Add observers, residuals, gradients, guards and all rules to the outputs of the graph."""
+    assembly = signatures.assembly
+    _basic_outputs(assembly)
+    hypotheses = {h.id: h for h in assembly.hypotheses}
+    moments = Moments(assembly)
+    spreads: dict[tuple[str, str, str], _Spread] = {}
+    rules = tuple(
+        _rule(assembly, moments, spreads, hypotheses[c.fault], c) for c in signatures.cells
+    )
+    return Rules(signatures, rules)
+
+
+def _basic_outputs(assembly: Assembly) -> None:
+    """``q:``, ``s:`` (scaled gradient), ``guard:``, ``R:`` and ``u:`` outputs."""
+    graph, outputs = assembly.graph, assembly.graph.outputs
+    for observer, node in assembly.observers.items():
+        outputs[f"q:{observer}"] = node
+        for i, (_, guard) in enumerate(assembly.guards[observer]):
+            outputs[f"guard:{observer}:{i}"] = guard
+        for name, scaled in assembly.gradients[observer].items():
+            outputs[f"s:{observer}:{name}"] = scaled
+    for residual, node in assembly.residual_nodes.items():
+        outputs[f"R:{residual}"] = node
+        outputs[f"u:{residual}"] = graph.apply("sqrt", assembly.residual_variances[residual])
+
+
+def _rule(
+    assembly: Assembly,
+    moments: Moments,
+    spreads: dict[tuple[str, str, str], _Spread],
+    hypothesis: Hypothesis,
+    cell: Signature,
+) -> Rule:
+    graph, outputs = assembly.graph, assembly.graph.outputs
+    key = f"{cell.fault}:{cell.residual}"
+    R = assembly.residual_nodes[cell.residual]
+    degree = hypothesis.fault.rule.degree
+
+    def rule(form: str, mu: Node, scaled: Node, gradients: Signed) -> None:
+        at = {G: scaled, EXCESS: graph.div(R, mu)}
+        # Two directions of one fault scale the same g: they share their second moments.
+        place = (hypothesis.target, cell.residual, form)
+        spread = spreads.get(place)
+        if spread is None:
+            spread = spreads[place] = _spread(assembly, moments, hypothesis, cell, gradients)
+        outputs[f"x:{form}:{key}"] = graph.lower(degree, at)
+        outputs[f"ux:{form}:{key}"] = _uncertainty(graph, hypothesis, spread, mu, at)
+
+    rule("linear", cell.slope, cell.scaled, _scaled_gradients(assembly, hypothesis, cell))
+    forms = ["linear"]
+    if hypothesis.fault.fault.acts_on == "definition":
+        target = assembly.targets[hypothesis.target]
+        count = sum(sign for sign, _ in cell.faulty)
+        reaction = graph.mul(graph.constant(count), target.reaction)
+        mu = graph.sub(cell.slope, reaction)
+        rule("paper", mu, target.whole, [(1, target.whole_gradient)])
+        forms.append("paper")
+    exact = _exact_excess(assembly, hypothesis, cell, R)
+    if exact is not None:
+        outputs[f"x:exact:{key}"] = graph.lower(degree, {G: cell.scaled, EXCESS: exact})
+        forms.append("exact")
+    return Rule(cell, tuple(forms), _text(hypothesis, cell))
+
+
+def _exact_excess(
+    assembly: Assembly, hypothesis: Hypothesis, cell: Signature, R: Node
+) -> Node | None:
+    """g minus the g at which the residual vanishes, where one observer alone depends on it."""
+    if hypothesis.fault.fault.acts_on == "flow" or len(cell.faulty) != 1:
+        return None
+    (sign, observer), graph = cell.faulty[0], assembly.graph
+    solved = assembly.targets[hypothesis.target].inverse.get(observer)
+    if solved is None:
+        return None
+    expression, nodes = solved
+    should = graph.signed_sum([(1, assembly.observers[observer]), (-sign, R)])
+    flow = sympy.Symbol(FLOW, real=True)
+    return graph.sub(cell.scaled, graph.lower(expression, {**nodes, flow: should}))
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Variances and doubled covariances of R, g and mu, and dmu/dg."""
+
+    residual: Node
+    scaled: Node
+    residual_scaled: Node
+    slope: Node
+    residual_slope: Node
+    scaled_slope: Node
+    curvature: Node
+
+
+def _scaled_gradients(assembly: Assembly, hypothesis: Hypothesis, cell: Signature) -> Signed:
+    """Gradients whose signed sum is that of g."""
+    if hypothesis.fault.fault.acts_on == "flow":
+        return [(s, assembly.gradients[o]) for s, o in cell.faulty]
+    return [(1, assembly.targets[hypothesis.target].gradient)]
+
+
+def _spread(
+    assembly: Assembly,
+    moments: Moments,
+    hypothesis: Hypothesis,
+    cell: Signature,
+    scaled: Signed,
+) -> _Spread:
+    graph, zero = assembly.graph, assembly.graph.zero
+    scaled = moments.gathered(scaled)
+    variance = assembly.residual_variances[cell.residual]
+    own = moments.between(scaled, scaled)
+    with_residual = _twice(graph, moments.with_residual(cell.residual, scaled))
+    if hypothesis.fault.fault.acts_on == "flow":
+        return _Spread(variance, own, with_residual, zero, zero, zero, zero)
+    target = assembly.targets[hypothesis.target]
+    slope = moments.gathered([(s, target.slope_gradients[o]) for s, o in cell.faulty])
+    return _Spread(
+        variance,
+        own,
+        with_residual,
+        moments.between(slope, slope),
+        _twice(graph, moments.with_residual(cell.residual, slope)),
+        _twice(graph, moments.between(scaled, slope)),
+        graph.signed_sum((s, target.curvatures[o]) for s, o in cell.faulty),
+    )
+
+
+def _twice(graph: Graph, node: Node) -> Node:
+    return graph.mul(graph.constant(2.0), node)
+
+
+def _uncertainty(
+    graph: Graph,
+    hypothesis: Hypothesis,
+    spread: _Spread,
+    mu: Node,
+    at: Mapping[sympy.Symbol, Node],
+) -> Node:
+    """Standard uncertainty of a degree: first order in R, g and mu with all correlations.
+
+    With the degree X(g, D) and D = R/mu its gradient is ``X_D/mu (dR - D dmu + r dg)``, where
+    ``r = X_g mu / X_D``. To this the linearisation adds how much mu itself differs between the
+    measured and the fault-free g.
+    """
+    rule, excess = hypothesis.fault.rule, at[EXCESS]
+    ratio = graph.mul(mu, graph.lower(rule.ratio, at))
+    change = graph.square(graph.mul(spread.curvature, excess))
+    of_slope = graph.mul(excess, graph.add(spread.slope, change))
+    slope_part = graph.mul(excess, graph.sub(of_slope, spread.residual_slope))
+    crossed = graph.sub(spread.residual_scaled, graph.mul(excess, spread.scaled_slope))
+    scaled_part = graph.mul(ratio, graph.add(graph.mul(ratio, spread.scaled), crossed))
+    variance = graph.sum([spread.residual, slope_part, scaled_part])
+    outer = graph.apply("abs", graph.div(graph.lower(rule.by_excess, at), mu))
+    return graph.mul(outer, graph.apply("sqrt", variance))
+
+
+def _text(hypothesis: Hypothesis, cell: Signature) -> str:
+    """The rule in words that can be read beside the paper."""
+    if hypothesis.fault.fault.acts_on == "flow":
+        signed = [f"{'-' if s < 0 else '+'} {o}" for s, o in cell.faulty]
+        flow = " ".join(signed).removeprefix("+ ")
+        degree = _with(hypothesis.fault.rule.text, {"g": flow, "D": "R"})
+        return f"x = {degree}, R = {cell.residual}"
+    name = hypothesis.target
+    slopes = [f"{'-' if s < 0 else '+'} d({o})/d({name})" for s, o in cell.faulty]
+    mu = " ".join(slopes).removeprefix("+ ")
+    degree = _with(hypothesis.fault.rule.text, {"g": name})
+    return f"x = {degree}, D = R/mu, mu = {mu}, R = {cell.residual}"
+
+
+def _with(text: str, names: Mapping[str, str]) -> str:
+    """Put names in the place of g and D."""
+    return re.sub(r"\b[gD]\b", lambda m: names.get(m[0], m[0]), text)

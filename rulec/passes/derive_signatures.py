@@ -1,0 +1,141 @@
+"""Pass 7, derive signatures: the fault-symptom matrix at the reference point.
+
+Nothing is written by hand: a fault's law, differentiated at degree 0, times the slope of each
+residual by what the fault scales, gives size and sign of every cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rulec_runtime.contract.ruleset import THRESHOLD
+
+from rulec.algebra.graph import Node
+from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
+from rulec.passes.differentiate import G
+from rulec.passes.reference import solve_reference
+
+NEGLIGIBLE = 1e-6
+"""Share of the flow below which an effect counts as none: it cancels at a fault-free point."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """One non-zero cell of the matrix.
+
+    `gain` is dR/dg with g what the fault scales, `sensitivity` dR/dx (m3/s), `detectable` the
+    degree at which the residual reaches its threshold; `scaled` and `slope` are the nodes of g
+    and dR/dg, `faulty` the observers of the residual that the fault makes wrong, with signs.
+    """
+
+    fault: str
+    residual: str
+    sign: int
+    gain: float
+    sensitivity: float
+    detectable: float
+    scaled: Node
+    slope: Node
+    faulty: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True)
+class Signatures:
+    """An assembly with its reference point, uncertainties there, and matrix."""
+
+    assembly: Assembly
+    reference: Mapping[str, float]
+    flows: Mapping[str, float]
+    uncertainties: Mapping[str, float]
+    cells: tuple[Signature, ...]
+
+
+def derive_signatures(assembly: Assembly) -> Signatures:
+    """Find every cell of the fault-symptom matrix that is not zero."""
+    reference = solve_reference(assembly)
+    holding = _residuals_by_observer(assembly)
+    candidates = [
+        (h, residual, *found)
+        for h in assembly.hypotheses
+        for residual, found in _reached(assembly, h, holding).items()
+    ]
+    graph = assembly.graph
+    outputs = {}
+    for i, (h, _, _, scaled, slope) in enumerate(candidates):
+        outputs[f"slope:{i}"] = slope
+        outputs[f"effect:{i}"] = graph.mul(slope, _per_degree(assembly, h, scaled))
+    for residual, variance in assembly.residual_variances.items():
+        outputs[f"u:{residual}"] = graph.apply("sqrt", variance)
+    for observer, node in assembly.observers.items():
+        outputs[f"q:{observer}"] = node
+    found = graph.plan(outputs).run(reference_inputs(assembly, reference))
+    values = {k: float(v[0]) for k, v in found.items()}
+    flows = {o: values[f"q:{o}"] for o in assembly.observers}
+    uncertainties = {r: values[f"u:{r}"] for r in assembly.residual_variances}
+    cells = []
+    for i, (h, residual, faulty, scaled, slope) in enumerate(candidates):
+        effect = values[f"effect:{i}"]
+        size = max(abs(flows[o]) for _, o in faulty)
+        if abs(effect) > NEGLIGIBLE * size:
+            u = uncertainties[residual]
+            cells.append(
+                Signature(
+                    h.id,
+                    residual,
+                    1 if effect > 0 else -1,
+                    values[f"slope:{i}"],
+                    effect,
+                    THRESHOLD * u / abs(effect),
+                    scaled,
+                    slope,
+                    faulty,
+                )
+            )
+    return Signatures(assembly, reference, flows, uncertainties, tuple(cells))
+
+
+def _reached(
+    assembly: Assembly, hypothesis: Hypothesis, holding: Mapping[str, list[int]]
+) -> dict[str, tuple[tuple[tuple[int, str], ...], Node, Node]]:
+    """Residuals that a fault can reach: faulty terms, node of g, node of dR/dg."""
+    graph, affected = assembly.graph, set(hypothesis.affects)
+    result = {}
+    for i in sorted({i for o in affected for i in holding.get(o, ())}):
+        residual = assembly.residuals.residuals[i]
+        faulty = tuple((s, o) for s, o in residual.terms if o in affected)
+        if hypothesis.fault.fault.acts_on == "flow":
+            scaled = graph.signed_sum((s, assembly.observers[o]) for s, o in faulty)
+            slope = graph.one
+        else:
+            target = assembly.targets[hypothesis.target]
+            scaled = target.value
+            slope = graph.signed_sum((s, target.slopes[o]) for s, o in faulty)
+        if not graph.is_zero(slope):
+            result[residual.id] = (faulty, scaled, slope)
+    return result
+
+
+def _residuals_by_observer(assembly: Assembly) -> dict[str, list[int]]:
+    table: dict[str, list[int]] = {}
+    for i, residual in enumerate(assembly.residuals.residuals):
+        for _, observer in residual.terms:
+            table.setdefault(observer, []).append(i)
+    return table
+
+
+def _per_degree(assembly: Assembly, hypothesis: Hypothesis, scaled: Node) -> Node:
+    """d(what is there too much)/d(degree) at degree 0."""
+    return assembly.graph.lower(hypothesis.fault.rule.onset, {G: scaled})
+
+
+def reference_inputs(assembly: Assembly, reference: Mapping[str, float]) -> dict[str, float]:
+    """Reference readings with the systematic uncertainty of their sensors."""
+    inputs = {**reference, PARAMETERS: 1.0, MODEL: 1.0}
+    plant = assembly.residuals.network.plant
+    for module in plant.modules.values():
+        for signal in module.type.signals.values():
+            sensor = plant.knowledge.sensors[signal.sensor]
+            key = f"{module.name}.{signal.name}"
+            inputs[f"u:{key}"] = sensor.uncertainty(signal.full_scale, reference[key])
+    return inputs

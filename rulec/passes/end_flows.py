@@ -1,0 +1,122 @@
+"""What flows in and out of modules that store: by their own laws, or by what is connected.
+
+A module with states cuts the network in two: what flows in need not flow out. Each of its ends is
+an edge of its own, to a store that balances nothing; the rest is continuity as everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rulec.algebra.continuity import SURROUNDINGS, FlowGraph, flows_by_continuity
+from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, ModuleType
+from rulec.knowledge.plant import Plant
+from rulec.language.diagnostics import Diagnostic, Refused
+
+
+@dataclass(frozen=True)
+class Known:
+    """A flow that is known of a module: `kind` is ``observer`` or ``end``."""
+
+    module: str
+    kind: str
+    name: str
+
+
+Sum = tuple[tuple[int, Known], ...]
+"""A signed sum of known flows; empty where nothing flows."""
+
+EndFlows = Mapping[tuple[str, str], Sum]
+"""By module and end what flows there, where the module has no law of its own."""
+
+
+def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
+    """Flows at the ends of all modules whose equations ask for them.
+
+    Raises `Refused`: KB113 where a flow does not follow from the laws, KB114 where laws contradict.
+    """
+    if not any(m.type.flows for m in plant.modules.values()):
+        return {}
+    edges, every = _edges(plant, graph)
+    split = FlowGraph(edges)
+    known = _independent(plant, split, every)
+    by_continuity = flows_by_continuity(split, known)
+    result: dict[tuple[str, str], Sum] = {}
+    for module in plant.modules.values():
+        for end in ENDS:
+            if end in module.type.definitions or not module.type.flows:
+                continue
+            edge = f"{module.name}|{end}" if module.type.cuts else module.name
+            tail, head = edges[edge]
+            if edge in known:
+                result[module.name, end] = ((1, known[edge]),)
+            elif edge in by_continuity:
+                terms = by_continuity[edge].terms
+                result[module.name, end] = tuple((sign, known[e]) for e, sign in terms.items())
+            elif tail == head or _is_closed(split, edge):
+                result[module.name, end] = ()
+            elif end in _asked(module.type):
+                message = f"what flows {_WAY[end]} '{module.name}' does not follow from any law"
+                hint = f"give its type a definition '{end}', or connect something with a law"
+                raise Refused([Diagnostic(plant.place, "KB113", message, hint)])
+    return result
+
+
+_WAY = {INFLOW: "into", OUTFLOW: "out of"}
+
+
+def _edges(plant: Plant, graph: FlowGraph) -> tuple[dict[str, tuple[int, int]], dict[str, Known]]:
+    """Edges between junctions, and those with a law."""
+    edges: dict[str, tuple[int, int]] = {}
+    known: dict[str, Known] = {}
+    for name, (tail, head) in graph.ends.items():
+        kind = plant.modules[name].type
+        if kind.cuts:
+            edges[f"{name}|{INFLOW}"] = (tail, SURROUNDINGS)
+            edges[f"{name}|{OUTFLOW}"] = (SURROUNDINGS, head)
+            for end in ENDS:
+                if end in kind.definitions:
+                    known[f"{name}|{end}"] = Known(name, "end", end)
+            continue
+        edges[name] = (tail, head)
+        law = law_of(kind)
+        if law:
+            known[name] = Known(name, "observer", law)
+    return edges, known
+
+
+def law_of(kind: ModuleType) -> str:
+    """The observer that gives the flow: the first that reads inputs alone, else the first."""
+    given = {n for n, s in kind.signals.items() if not s.is_input}
+    for observer in kind.observers.values():
+        parts = kind.with_definitions(observer.expression)
+        if not any(name in given for part in parts for name, _ in part.names()):
+            return observer.name
+    return next(iter(kind.observers), "")
+
+
+def _asked(kind: ModuleType) -> set[str]:
+    """Ends that some equation names."""
+    return {name for e in kind.equations() for name, _ in e.names() if name in ENDS}
+
+
+def _is_closed(graph: FlowGraph, edge: str) -> bool:
+    """Nothing else touches the junction of this edge: nothing flows."""
+    nodes = [n for n in graph.ends[edge] if n != SURROUNDINGS]
+    return not any(other != edge and set(ends) & set(nodes) for other, ends in graph.ends.items())
+
+
+def _independent(plant: Plant, graph: FlowGraph, every: Mapping[str, Known]) -> dict[str, Known]:
+    """Laws that do not contradict: of flows that are measured twice, the first in the plant."""
+    known = dict(every)
+    while balances := graph.measured_balances(known):
+        signs = next(iter(balances.values()))
+        measured = [edge for edge in signs if known[edge].kind == "observer"]
+        if not measured:
+            names = ", ".join(f"'{edge.partition('|')[0]}'" for edge in signs)
+            message = f"the flow between {names} is given more than once"
+            hint = "leave one law out; it must follow from the others"
+            raise Refused([Diagnostic(plant.place, "KB114", message, hint)])
+        del known[measured[-1]]
+    return known

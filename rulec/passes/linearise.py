@@ -1,0 +1,104 @@
+"""The plant in numbers at its reference point: how estimates follow errors and faults.
+
+Everything is first order. From these tables any set of estimates can be judged, also with sensors
+that are not there yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import sympy
+
+from rulec.algebra.graph import Graph
+from rulec.passes.assemble import Hypothesis
+from rulec.passes.derive_signatures import Signatures, reference_inputs
+from rulec.passes.differentiate import G
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Slopes at the reference point, SI.
+
+    Attributes
+    ----------
+    gradients : per observer d(estimate)/d(input) times the input's standard uncertainty, m3/s.
+    flows : per observer its estimate, m3/s.
+    uncertainties : standard uncertainty of each reading, in its unit.
+    effects : per fault d(estimate)/d(degree, as a share) of the observers it makes wrong, m3/s.
+    shifts : per fault of a reading, d(reading)/d(degree, as a share), in the unit of the reading.
+    targets : per fault of a reading, the reading.
+    """
+
+    gradients: Mapping[str, Mapping[str, float]]
+    flows: Mapping[str, float]
+    uncertainties: Mapping[str, float]
+    effects: Mapping[str, Mapping[str, float]]
+    shifts: Mapping[str, float]
+    targets: Mapping[str, str]
+
+
+def linearise(signatures: Signatures) -> Linearised:
+    """Evaluate gradients and slopes at the reference point."""
+    assembly = signatures.assembly
+    outputs = {
+        f"{observer}|{name}": node
+        for observer, gradient in assembly.gradients.items()
+        for name, node in gradient.items()
+    }
+    for key, target in assembly.targets.items():
+        outputs[f"{key}|value"] = target.value
+        outputs |= {f"{key}|d|{o}": node for o, node in target.slopes.items()}
+    inputs = reference_inputs(assembly, signatures.reference)
+    values = {k: float(v[0]) for k, v in assembly.graph.plan(outputs).run(inputs).items()}
+    excess = _Excess(signatures, values)
+    effects: dict[str, dict[str, float]] = {}
+    shifts: dict[str, float] = {}
+    for h in assembly.hypotheses:
+        if h.fault.fault.acts_on == "flow":
+            effects[h.id] = {o: excess.of(h, o) for o in h.affects}
+            continue
+        shift, slopes = excess.of(h, h.target), assembly.targets[h.target].slopes
+        effects[h.id] = {o: shift * values[f"{h.target}|d|{o}"] for o in h.affects if o in slopes}
+        if h.fault.fault.acts_on == "signal":
+            shifts[h.id] = shift
+    return Linearised(
+        {
+            observer: {name: values[f"{observer}|{name}"] for name in gradient}
+            for observer, gradient in assembly.gradients.items()
+        },
+        signatures.flows,
+        {k.removeprefix("u:"): v for k, v in inputs.items() if k.startswith("u:") and "." in k},
+        effects,
+        shifts,
+        {h.id: h.target for h in assembly.hypotheses if h.id in shifts},
+    )
+
+
+class _Excess:
+    """What is there too much per unit of a fault's degree, as a share; every law is evaluated
+    once."""
+
+    def __init__(self, signatures: Signatures, values: Mapping[str, float]) -> None:
+        places: dict[sympy.Expr, dict[str, float]] = {}
+        for h in signatures.assembly.hypotheses:
+            found = places.setdefault(h.fault.rule.onset, {})
+            if h.fault.fault.acts_on == "flow":
+                found |= {o: signatures.flows[o] for o in h.affects}
+            else:
+                found[h.target] = values[f"{h.target}|value"]
+        self._known = {onset: _at(onset, found) for onset, found in places.items()}
+
+    def of(self, hypothesis: Hypothesis, place: str) -> float:
+        """At an observer or a target."""
+        known = self._known[hypothesis.fault.rule.onset][place]
+        return known * hypothesis.fault.variant.scale
+
+
+def _at(onset: sympy.Expr, scaled: Mapping[str, float]) -> dict[str, float]:
+    graph = Graph(["g"])
+    plan = graph.plan({"onset": graph.lower(onset, {G: graph.input("g")})})
+    values = plan.run({"g": np.array(list(scaled.values()))})["onset"]
+    return dict(zip(scaled, np.broadcast_to(values, len(scaled)).tolist(), strict=True))

@@ -1,0 +1,312 @@
+"""Equations of modules straight to a plan: no sympy, parameters as inputs.
+
+The analysis of a mismatch refits the parameters of many variants of a module; each is lowered in
+well under a millisecond. What the compiler makes of the same equations by way of sympy agrees to
+the last digits: tests compare them.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from rulec_runtime.contract.plan import Plan
+
+from rulec.algebra.graph import Graph, Node
+from rulec.knowledge.fluid import factor_name
+from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Fluid
+from rulec.knowledge.plant import Module
+from rulec.language.expression import GATHER, Expression, Rejected, exponent_of, function_of
+from rulec.language.units import PROPERTIES
+from rulec.passes.amend import Amended
+from rulec.passes.end_flows import EndFlows
+from rulec.passes.link import Network
+
+Shifts = Mapping[tuple[str, str, str], str]
+"""Plan inputs that shift places, by module, kind of place (as in `Change`) and name."""
+
+
+Pending = frozenset[tuple[str, str]]
+"""Modules, and what of them is being lowered, in words."""
+
+_WAY = {INFLOW: "into", OUTFLOW: "out of"}
+
+
+class _Names(Protocol):
+    """Where names in an equation lead to."""
+
+    def value(self, name: str) -> Node: ...
+
+    def gathered(self, name: str) -> Node: ...
+
+    def property(self, name: str, temperature: Node) -> Node: ...
+
+
+def lower_tree(graph: Graph, node: ast.expr, names: _Names) -> Node:
+    """Build the node of an equation's tree."""
+    match node:
+        case ast.Constant(value=int(number) | float(number)):
+            return graph.constant(number)
+        case ast.Name(id=name):
+            return names.value(name)
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = lower_tree(graph, operand, names)
+            return graph.apply("neg", inner) if isinstance(op, ast.USub) else inner
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            power = exponent_of(right)
+            assert power is not None, "checked when the equation was read"
+            return _power(graph, lower_tree(graph, left, names), float(power))
+        case ast.BinOp(left=left, op=op, right=right):
+            a, b = lower_tree(graph, left, names), lower_tree(graph, right, names)
+            return graph.apply(_BINARY[type(op)], a, b)
+        case ast.Call(args=arguments):
+            function = function_of(node)
+            assert function is not None
+            if function == GATHER:
+                assert isinstance(arguments[0], ast.Name)
+                return names.gathered(arguments[0].id)
+            parts = [lower_tree(graph, a, names) for a in arguments]
+            if function in PROPERTIES:
+                return names.property(function, parts[0])
+            return graph.apply(function, *parts)
+    raise AssertionError(ast.dump(node))
+
+
+_BINARY: Mapping[type[ast.operator], str] = {
+    ast.Add: "add",
+    ast.Sub: "sub",
+    ast.Mult: "mul",
+    ast.Div: "div",
+}
+
+
+def _power(graph: Graph, base: Node, power: float) -> Node:
+    if power < 0:
+        return graph.div(graph.one, _power(graph, base, -power))
+    whole, half = int(power), power - int(power) == 0.5
+    if power != whole and not half:
+        return graph.apply("pow", base, graph.constant(power))
+    result = graph.apply("sqrt", base) if half else graph.one
+    for _ in range(whole):
+        result = graph.mul(result, base)
+    return result
+
+
+@dataclass(frozen=True)
+class Lowering:
+    """What is lowered: the amended types of some modules of a plant, places shifted by inputs.
+
+    Without `ends`, what flows in and out of a module that stores is an input of its plan.
+    """
+
+    network: Network
+    amended: Mapping[str, Amended]
+    shifts: Shifts = field(default_factory=dict)
+    ends: EndFlows | None = None
+
+    def of(self, module: str) -> Amended:
+        """The type of a module with its changes."""
+        known = self.amended.get(module)
+        return known or Amended(self.network.plant.modules[module].type)
+
+
+def lower_module(what: Lowering, module: str, definitions: bool = False) -> Plan:
+    """The observers of a module as a plan.
+
+    Inputs are ids of signals, parameters (``A.k2``) and what changes and shifts bring in. Outputs
+    are ``q:<observer>`` and ``guard:<observer>:<i>``, with `definitions` also ``d:<definition>``.
+    """
+    graph = Graph(dict.fromkeys(_inputs(what, module)))
+    scope = _Scope(graph, what, module)
+    kind = what.of(module).type
+    for observer in kind.observers.values():
+        graph.outputs[f"q:{module}.{observer.name}"] = scope.observer(observer.name)
+        for i, argument in enumerate(_guarded(kind.with_definitions(observer.expression))):
+            node = lower_tree(graph, argument, scope)
+            graph.outputs[f"guard:{module}.{observer.name}:{i}"] = node
+    if definitions:
+        graph.outputs |= {f"d:{name}": scope.value(name) for name in kind.definitions}
+        graph.outputs |= {f"der:{name}": scope.balance(name) for name in kind.states}
+        graph.outputs |= {f"shown:{name}": scope.shown(name) for name in kind.readings}
+    return graph.plan()
+
+
+def lower_states(what: Lowering) -> Plan:
+    """The balances of a whole plant as one plan.
+
+    Inputs are ids of states (``A.h``), signals, parameters, and what changes and shifts bring in.
+    Outputs are ``der:<state>``, ``start:<state>``, ``low:<state>``, ``high:<state>`` where there
+    are limits, ``after:<state>`` for a dead time, ``shown:<signal>`` for readings, and
+    ``inflow:<module>``, ``outflow:<module>``.
+    """
+    modules = what.network.plant.modules
+    graph = Graph(dict.fromkeys(name for m in modules for name in _inputs(what, m)))
+    for module in modules:
+        scope, kind = _Scope(graph, what, module), what.of(module).type
+        for name, state in kind.states.items():
+            state_id = f"{module}.{name}"
+            graph.outputs[f"der:{state_id}"] = scope.balance(name)
+            graph.outputs[f"start:{state_id}"] = lower_tree(graph, state.start.tree, scope)
+            if state.low is not None:
+                graph.outputs[f"low:{state_id}"] = lower_tree(graph, state.low.tree, scope)
+            if state.high is not None:
+                graph.outputs[f"high:{state_id}"] = lower_tree(graph, state.high.tree, scope)
+            if state.after is not None:
+                graph.outputs[f"after:{state_id}"] = lower_tree(graph, state.after.tree, scope)
+        for name in kind.readings:
+            graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
+        known = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]
+        graph.outputs |= {f"{end}:{module}": scope.value(end) for end in known}
+    return graph.plan()
+
+
+def parameter_id(module: Module, name: str) -> str:
+    """Plan input of a parameter; one for all modules where its error is shared."""
+    return name if module.parameters[name].shared else f"{module.name}.{name}"
+
+
+def _inputs(what: Lowering, module: str) -> Iterator[str]:
+    """Everything that the plan of a module may read."""
+    network = what.network
+    gathered = [network.gathers[module, name] for name in what.of(module).type.gathers]
+    for name in dict.fromkeys([module, *(m for part in gathered for m, _ in part)]):
+        instance, amended = network.plant.modules[name], what.of(name)
+        yield from (f"{name}.{signal}" for signal in amended.type.signals)
+        yield from (f"{name}.{state}" for state in amended.type.states)
+        yield from (f"{name}.{end}" for end in ENDS if what.ends is None and amended.type.flows)
+        yield from (parameter_id(instance, p) for p in instance.parameters)
+        yield from amended.inputs.values()
+        yield from amended.outside.values()
+    yield from what.shifts.values()
+
+
+def _guarded(equations: Iterator[Expression]) -> Iterator[ast.expr]:
+    """Arguments of roots and logarithms: they must be positive."""
+    for equation in equations:
+        for node in ast.walk(equation.tree):
+            match node:
+                case ast.Call(func=ast.Name(id="sqrt" | "log"), args=[inner]):
+                    yield inner
+
+
+class _Scope:
+    """Names of one module and their nodes; a definition is lowered when it is asked for.
+
+    `pending` are flows and readings that are being lowered; asked for once more, they stand on
+    themselves.
+    """
+
+    def __init__(
+        self, graph: Graph, what: Lowering, module: str, pending: Pending = frozenset()
+    ) -> None:
+        self._graph, self._what, self._module, self._pending = graph, what, module, pending
+        self._amended, self._instance = what.of(module), what.network.plant.modules[module]
+        self._known: dict[str, Node] = {}
+
+    def value(self, name: str) -> Node:
+        node = self._known.get(name)
+        if node is None:
+            node = self._known[name] = self._new(name)
+        return node
+
+    def _new(self, name: str) -> Node:
+        kind, graph = self._amended.type, self._graph
+        if name in kind.signals:
+            return self._shifted("signal", name, self._signal(name), graph.sub)
+        if name in kind.definitions:
+            node = lower_tree(graph, kind.definitions[name].expression.tree, self)
+            return self._shifted("definition", name, node, graph.add)
+        if name in kind.states:
+            return graph.input(f"{self._module}.{name}")
+        if name in ENDS and kind.flows:
+            return self._shifted("end", name, self._end(name), graph.add)
+        input_ = self._amended.inputs.get(name) or self._amended.outside.get(name)
+        return graph.input(input_ or parameter_id(self._instance, name))
+
+    def observer(self, name: str) -> Node:
+        tree = self._amended.type.observers[name].expression.tree
+        node = lower_tree(self._graph, tree, self)
+        return self._shifted("observer", name, node, self._graph.add)
+
+    def balance(self, name: str) -> Node:
+        """The derivative of a state."""
+        node = lower_tree(self._graph, self._amended.type.states[name].rate.tree, self)
+        return self._shifted("balance", name, node, self._graph.add)
+
+    def shown(self, name: str) -> Node:
+        """What a sensor shows."""
+        node = lower_tree(self._graph, self._amended.type.readings[name].expression.tree, self)
+        return self._shifted("reading", name, node, self._graph.add)
+
+    def _signal(self, name: str) -> Node:
+        """A reading: given, or in the balances of a whole plant what its sensor shows."""
+        if self._what.ends is None or name not in self._amended.type.readings:
+            return self._graph.input(f"{self._module}.{name}")
+        return self._within(self._module, f"what shows in '{name}' of").shown(name)
+
+    def _end(self, end: str) -> Node:
+        """What flows at an end without a law of its own."""
+        if self._what.ends is None:
+            return self._graph.input(f"{self._module}.{end}")
+        terms = []
+        for sign, known in self._what.ends[self._module, end]:
+            other = self._within(known.module, f"what flows {_WAY[end]}")
+            flow = other.observer if known.kind == "observer" else other.value
+            terms.append((sign, flow(known.name)))
+        return self._graph.signed_sum(terms)
+
+    def _within(self, module: str, what: str) -> _Scope:
+        """The scope of a module in which something of this module is looked up."""
+        if (self._module, what) in self._pending:
+            message = f"{what} '{self._module}' depends on itself"
+            raise Rejected("KB115", 0, message, "its law must not need that very value")
+        pending = self._pending | {(self._module, what)}
+        return _Scope(self._graph, self._what, module, pending)
+
+    def _shifted(
+        self, kind: str, name: str, node: Node, apply: Callable[[Node, Node], Node]
+    ) -> Node:
+        """The true value of a place is its value plus an error, but a reading less its error."""
+        shift = self._what.shifts.get((self._module, kind, name))
+        return node if shift is None else apply(node, self._graph.input(shift))
+
+    def gathered(self, name: str) -> Node:
+        """The sum of readings downstream, each as it should be."""
+        nodes = []
+        for module, signal in self._what.network.gathers[self._module, name]:
+            other = _Scope(self._graph, self._what, module, self._pending)
+            nodes.append(other.value(self._what.of(module).corrected.get(signal, signal)))
+        return self._graph.sum(nodes)
+
+    def property(self, name: str, temperature: Node) -> Node:
+        """A property of the fluid, with the factor that it may be off by."""
+        fluid = self._amended.type.fluid
+        assert fluid is not None, "checked when the plant was read"
+        form = _FluidNames(self._graph, fluid, temperature).value(name)
+        return self._graph.mul(self.value(factor_name(fluid, name)), form)
+
+
+class _FluidNames:
+    """Names in the equations of a fluid at a temperature."""
+
+    def __init__(self, graph: Graph, fluid: Fluid, temperature: Node) -> None:
+        self._graph = graph
+        self._known = {"T": temperature}
+        self._known |= {name: graph.constant(c) for name, c in fluid.coefficients.items()}
+        self._equations = {
+            **fluid.definitions,
+            **{name: part.expression for name, part in fluid.properties.items()},
+        }
+
+    def value(self, name: str) -> Node:
+        if name not in self._known:
+            self._known[name] = lower_tree(self._graph, self._equations[name].tree, self)
+        return self._known[name]
+
+    def gathered(self, name: str) -> Node:
+        raise AssertionError(name)
+
+    def property(self, name: str, temperature: Node) -> Node:
+        raise AssertionError(name)

@@ -1,0 +1,159 @@
+"""How far apart faults are, judged by the estimates of modules that meet.
+
+A fault of degree x moves the residuals by x times its effects. What another fault cannot imitate,
+whatever its degree, is the part of that vector across the other's, in the metric of the residuals'
+covariance. Only the modules at the junctions around a group are looked at: the whole plant sees no
+less, and the effort stays proportional to the number of modules.
+
+Source: own derivation, see docs/method.md; projection in a covariance metric as in any textbook.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.passes.linearise import Linearised
+
+NO_SPREAD = 1e-9
+"""Least standard uncertainty of a residual, as share of the largest: nothing is known exactly."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A reading that could be added.
+
+    `module` and `signal` say where and what, `title` in words; `cost` is relative. It is compared
+    with `existing`, an estimate or else a reading; `u` is its own standard uncertainty.
+    """
+
+    module: str
+    signal: str
+    title: str
+    cost: float
+    existing: str
+    is_estimate: bool
+    u: float
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Residuals around some modules, linearised and whitened.
+
+    Attributes
+    ----------
+    faults : names, each with a row in `effects`.
+    effects : shape (faults, residuals), standard deviations per unit of degree.
+    whiten : shape (residuals, inputs): gradients of the whitened residuals by the inputs.
+    inputs : number of each input.
+    plant : the tables the numbers come from.
+    """
+
+    faults: Mapping[str, int]
+    effects: Array
+    whiten: Array
+    inputs: Mapping[str, int]
+    plant: Linearised
+
+    @staticmethod
+    def of(
+        plant: Linearised, residuals: Sequence[Mapping[str, int]], faults: Sequence[str]
+    ) -> Neighbourhood:
+        """Build it from residuals, as observer -> sign, that are independent."""
+        observers = {o: i for i, o in enumerate(dict.fromkeys(o for r in residuals for o in r))}
+        names = dict.fromkeys(n for o in observers for n in plant.gradients[o])
+        inputs = {name: i for i, name in enumerate(names)}
+        signs = np.zeros((len(residuals), len(observers)))
+        for row, residual in zip(signs, residuals, strict=True):
+            for observer, sign in residual.items():
+                row[observers[observer]] = sign
+        gradients = np.zeros((len(observers), len(inputs)))
+        for observer, i in observers.items():
+            for name, slope in plant.gradients[observer].items():
+                gradients[i, inputs[name]] = slope
+        effects = np.zeros((len(faults), len(observers)))
+        for row, fault in zip(effects, faults, strict=True):
+            for observer, effect in plant.effects[fault].items():
+                if observer in observers:
+                    row[observers[observer]] = effect
+        # Where an estimate has no slope, as a root at zero, its residuals tell nothing.
+        sound = np.isfinite(gradients).all(axis=1) & np.isfinite(effects).all(axis=0)
+        gradients[~sound], effects[:, ~sound] = 0.0, 0.0
+        signs = signs[~signs[:, ~sound].any(axis=1)]
+        spread = signs @ gradients
+        size = np.sqrt(np.sum(spread**2, axis=1))
+        size = np.maximum(size, NO_SPREAD * size.max(initial=1e-300))
+        spread /= size[:, None]
+        # The inverse of a small factor is quicker than scipy's triangular solver, and good enough:
+        # rows have unit size, and no residual follows from the others.
+        whiten = np.linalg.inv(
+            np.linalg.cholesky(spread @ spread.T + NO_SPREAD * np.eye(len(size)))
+        )
+        return Neighbourhood(
+            {fault: i for i, fault in enumerate(faults)},
+            effects @ (signs.T / size) @ whiten.T,
+            whiten @ spread,
+            inputs,
+            plant,
+        )
+
+    def gram(self, faults: Sequence[str]) -> Array:
+        """Products of effects, shape (faults, faults)."""
+        rows = self.effects[[self.faults[f] for f in faults]]
+        product: Array = rows @ rows.T
+        return product
+
+    def added(self, faults: Sequence[str], sensors: Sequence[Sensor]) -> tuple[Array, Array]:
+        """What further sensors see beyond the residuals here.
+
+        Returns effects, shape (faults, sensors), and covariance of their readings, shape
+        (sensors, sensors), both given the residuals; each sensor in units of its own spread.
+        """
+        slopes = np.zeros((len(sensors), len(self.inputs)))
+        effects = np.zeros((len(faults), len(sensors)))
+        own = np.empty(len(sensors))
+        for k, sensor in enumerate(sensors):
+            gradient, by_fault = self._difference(sensor, faults)
+            beyond = 0.0
+            for name, slope in gradient.items():
+                if name in self.inputs:
+                    slopes[k, self.inputs[name]] = slope
+                else:
+                    beyond += slope**2
+            own[k] = sensor.u**2 + beyond
+            effects[:, k] = by_fault
+        size = np.sqrt(own + np.sum(slopes**2, axis=1))
+        size[size == 0] = 1.0
+        slopes, effects, own = slopes / size[:, None], effects / size, own / size**2
+        seen = self.whiten @ slopes.T
+        rows = self.effects[[self.faults[f] for f in faults]]
+        return effects - rows @ seen, slopes @ slopes.T + np.diag(own) - seen.T @ seen
+
+    def _difference(
+        self, sensor: Sensor, faults: Sequence[str]
+    ) -> tuple[Mapping[str, float], list[float]]:
+        """Existing reading or estimate less the new one: its errors, and what faults do to it."""
+        name, plant = sensor.existing, self.plant
+        if sensor.is_estimate:
+            return plant.gradients[name], [plant.effects[f].get(name, 0.0) for f in faults]
+        shifts = [plant.shifts[f] if plant.targets.get(f) == name else 0.0 for f in faults]
+        return {name: plant.uncertainties[name]}, shifts
+
+
+def apart(gram: Array) -> Array:
+    """Standard deviations per unit of degree by which each fault differs from each other one.
+
+    Row f, column g: fault f true, g the hypothesis at its best degree (not below 0). On the
+    diagonal the distance from no fault at all. `gram` has shape (..., faults, faults).
+    """
+    own = np.diagonal(gram, axis1=-2, axis2=-1)
+    along = np.maximum(gram, 0.0) ** 2 / np.where(own > 0, own, 1.0)[..., None, :]
+    same = np.eye(gram.shape[-1], dtype=bool)
+    left = own[..., :, None] - np.where(same, 0.0, along)
+    # Rounding must not tell faults apart that move all residuals in one proportion.
+    left = np.where(left > 1e-9 * own[..., :, None], left, 0.0)
+    distance: Array = np.sqrt(left)
+    return distance

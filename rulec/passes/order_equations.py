@@ -1,0 +1,221 @@
+"""Pass 10, order equations: which readings a simulation predicts, and in which order it solves.
+
+Unknown are the flows of modules and the readings that are not inputs and follow from no state.
+Where there are more unknowns than equations, some readings are given instead, like inputs: flows
+count as unknown first, then at each turn the reading that moves the disagreement of the estimates
+most, at the reference point, in a way that no reading before could. So a power that one estimate
+hangs on is predicted, and a temperature that touches several lightly drives them.
+
+Each unknown is matched with an equation of its own; what then hangs together in a circle is one
+step, solved together, and the steps follow one another (block-triangular form).
+
+Source: Dulmage and Mendelsohn 1958; Tarjan 1972.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import networkx as nx
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Simulation, SimulationStep
+
+from rulec.algebra.eliminate import independent_without, solved_for
+from rulec.algebra.matching import match, surplus
+from rulec.knowledge.module_type import Signal
+from rulec.passes.analyse_isolability import Isolability
+from rulec.passes.assemble import MODEL, PARAMETERS
+from rulec.passes.derive_signatures import Signatures
+from rulec.passes.link import Network
+
+VANISHED = 1e-9
+"""Share of a flow below which a reading moves nothing any more."""
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """What the passes before found, and how the plant is simulated."""
+
+    isolability: Isolability
+    simulation: Simulation
+
+
+def order_equations(isolability: Isolability) -> Ordered:
+    """Find what is predicted, and order the equations. A plant may well be diagnosed only."""
+    system = _System(isolability.rules.signatures)
+    partner = system.matched(range(len(system.unknowns)))
+    if None in partner:
+        partner = system.matched(system.by_strength())
+    many, unknowns = surplus(system.holders, partner, system.equations)
+    if many:
+        return Ordered(isolability, Simulation((), (), system.over_determined(many, unknowns)))
+    predicted = {
+        name for name, own in zip(system.unknowns, partner, strict=True) if own is not None
+    }
+    given = tuple(name for name in system.used if name not in predicted)
+    return Ordered(isolability, Simulation(given, tuple(_steps(system, partner)), ""))
+
+
+def _steps(system: _System, partner: Sequence[int | None]) -> Iterator[SimulationStep]:
+    """Equations that hold each other's unknowns are one step; its unknowns are their partners."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from(range(system.equations))
+    for own, holders in zip(partner, system.holders, strict=True):
+        if own is not None:
+            graph.add_edges_from((own, i) for i in holders if i != own)
+    parts = nx.condensation(graph)
+    members = parts.nodes(data="members")
+    unknown = {own: name for name, own in zip(system.unknowns, partner, strict=True)}
+    for part in nx.lexicographical_topological_sort(parts, key=lambda p: min(members[p])):
+        yield system.step(sorted(members[part]), [unknown[i] for i in sorted(members[part])])
+
+
+class _System:
+    """Equations (observers, then balances) and unknowns (flows, then readings) by number."""
+
+    def __init__(self, signatures: Signatures) -> None:
+        self.signatures = signatures
+        self.assembly = signatures.assembly
+        self.network: Network = self.assembly.residuals.network
+        modules = self.network.plant.modules
+        self.observers = tuple(self.assembly.observers)
+        self.module_of = [observer.partition(".")[0] for observer in self.observers]
+        self.flows = tuple(m for m in modules if m in self.module_of)
+        self.balances = _balances_between(self.network, self.flows)
+        self.equations = len(self.observers) + len(self.balances)
+        reads = {name for gradient in self.assembly.gradients.values() for name in gradient}
+        signals = {
+            f"{m.name}.{s.name}": s for m in modules.values() for s in m.type.signals.values()
+        }
+        self.used: Mapping[str, Signal] = {k: s for k, s in signals.items() if k in reads}
+        stored = {f"{m.name}.{name}" for m in modules.values() for name in m.type.readings}
+        # What follows from states is given to equations without time.
+        self.readings = tuple(
+            name for name, s in self.used.items() if not s.is_input and name not in stored
+        )
+        self.unknowns = (*self.flows, *self.readings)
+
+    @cached_property
+    def holders(self) -> list[list[int]]:
+        """Per unknown the equations that hold it."""
+        gradients = self.assembly.gradients
+        result = []
+        for j, flow in enumerate(self.flows):
+            own = [i for i, module in enumerate(self.module_of) if module == flow]
+            balances = len(self.observers) + np.flatnonzero(self.balances[:, j])
+            result.append(own + balances.tolist())
+        for name in self.readings:
+            result.append([i for i, o in enumerate(self.observers) if name in gradients[o]])
+        return result
+
+    def matched(self, order: Sequence[int]) -> list[int | None]:
+        """Equation of each unknown, where those that come first in an order are served first."""
+        partner: list[int | None] = [None] * len(self.unknowns)
+        for unknown, own in zip(order, match([self.holders[i] for i in order]), strict=True):
+            partner[unknown] = own
+        return partner
+
+    def step(self, equations: Sequence[int], unknowns: Sequence[str]) -> SimulationStep:
+        """What is solved together, its flows eliminated: they stand in all equations linearly."""
+        flows = [name for name in self.flows if name in unknowns]
+        sums = [self._sum(i) for i in equations]
+        others = list(dict.fromkeys(name for part in sums for name in part if name not in flows))
+        matrix = np.array([[part.get(name, 0.0) for name in [*flows, *others]] for part in sums])
+        solved, left = solved_for(matrix, len(flows))
+        return SimulationStep(
+            tuple(name for name in self.readings if name in unknowns),
+            tuple(_terms(others, row) for row in left),
+            {name: _terms(others, row) for name, row in zip(flows, solved, strict=True)},
+        )
+
+    def _sum(self, equation: int) -> dict[str, float]:
+        """An equation as a sum of estimates and flows that vanishes."""
+        if equation < len(self.observers):
+            return {self.module_of[equation]: -1.0, self.observers[equation]: 1.0}
+        row = self.balances[equation - len(self.observers)]
+        return {name: float(c) for name, c in zip(self.flows, row, strict=True) if c}
+
+    def by_strength(self) -> list[int]:
+        """Numbers of the unknowns: flows, then readings, those that move the estimates most first.
+
+        Source: orthogonalisation with column pivoting (Businger and Golub 1965).
+        """
+        count, slopes = len(self.flows), self._slopes()
+        basis, _ = np.linalg.qr(slopes[:, :count])
+        rest = slopes[:, count:] - basis @ (basis.T @ slopes[:, count:])
+        order: list[int] = []
+        for _ in self.readings:
+            # Rounded: where two move equally much, the first counts on every machine.
+            sizes = np.round(np.linalg.norm(rest, axis=0), 9)
+            sizes[order] = -1.0
+            order.append(int(np.argmax(sizes)))
+            if sizes[order[-1]] > VANISHED:
+                pivot = rest[:, order[-1]] / np.linalg.norm(rest[:, order[-1]])
+                rest = rest - np.outer(pivot, pivot @ rest)
+        return [*range(count), *(count + i for i in order)]
+
+    def _slopes(self) -> Array:
+        """Derivatives of the equations by the unknowns at the reference point, in their scales."""
+        gradients, reference = self.assembly.gradients, self.signatures.reference
+        nodes = {
+            f"{i}|{name}": gradients[o][name]
+            for i, o in enumerate(self.observers)
+            for name in self.readings
+            if name in gradients[o]
+        }
+        # Gradients are scaled with uncertainties; unit ones leave plain derivatives.
+        units = {f"u:{name}": 1.0 for name in reference}
+        plan = self.assembly.graph.plan(nodes)
+        values = plan.run({**reference, **units, PARAMETERS: 1.0, MODEL: 1.0})
+        sizes = self._flow_sizes()
+        result = np.zeros((self.equations, len(self.unknowns)))
+        column = {name: i for i, name in enumerate(self.unknowns)}
+        for i, module in enumerate(self.module_of):
+            result[i, column[module]] = -1.0
+        result[len(self.observers) :, : len(self.flows)] = self.balances * sizes / sizes.max()
+        for key, value in values.items():
+            observer, _, name = key.partition("|")
+            signal, row = self.used[name], int(observer)
+            shown = abs(reference[name] - signal.unit.offset) or signal.full_scale or 1.0
+            result[row, column[name]] = value[0] * shown / sizes[column[self.module_of[row]]]
+        return np.nan_to_num(result)
+
+    def _flow_sizes(self) -> Array:
+        """Flows at the reference point, m3/s."""
+        sizes = dict(zip(self.module_of, map(abs, self._reference_flows()), strict=True))
+        flows = np.array([sizes[m] for m in self.flows])
+        return np.where(flows > 0, flows, np.max(flows, initial=0.0) or 1.0)
+
+    def _reference_flows(self) -> list[float]:
+        return [self.signatures.flows[o] for o in self.observers]
+
+    def over_determined(self, many: Sequence[int], unknowns: Sequence[int]) -> str:
+        """Say which equations are too many."""
+        observers = [self.observers[i] for i in many if i < len(self.observers)]
+        readings = [self.unknowns[i] for i in unknowns if i >= len(self.flows)]
+        free = f"only {', '.join(readings)} and the flows" if readings else "only the flows"
+        return (
+            f"{self.network.plant.name} cannot be simulated: {', '.join(observers)} and the "
+            f"junctions between them are more equations than unknowns ({free} can follow). Each "
+            "observer too many needs a reading of its own that is not 'input: true'"
+        )
+
+
+def _terms(names: Sequence[str], row: Array) -> dict[str, float]:
+    return {name: float(c) for name, c in zip(names, row, strict=True) if c}
+
+
+def _balances_between(network: Network, flows: Sequence[str]) -> Array:
+    """Independent balances among the modules in `flows`; flows of all others are eliminated."""
+    others = [m for m in network.plant.modules if m not in flows]
+    column = {name: i for i, name in enumerate([*others, *flows])}
+    matrix = np.zeros((len(network.balances), len(column)))
+    for row, balance in zip(matrix, network.balances, strict=True):
+        for name in balance.outlets:
+            row[column[name]] += 1.0
+        for name in balance.inlets:
+            row[column[name]] -= 1.0
+    return independent_without(matrix, len(others))[:, len(others) :]

@@ -1,0 +1,52 @@
+"""Another plant of the same kind: parameters drawn from their uncertainties.
+
+A ruleset folds the values of parameters into constants. A plant that differs from what its ruleset
+believes, as every real one does, is made by lowering its equations again with other values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Plan
+
+from rulec.knowledge.plant import Module
+from rulec.passes.differentiate import Models
+from rulec.passes.undo import undo_graph
+
+
+def true_plan(models: Models, faults: Iterable[str], random: np.random.Generator) -> Plan:
+    """The undo plan of a plant whose parameters are drawn from their covariance.
+
+    Parameters
+    ----------
+    models : what the pass `differentiate` made; its symbolic work serves every draw.
+    faults : ids of all faults, as in the ruleset.
+    """
+    return undo_graph(perturbed(models, random), tuple(faults)).plan()
+
+
+def perturbed(models: Models, random: np.random.Generator) -> Models:
+    """The models with new values of all uncertain parameters."""
+    network = models.residuals.network
+    modules = {name: _drawn(m, random) for name, m in network.plant.modules.items()}
+    plant = replace(network.plant, modules=modules)
+    residuals = replace(models.residuals, network=replace(network, plant=plant))
+    return replace(models, residuals=residuals)
+
+
+def _drawn(module: Module, random: np.random.Generator) -> Module:
+    """A module with parameters drawn from normal distributions, those of a block jointly."""
+    values = {p.name: p.value for p in module.parameters.values()}
+    joint = {name for block in module.blocks for name in block.parameters}
+    for block in module.blocks:
+        shifts = np.array(block.factor) @ random.standard_normal(len(block.parameters))
+        for name, shift in zip(block.parameters, shifts, strict=True):
+            values[name] += float(shift)
+    for parameter in module.parameters.values():
+        if parameter.name not in joint and parameter.u:
+            values[parameter.name] += parameter.u * float(random.standard_normal())
+    parameters = {name: replace(p, value=values[name]) for name, p in module.parameters.items()}
+    return replace(module, parameters=parameters)

@@ -1,0 +1,83 @@
+"""Pass 11, put balances: what modules store, as one plan for the integrator.
+
+Faults that act on what a state moves are built in with a degree each, which is 0 without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rulec_runtime.contract.ruleset import Dynamics, StateSpec
+
+from rulec.knowledge.module_type import ENDS
+from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.language.expression import Rejected
+from rulec.passes.link import Network
+from rulec.passes.lower import Lowering, lower_states, parameter_id
+from rulec.passes.order_equations import Ordered
+from rulec.passes.store_faults import StoreFault, store_faults, with_faults
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """What the passes before found, and the balances; None where nothing is stored.
+
+    `faults` are those that reach what is measured there.
+    """
+
+    ordered: Ordered
+    dynamics: Dynamics | None
+    faults: tuple[StoreFault, ...] = ()
+
+
+def put_balances(ordered: Ordered) -> Balanced:
+    """Lower the balances of the plant."""
+    signatures = ordered.isolability.rules.signatures
+    network = signatures.assembly.residuals.network
+    if not network.stores:
+        return Balanced(ordered, None)
+    plant = network.plant
+    every = {m.name: store_faults(m, plant.knowledge) for m in plant.modules.values()}
+    dynamics = dynamics_of(network, every)
+    seen = set(dynamics.faults)
+    faults = tuple(f for own in every.values() for f in own if f.id in seen)
+    return Balanced(ordered, dynamics, faults)
+
+
+def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dynamics:
+    """The balances of a plant that stores, with faults by module built in.
+
+    Raises `Refused` (KB115) for a flow in a circle.
+    """
+    plant = network.plant
+    modules = plant.modules.values()
+    amended = {m.name: with_faults(m, faults[m.name]) for m in modules}
+    try:
+        plan = lower_states(Lowering(network, amended, {}, network.ends))
+    except Rejected as error:
+        raise Refused([Diagnostic(plant.place, error.code, error.message, error.hint)]) from None
+    signals = [f"{m.name}.{s}" for m in modules for s in m.type.signals]
+    outputs = [name for name in signals if f"shown:{name}" in plan.outputs]
+    parameters = {parameter_id(m, p.name): p for m in modules for p in m.parameters.values()}
+    used = {n: p for n, p in parameters.items() if n in plan.used_inputs}
+    moved = plan.select(n for n in plan.outputs if n.partition(":")[0] not in ENDS).used_inputs
+    return Dynamics(
+        tuple(
+            StateSpec(
+                f"{m.name}.{s.name}",
+                f"{s.title} of {m.title}",
+                s.unit.text,
+                s.unit.factor,
+                s.unit.offset,
+            )
+            for m in modules
+            for s in m.type.states.values()
+        ),
+        tuple(name for name in signals if name in plan.used_inputs),
+        tuple(outputs),
+        tuple(f.id for m in modules for f in faults[m.name] if f.degree in moved),
+        {name: p.value for name, p in used.items()},
+        {name: p.u for name, p in used.items()},
+        plan,
+    )

@@ -1,0 +1,41 @@
+"""What sensors of states see: a flow moves a level, that one a flow, and some level is read."""
+
+from __future__ import annotations
+
+from rulec.knowledge.module_type import ENDS
+from rulec.knowledge.plant import Plant
+from rulec.passes.link import Network
+
+
+def seen_through_states(network: Network) -> set[str]:
+    """Modules whose flows or states move a reading that is recorded, by way of balances."""
+    upstream: dict[str, set[str]] = {}
+    for (module, end), terms in network.ends.items():
+        if end in _used(network.plant, module):
+            upstream.setdefault(module, set()).update(known.module for _, known in terms)
+    for (module, _), signals in network.gathers.items():
+        upstream.setdefault(module, set()).update(m for m, _ in signals)
+    seen: set[str] = set()
+    waiting = _with_sensors(network.plant)
+    while waiting:
+        module = waiting.pop()
+        if module not in seen:
+            seen.add(module)
+            waiting += upstream.get(module, ())
+    return seen
+
+
+def _used(plant: Plant, module: str) -> set[str]:
+    """Ends whose flow some equation of the module names."""
+    named = {name for e in plant.modules[module].type.equations() for name, _ in e.names()}
+    return named.intersection(ENDS)
+
+
+def _with_sensors(plant: Plant) -> list[str]:
+    """Modules with a reading of their states; where columns are mapped, one that is recorded."""
+    mapped = {column.signal for column in plant.columns}
+    return [
+        module.name
+        for module in plant.modules.values()
+        if any(not mapped or f"{module.name}.{name}" in mapped for name in module.type.readings)
+    ]

@@ -1,0 +1,192 @@
+"""The reference point: a fault-free operating point near the readings that the files name.
+
+Newton steps of least length, each reading in its own scale, until every observer of a module
+gives the same flow and the flows balance. Speeds and other inputs stay where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sparse
+import scipy.sparse.linalg as linalg
+from rulec_runtime.contract.plan import Array, Plan
+
+from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
+from rulec.passes.link import Network
+
+STEPS = 40
+FREE = 1e-14
+"""Cost of a flow over that of a reading, each in its own scale: the step must be unique."""
+
+HALVINGS = 8
+"""Of a step behind which a flow has no value."""
+
+SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Of the reference readings that modules share, tried one after the other."""
+
+VANISHED = 1e-6
+"""Share of the largest flow below which a residual counts as zero."""
+
+
+def solve_reference(assembly: Assembly) -> dict[str, float]:
+    """Readings (SI) at which all residuals vanish.
+
+    What several modules see together, such as the loss of a mixer, is what makers can know least:
+    if their numbers do not fit together, smaller ones are tried.
+
+    Raises `Refused` (KB088) where no such point is found near the given readings.
+    """
+    readings, free = _start(assembly)
+    if not assembly.observers:
+        return readings
+    plan, names = _plan(assembly, free)
+    shared = _shared(assembly)
+    for share in SHARES:
+        start = {s: v * share if s in shared else v for s, v in readings.items()}
+        found = _solved(assembly, plan, names, start, free)
+        if found is not None:
+            return found
+    network = assembly.residuals.network
+    message = "no fault-free operating point was found near the reference readings"
+    hint = "give each module 'reference: {...}' with readings that fit together"
+    raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
+
+
+def _solved(
+    assembly: Assembly,
+    plan: Plan,
+    names: Mapping[str, tuple[str, str]],
+    readings: dict[str, float],
+    free: list[str],
+) -> dict[str, float] | None:
+    """Newton steps from some readings; None where they lead nowhere."""
+    network, observers = assembly.residuals.network, list(assembly.observers)
+    scale = np.array([abs(readings[s]) or 1.0 for s in free])
+    values = plan.run(_inputs(readings))
+    for _ in range(STEPS):
+        q = np.array([values[f"q:{o}"][0] for o in observers])
+        if not np.all(np.isfinite(q)):
+            return None
+        slopes = {pair: values[name][0] for name, pair in names.items()}
+        step = _step(network, observers, free, q, slopes, scale)
+        size = float(np.max(np.abs(step / scale), initial=0))
+        if size < 1e-9 and _agree(assembly, q):
+            return readings
+        damping = min(1.0, 0.3 / max(size, 1e-300))
+        for _ in range(HALVINGS):
+            tried = {**readings}
+            for name, change in zip(free, step, strict=True):
+                tried[name] += damping * float(change)
+            values = plan.run(_inputs(tried))
+            if all(np.isfinite(values[f"q:{o}"][0]) for o in observers):
+                break
+            damping /= 2.0
+        readings = tried
+    return None
+
+
+def _shared(assembly: Assembly) -> set[str]:
+    """Readings that observers of several modules use."""
+    users: dict[str, set[str]] = {}
+    for observer, gradient in assembly.gradients.items():
+        for signal in gradient:
+            users.setdefault(signal, set()).add(observer.partition(".")[0])
+    return {signal for signal, modules in users.items() if len(modules) > 1}
+
+
+def _agree(assembly: Assembly, flows: Array) -> bool:
+    """Do all residuals vanish? Where no reading may move, no step does not mean no residual."""
+    q = dict(zip(assembly.observers, flows, strict=True))
+    left = [abs(sum(s * q[o] for s, o in r.terms)) for r in assembly.residuals.residuals]
+    return max(left, default=0.0) <= VANISHED * float(np.max(np.abs(flows), initial=0.0))
+
+
+def _start(assembly: Assembly) -> tuple[dict[str, float], list[str]]:
+    """Reference readings as given, and the names of those that may move."""
+    readings, free = {}, []
+    used = {name for gradient in assembly.gradients.values() for name in gradient}
+    for module in assembly.residuals.network.plant.modules.values():
+        for signal in module.type.signals.values():
+            key = f"{module.name}.{signal.name}"
+            readings[key] = module.reference.get(signal.name, np.nan)
+            if key in used:
+                if np.isnan(readings[key]):
+                    readings[key] = _middle(signal.lowest, signal.highest)
+                if not signal.is_input:
+                    free.append(key)
+    return readings, free
+
+
+def _middle(low: float | None, high: float | None) -> float:
+    return 1.0 if low is None or high is None else (low + high) / 2
+
+
+def _plan(assembly: Assembly, free: list[str]) -> tuple[Plan, dict[str, tuple[str, str]]]:
+    """Plan of all observers and their derivatives by the free readings."""
+    graph = assembly.graph
+    outputs = {f"q:{o}": node for o, node in assembly.observers.items()}
+    names = {}
+    movable = set(free)
+    for observer, gradient in assembly.gradients.items():
+        for signal, node in gradient.items():
+            if signal in movable:
+                name = f"s:{observer}:{signal}"
+                outputs[name] = node
+                names[name] = (observer, signal)
+    return graph.plan(outputs), names
+
+
+def _inputs(readings: Mapping[str, float]) -> dict[str, float]:
+    """Readings with unit uncertainties: scaled derivatives become plain ones."""
+    return {**readings, **{f"u:{s}": 1.0 for s in readings}, PARAMETERS: 1.0, MODEL: 1.0}
+
+
+def _step(
+    network: Network,
+    observers: list[str],
+    free: list[str],
+    q: Array,
+    slopes: Mapping[tuple[str, str], float],
+    scale: Array,
+) -> Array:
+    """Least-length change of the free readings that makes all flows agree.
+
+    Unknowns are the changes (scaled) and the flow of each module; the flows carry no cost.
+    """
+    modules = {name: i for i, name in enumerate(network.plant.modules)}
+    column = {s: i for i, s in enumerate(free)}
+    row = {o: i for i, o in enumerate(observers)}
+    rows, columns, entries, right = [], [], [], []
+    for i, observer in enumerate(observers):
+        rows.append(i)
+        columns.append(len(free) + modules[observer.split(".")[0]])
+        entries.append(-1.0)
+        right.append(-q[i])
+    for (observer, signal), slope in slopes.items():
+        rows.append(row[observer])
+        columns.append(column[signal])
+        entries.append(slope * scale[column[signal]])
+    for j, balance in enumerate(network.balances, len(observers)):
+        for sign, names in ((1.0, balance.outlets), (-1.0, balance.inlets)):
+            for name in names:
+                rows.append(j)
+                columns.append(len(free) + modules[name])
+                entries.append(sign)
+        right.append(0.0)
+    flow = float(np.median(np.abs(q))) or 1.0
+    unknowns, equations = len(free) + len(modules), len(right)
+    jacobian = sparse.csc_matrix((np.array(entries), (rows, columns)), (equations, unknowns))
+    weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), FREE / flow)])
+    system = sparse.bmat(
+        [
+            [sparse.diags(weights), jacobian.T],
+            [jacobian, sparse.diags(np.full(equations, -1e-14))],
+        ],
+        format="csc",
+    )
+    solution = linalg.spsolve(system, np.concatenate([np.zeros(unknowns), right]))
+    change: Array = solution[: len(free)] * scale
+    return change

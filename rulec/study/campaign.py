@@ -1,0 +1,153 @@
+"""Which recordings a study is made of, and how each comes about.
+
+A *group* is one true plant with one fault, recorded at all operating points and degrees. Its
+parameters differ from what the ruleset believes, within their covariance; the laws are off by
+their misfit and the sensors by their uncertainty, anew in each recording.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.simulation.equations import Equations, equations_of
+from rulec_runtime.simulation.sensing import SensorErrors, sense
+from rulec_runtime.simulation.simulate import Simulated, simulate_with
+
+from rulec.study.judge import Kind, Outcome, judge, share
+from rulec.study.points import Points
+
+PARAMETERS, LAWS, SENSORS = range(3)
+"""Streams of random numbers that do not depend on each other."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Size of a study.
+
+    `seeds` true plants for every fault, each at all degrees and operating points; `samples` with
+    the fault (1 s apart) behind `lead_in` healthy ones; `healthy` plants without fault per seed.
+    """
+
+    degrees: tuple[float, ...] = (0.1, 0.2, 0.3)
+    points: int = 3
+    seeds: int = 3
+    mode: str = "default"
+    lead_in: int = 0
+    samples: int = 20
+    healthy: int = 20
+    errors: SensorErrors = field(default_factory=SensorErrors)
+
+
+@dataclass(frozen=True)
+class Group:
+    """One true plant with one fault; no fault is an empty id. `draw` tells healthy plants apart."""
+
+    fault: str
+    seed: int
+    draw: int
+    truth: Plan
+
+    def random(self, stream: int, *more: int) -> np.random.Generator:
+        """Random numbers of this group, the same in whatever order groups are run."""
+        return generator(stream, self.fault, self.seed, self.draw, *more)
+
+
+def generator(stream: int, fault: str, *numbers: int) -> np.random.Generator:
+    """A stream of random numbers by what it is for."""
+    return np.random.default_rng([stream, zlib.crc32(fault.encode()), *numbers])
+
+
+def degrees_of(ruleset: Ruleset, fault: str, settings: Settings) -> tuple[float, ...]:
+    """The degrees of a study that a fault can have; 0 for none. Sizes are asked for as shares of
+    the range of their sensor."""
+    if not fault:
+        return (0.0,)
+    spec = ruleset.fault_by_id[fault]
+    asked = (d * spec.scale for d in settings.degrees)
+    return tuple(d for d in asked if spec.lowest <= d <= spec.highest)
+
+
+def groups_of(
+    ruleset: Ruleset, settings: Settings, draw_truth: Callable[[np.random.Generator], Plan]
+) -> Iterator[Group]:
+    """All groups of a study; `draw_truth` makes the undo plan of a true plant."""
+    for seed in range(settings.seeds):
+        cases = [(f.id, 0) for f in ruleset.faults if degrees_of(ruleset, f.id, settings)]
+        for fault, draw in [*(("", i) for i in range(settings.healthy)), *cases]:
+            random = generator(PARAMETERS, fault, seed, draw)
+            yield Group(fault, seed, draw, draw_truth(random))
+
+
+def record(
+    ruleset: Ruleset, points: Points, settings: Settings, group: Group
+) -> Iterator[tuple[float, dict[str, Array] | None]]:
+    """Recordings of a group with their degrees; None where the plant cannot run like that."""
+    equations = equations_of(replace(ruleset, undo=group.truth))
+    degrees, count = degrees_of(ruleset, group.fault, settings), len(points)
+    faulty = _simulated(equations, points, group, degrees)
+    healthy = _simulated(equations, points, group, (0.0,))
+    sensor = _faulty_sensor(ruleset, group.fault)
+    for i, degree in enumerate(np.repeat(degrees, count).tolist()):
+        point = i % count
+        if not (faulty.solved[i] and healthy.solved[point]):
+            yield degree, None
+            continue
+        true = {
+            name: np.concatenate(
+                [
+                    np.full(settings.lead_in, healthy.values[name][point]),
+                    np.full(settings.samples, values[i]),
+                ]
+            )
+            for name, values in faulty.values.items()
+        }
+        random = group.random(SENSORS, point, round(degree * 1e9))
+        gains = {name: values / healthy.values[name][point] for name, values in true.items()}
+        own = {name: gain for name, gain in gains.items() if name == sensor}
+        yield degree, sense(ruleset, true, settings.errors, random, own)
+
+
+def _faulty_sensor(ruleset: Ruleset, fault: str) -> str:
+    """The signal whose reading a fault scales; none if it acts on the plant."""
+    spec = ruleset.fault_by_id.get(fault)
+    return spec.scales[0] if spec is not None and spec.in_sensor and not spec.unit else ""
+
+
+def _simulated(
+    equations: Equations, points: Points, group: Group, degrees: tuple[float, ...]
+) -> Simulated:
+    """Readings without sensor errors at all degrees, and at all points within each."""
+    count = len(points)
+    given = {name: np.tile(values, len(degrees)) for name, values in points.given.items()}
+    fault = {group.fault: np.repeat(degrees, count)} if group.fault else {}
+    # How far a law is off depends on the operating point, not on the degree.
+    off = [group.random(LAWS, point) for point in range(count)]
+    offsets = {
+        o.id: np.tile([o.misfit * random.standard_normal() for random in off], len(degrees))
+        for o in equations.ruleset.observers
+    }
+    return simulate_with(equations, given, fault, offsets)
+
+
+def run_group(
+    ruleset: Ruleset, points: Points, settings: Settings, group: Group
+) -> Iterator[Outcome]:
+    """Record and judge, one recording after the other."""
+    for degree, readings in record(ruleset, points, settings, group):
+        if readings is None:
+            yield Outcome(group.fault, share(ruleset, group.fault, degree), Kind.NO_POINT)
+        else:
+            onset = settings.lead_in
+            yield judge(ruleset, readings, group.fault, degree, onset, settings.mode)
+
+
+def size_of(ruleset: Ruleset, points: Points, settings: Settings) -> tuple[int, int]:
+    """Number of faulty and of healthy recordings."""
+    cases = sum(len(degrees_of(ruleset, f.id, settings)) for f in ruleset.faults)
+    faulty = cases * len(points) * settings.seeds
+    return faulty, settings.healthy * len(points) * settings.seeds

@@ -1,0 +1,90 @@
+"""Operating points of a study: inputs spread over the range in which the plant is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.simulation.equations import Equations, SimulationRefused
+from rulec_runtime.simulation.simulate import simulate_with
+
+LOWEST, HIGHEST = 0.6, 1.1
+"""Range of an input about its reference, where no calibration says in which it was used."""
+
+ROUNDS = 20
+"""Times that points without a healthy operation are replaced by others."""
+
+SEED = 20_250_713
+"""All studies of a plant use the same points."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Operating points at which the healthy plant can run.
+
+    `given` per input an array, shape (n,), SI; the first is the reference point. `tried` counts
+    the points that were drawn to find them.
+    """
+
+    given: Mapping[str, Array]
+    tried: int
+
+    def __len__(self) -> int:
+        return min((len(v) for v in self.given.values()), default=1)
+
+
+def operating_points(equations: Equations, count: int) -> Points:
+    """The reference point, then a Latin hypercube over the ranges of the inputs.
+
+    There may be fewer than `count` where the plant can rarely run, and is one where it has no
+    input to vary. Raises `SimulationRefused` if the healthy plant cannot even run at its
+    reference point.
+
+    Source: McKay, Beckman and Conover 1979.
+    """
+    ranges = [range_of(signal) for signal in equations.given_signals]
+    low, high = (np.array(side) for side in zip(*ranges, strict=True)) if ranges else (0.0, 0.0)
+    reference = np.array([s.reference for s in equations.given_signals])
+    first = simulate_with(equations, _named(equations, np.clip(reference, low, high)[None]), {})
+    if not first.solved[0]:
+        raise SimulationRefused(first.why(0))
+    found, tried = [np.clip(reference, low, high)], 1
+    random = np.random.default_rng(SEED)
+    for _ in range(ROUNDS if np.any(high > low) else 0):
+        if len(found) >= count:
+            break
+        share = _latin_hypercube(count - 1, len(ranges), random)
+        candidates = low + share * (high - low)
+        solved = simulate_with(equations, _named(equations, candidates), {}).solved
+        for point, runs in zip(candidates, solved, strict=True):
+            if len(found) < count:
+                tried += 1
+                found += [point] if runs else []
+    return Points(_named(equations, np.array(found)), tried)
+
+
+def range_of(signal: SignalSpec) -> tuple[float, float]:
+    """From and to, SI: the calibrated range, or a part of the reference in the reading's unit."""
+    if signal.valid_from is not None and signal.valid_to is not None:
+        low, high = signal.valid_from, signal.valid_to
+    else:
+        size = signal.reference - signal.offset
+        low, high = sorted((signal.offset + LOWEST * size, signal.offset + HIGHEST * size))
+    if signal.minimum is not None:
+        low, high = max(low, signal.minimum), max(high, signal.minimum)
+    return low, high
+
+
+def _latin_hypercube(count: int, dimensions: int, random: np.random.Generator) -> Array:
+    """Points in the unit cube, one in each slice of each dimension; shape (count, dimensions)."""
+    slices = np.array([random.permutation(count) for _ in range(dimensions)]).T
+    share: Array = (slices + random.random((count, dimensions))) / count
+    return share
+
+
+def _named(equations: Equations, points: Array) -> dict[str, Array]:
+    """Columns by the ids of their inputs."""
+    return {name: points[:, i] for i, name in enumerate(equations.given)}

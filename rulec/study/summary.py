@@ -1,0 +1,143 @@
+"""What the counts of a study mean, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rulec.study.judge import Kind
+from rulec.study.tally import Cell, Confusion, FaultKind, Tally
+
+RELIABLE = 0.95
+"""Share of recordings that makes a fault count as found."""
+
+BLIND = 0.05
+"""Share of recordings below which a fault counts as not seen."""
+
+CONFUSED = 0.02
+"""Confusions in a smaller share of recordings are not mentioned."""
+
+MOST = 6
+"""Confusions that are mentioned."""
+
+
+def rows_of(tally: Tally) -> dict[FaultKind, list[Cell]]:
+    """Cells by fault kind, degrees rising."""
+    rows: dict[FaultKind, list[Cell]] = {}
+    for cell in tally.cells:
+        rows.setdefault(cell.fault, []).append(cell)
+    return {kind: sorted(cells, key=lambda c: c.degree) for kind, cells in rows.items()}
+
+
+def reliable_from(cells: Sequence[Cell]) -> float | None:
+    """Smallest degree from which on the fault is found, and named or among the named."""
+    smallest = None
+    for cell in sorted(cells, key=lambda c: -c.degree):
+        enough = RELIABLE * cell.recordings
+        if not cell.recordings or min(cell.found, cell.named + cell.shared) < enough:
+            break
+        smallest = cell.degree
+    return smallest
+
+
+def sentences(tally: Tally) -> Iterator[str]:
+    """Findings first: what can be relied on, what not, what is confused, false alarms."""
+    rows = rows_of(tally)
+    yield from _reliable(rows)
+    yield from _unreliable(rows)
+    yield from _unexplained(rows)
+    mentioned = [c for c in tally.confusions if c.count >= CONFUSED * c.of][:MOST]
+    yield from (_confused(c) for c in mentioned)
+    yield from _degrees(tally.cells)
+    yield _alarmed(tally)
+    lost = sum(c.kinds[Kind.NO_POINT] for c in tally.cells)
+    if lost:
+        yield f"Left out: {lost} recordings, because the plant has no operating point there."
+
+
+def _reliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
+    by_degree: dict[float, list[FaultKind]] = {}
+    for kind, cells in rows.items():
+        degree = reliable_from(cells)
+        if degree is not None:
+            by_degree.setdefault(degree, []).append(kind)
+    for degree, kinds in sorted(by_degree.items()):
+        yield f"Found and named (or among the named) from {percent(degree)} on: {_names(kinds)}."
+
+
+def _unreliable(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
+    """Faults that no studied degree makes reliable, by what is missing."""
+    unseen: list[FaultKind] = []
+    missed: list[FaultKind] = []
+    unnamed: list[FaultKind] = []
+    for kind, cells in rows.items():
+        largest = cells[-1]
+        if reliable_from(cells) is not None or not largest.recordings:
+            continue
+        share = largest.found / largest.recordings
+        group = unseen if share < BLIND else missed if share < RELIABLE else unnamed
+        group.append(kind)
+    for kinds, what in (
+        (unnamed, "Found, but not always with the true fault among the named"),
+        (missed, "Not always found, even at the largest degree"),
+        (unseen, "Cannot be seen"),
+    ):
+        if kinds:
+            yield f"{what}: {_names(kinds)}."
+
+
+def _names(kinds: Sequence[FaultKind]) -> str:
+    """Faults with their module type, each type named once."""
+    by_type: dict[str, list[str]] = {}
+    for kind in kinds:
+        by_type.setdefault(kind.type, []).append(kind.title)
+    return "; ".join(f"{', '.join(titles)} of {name}" for name, titles in by_type.items())
+
+
+def _unexplained(rows: dict[FaultKind, list[Cell]]) -> Iterator[str]:
+    """Faults that are often taken for none that is known."""
+    for kind, cells in rows.items():
+        count, of = sum(c.kinds[Kind.UNKNOWN] for c in cells), sum(c.recordings for c in cells)
+        if of and count >= CONFUSED * of:
+            yield (
+                f"Found without a name: {kind.title} of {kind.type} in {count} of {of} recordings "
+                "(no law fits, or readings leave the calibrated range)."
+            )
+
+
+def _degrees(cells: Sequence[Cell]) -> Iterator[str]:
+    """How far degrees are off, over all faults that were named first."""
+    named = sum(c.named for c in cells)
+    if named:
+        error, bias = (
+            sum(value * c.named for value, c in part) / named
+            for part in ([(c.error, c) for c in cells], [(c.bias, c) for c in cells])
+        )
+        yield (
+            f"Degree, where the true fault is named first: off by {error:.3f} on average (bias "
+            f"{bias:+.3f}); its bounds hold the true one in "
+            f"{percent(sum(c.covered for c in cells) / named)} of {named} recordings."
+        )
+
+
+def _confused(c: Confusion) -> str:
+    other = "the same module" if c.same_module else f"another module ({c.taken_for.type})"
+    return (
+        f"Confused: {c.fault.title} of {c.fault.type} is taken for {c.taken_for.title} of {other} "
+        f"in {c.count} of {c.of} recordings."
+    )
+
+
+def _alarmed(tally: Tally) -> str:
+    healthy, early = tally.healthy, tally.lead_in
+    text = (
+        f"False alarms: {healthy.alarms} of {healthy.recordings} healthy recordings "
+        f"({healthy.samples} samples); with 95 % confidence fewer than {percent(healthy.bound)}."
+    )
+    if early.recordings:
+        text += f" Before the fault set in: {early.alarms} of {early.recordings}."
+    return text
+
+
+def percent(share: float) -> str:
+    """A share for readers, two digits."""
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"

@@ -1,0 +1,195 @@
+"""Count the outcomes of a study, pooled over the modules of a type."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, lgamma, log, log1p
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.study.judge import Kind, Outcome
+
+CONFIDENCE = 0.95
+"""Of upper bounds on rates."""
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A fault of a module type; `name` and `title` are without the module."""
+
+    type: str
+    name: str
+    title: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One fault kind at one degree.
+
+    `kinds` counts all recordings by what became of them, `shared` those in which the true fault
+    was an alternative only. Of those in which it was named first: `covered` counts bounds that
+    hold the true degree, `error` and `bias` are the means of the degree's absolute and signed
+    error.
+    """
+
+    fault: FaultKind
+    degree: float
+    kinds: Mapping[Kind, int]
+    shared: int
+    covered: int
+    error: float
+    bias: float
+
+    @property
+    def recordings(self) -> int:
+        """Recordings that could be made: the plant has an operating point."""
+        return sum(self.kinds.values()) - self.kinds[Kind.NO_POINT]
+
+    @property
+    def named(self) -> int:
+        return self.kinds[Kind.NAMED]
+
+    @property
+    def found(self) -> int:
+        """Recordings in which the diagnoser said that something is wrong."""
+        return self.named + self.kinds[Kind.OTHER] + self.kinds[Kind.UNKNOWN]
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """A fault taken for another one: how often, of how many recordings of the former."""
+
+    fault: FaultKind
+    taken_for: FaultKind
+    same_module: bool
+    count: int
+    of: int
+
+
+@dataclass(frozen=True)
+class Alarms:
+    """False alarms in healthy recordings, with an upper bound of their rate."""
+
+    alarms: int
+    recordings: int
+    samples: int
+    bound: float
+
+
+@dataclass(frozen=True)
+class Tally:
+    """All counts of a study; `lead_in` counts the healthy samples before faults."""
+
+    cells: tuple[Cell, ...]
+    confusions: tuple[Confusion, ...]
+    healthy: Alarms
+    lead_in: Alarms
+
+
+def tally(
+    ruleset: Ruleset,
+    types: Mapping[str, str],
+    outcomes: Sequence[Outcome],
+    samples: int,
+    lead_in: int,
+) -> Tally:
+    """Count outcomes.
+
+    Parameters
+    ----------
+    types : module type by module.
+    samples, lead_in : length of a healthy recording, and of the healthy part of a faulty one.
+    """
+    kinds = {f.id: _kind(ruleset, types, f.id) for f in ruleset.faults}
+    groups: dict[tuple[FaultKind, float], list[Outcome]] = {}
+    for kind in kinds.values():
+        for degree in sorted({o.degree for o in outcomes if o.fault}):
+            groups.setdefault((kind, degree), [])
+    for outcome in outcomes:
+        if outcome.fault:
+            groups[kinds[outcome.fault], outcome.degree].append(outcome)
+    faulty = [o for o in outcomes if o.fault and o.kind != Kind.NO_POINT]
+    healthy = [o for o in outcomes if not o.fault and o.kind != Kind.NO_POINT]
+    alarms = sum(o.kind in (Kind.OTHER, Kind.UNKNOWN) or o.early for o in healthy)
+    early = sum(o.early for o in faulty)
+    return Tally(
+        tuple(_cell(kind, degree, part) for (kind, degree), part in groups.items() if part),
+        _confusions(ruleset, kinds, faulty),
+        _alarms(alarms, len(healthy), samples + lead_in),
+        _alarms(early, len(faulty) if lead_in else 0, lead_in),
+    )
+
+
+def _kind(ruleset: Ruleset, types: Mapping[str, str], fault: str) -> FaultKind:
+    spec = ruleset.fault_by_id[fault]
+    name, title = (text.removeprefix(f"{spec.module}.") for text in (fault, spec.title))
+    return FaultKind(types[spec.module], name, title)
+
+
+def _cell(fault: FaultKind, degree: float, outcomes: Sequence[Outcome]) -> Cell:
+    kinds = Counter(o.kind for o in outcomes)
+    named = [o for o in outcomes if o.kind == Kind.NAMED]
+    errors = np.array([o.estimate - o.degree for o in named])
+    return Cell(
+        fault,
+        degree,
+        {kind: kinds[kind] for kind in Kind},
+        sum(o.shared for o in outcomes if o.kind == Kind.OTHER),
+        sum(o.lower <= o.degree <= o.upper for o in named),
+        float(np.mean(np.abs(errors))) if named else 0.0,
+        float(np.mean(errors)) if named else 0.0,
+    )
+
+
+def _confusions(
+    ruleset: Ruleset, kinds: Mapping[str, FaultKind], faulty: Iterable[Outcome]
+) -> tuple[Confusion, ...]:
+    """Which fault was named first in place of which, the most frequent confusion first."""
+    total: Counter[FaultKind] = Counter()
+    count: Counter[tuple[FaultKind, FaultKind, bool]] = Counter()
+    for outcome in faulty:
+        total[kinds[outcome.fault]] += 1
+        if outcome.kind == Kind.OTHER:
+            modules = [ruleset.fault_by_id[f].module for f in (outcome.fault, outcome.first)]
+            same = modules[0] == modules[1]
+            count[kinds[outcome.fault], kinds[outcome.first], same] += 1
+    found = [Confusion(a, b, same, n, total[a]) for (a, b, same), n in count.items()]
+    return tuple(sorted(found, key=lambda c: (-c.count / c.of, -c.count, c.fault.name)))
+
+
+def _alarms(alarms: int, recordings: int, samples: int) -> Alarms:
+    bound = upper_bound(alarms, recordings)
+    return Alarms(alarms, recordings, samples * recordings, bound)
+
+
+def upper_bound(count: int, of: int) -> float:
+    """Rate that is exceeded with 5 % confidence only, after `count` events in `of` trials.
+
+    Source: Clopper and Pearson 1934, one-sided; the root is found by bisection.
+    """
+    low, high = (count / of, 1.0) if of else (1.0, 1.0)
+    while high - low > 1e-9:
+        rate = (low + high) / 2.0
+        if _at_most(count, of, rate) > 1.0 - CONFIDENCE:
+            low = rate
+        else:
+            high = rate
+    return high
+
+
+def _at_most(count: int, of: int, rate: float) -> float:
+    """Probability of at most `count` events, for a rate between 0 and 1."""
+    # By logarithms: the binomial coefficients of large studies exceed any float.
+    return sum(
+        exp(
+            lgamma(of + 1)
+            - lgamma(k + 1)
+            - lgamma(of - k + 1)
+            + k * log(rate)
+            + (of - k) * log1p(-rate)
+        )
+        for k in range(count + 1)
+    )

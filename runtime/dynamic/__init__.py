@@ -1,1 +1,0 @@
-"""Plants with states: integration of compiled balances over a recording."""

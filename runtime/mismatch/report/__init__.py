@@ -1,1 +1,0 @@
-"""A comparison of simulation and recording as one self-contained HTML file."""

@@ -1,0 +1,34 @@
+"""The command `rulec-runtime`: what an operator station does with a compiled ruleset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rulec_runtime.commands.frame import (
+    Parser,
+    carried_out,
+    diagnose_options,
+    message_of,
+    prepare_process,
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage)."""
+    prepare_process()
+    parser = Parser(
+        prog="rulec-runtime",
+        description="Diagnose a plant with the ruleset that rulec compile wrote.",
+        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    text = "judge a recording: which fault, how large, and why"
+    diagnose_options(commands.add_parser("diagnose", help=text), "RULESET.json")
+    options = parser.parse_args(arguments)
+
+    def run() -> int:
+        from rulec_runtime.commands.diagnose import run as diagnose
+
+        return diagnose(options)
+
+    return carried_out(run, message_of)

@@ -1,0 +1,101 @@
+"""How every command begins and ends: streams, threads, mistakes of the user as messages.
+
+Only the standard library at the top: `--help` answers without numpy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import sys
+from collections.abc import Callable
+from typing import NoReturn
+
+REFUSALS = ("RecordingRefused", "RulesetRefused")
+"""Exceptions of the runtime whose message is for the user."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Quotes wrong arguments as text: a script may have handed over anything."""
+
+    def error(self, message: str) -> NoReturn:
+        from rulec_runtime.output.terminal import one_line
+
+        super().error(one_line(message))
+
+
+def prepare_process() -> None:
+    """A terminal that lacks a symbol shows a replacement; matrices are small, one thread is best.
+
+    Threads of the linear algebra wait for each other, and on a machine that has other work to do
+    they cost several times what they save.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def carried_out(run: Callable[[], int], message: Callable[[Exception], str | None]) -> int:
+    """Exit code of a command; `message` words a user's mistake, and has none for our own bug."""
+    try:
+        code = run()
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        _say("rulec: interrupted")
+        return 130
+    except BrokenPipeError:
+        # The reader of a pipe has gone (`rulec ... | head`): no message, and no flush at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        text = message(error)
+        if text is None:
+            raise
+        _say(text)
+        return 1
+
+
+def _say(message: str) -> None:
+    """A message for standard error; it may quote whatever stands in a file."""
+    from rulec_runtime.output.terminal import say_aside
+
+    say_aside(message)
+
+
+def message_of(error: Exception, refusals: tuple[str, ...] = REFUSALS) -> str | None:
+    """Text for a user's mistake with a file; None for anything else."""
+    from rulec_runtime.output.terminal import one_line
+
+    if type(error).__name__ in refusals:
+        return one_line(f"rulec: {error}")
+    if isinstance(error, OSError):
+        return one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
+    return None
+
+
+def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
+    """Options of `diagnose`; `plant` names what it takes."""
+    diagnose.add_argument("plant", metavar=plant)
+    diagnose.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    diagnose.add_argument(
+        "--mode",
+        choices=("default", "paper"),
+        default="default",
+        help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
+    )
+    diagnose.add_argument("--trace", metavar="FILE.csv", help="one row per sample")
+    diagnose.add_argument(
+        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
+    )
+    diagnose.add_argument(
+        "--truth", metavar="FILE.csv", help="true degrees, which the report compares with"
+    )
+    json_option(diagnose)
+
+
+def json_option(parser: argparse.ArgumentParser) -> None:
+    """The option that every command with a machine form has."""
+    parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")

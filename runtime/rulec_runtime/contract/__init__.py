@@ -1,0 +1,1 @@
+"""What the compiler hands over: the ruleset, its plan, and exact derivatives of it."""

@@ -1,0 +1,33 @@
+"""How the degree of a fault is written: a share, or a size in the unit of the reading."""
+
+from __future__ import annotations
+
+from rulec_runtime.contract.ruleset import FaultSpec
+
+LARGE = 10.0
+"""A share beyond this is told as over it: nothing is left to compare it with."""
+
+
+def degree_in_words(fault: FaultSpec, value: float) -> str:
+    """For a sentence: ``20 %``, or ``2 K``."""
+    return f"{value:.3g} {fault.unit}" if fault.unit else f"{100 * value:.3g} %"
+
+
+def degree_in_figures(fault: FaultSpec, low: float, high: float | None = None) -> str:
+    """For a table: ``0.200``, or ``1.98-2.02 K``."""
+    ends = [low] if high is None else [low, high]
+    if fault.unit:
+        return f"{'-'.join(f'{end:.3g}' for end in ends)} {fault.unit}"
+    return "-".join(f"{end:.3f}" for end in ends)
+
+
+def smallest_degree(fault: FaultSpec, value: float, beyond: str = ">") -> str:
+    """For a cell of the matrix: ``0.12``, ``>10``, or ``0.43 K``.
+
+    Beyond the range of its sensor no reading can be off.
+    """
+    if fault.unit:
+        if value > fault.highest:
+            return f"{beyond}{fault.highest:.3g} {fault.unit}"
+        return f"{value:.2g} {fault.unit}"
+    return f"{value:.2g}" if value < LARGE else f"{beyond}{LARGE:g}"

@@ -1,0 +1,374 @@
+"""The ruleset: what the compiler hands to the runtime. Data only, SI inside."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.output.json_file import DIGEST, digest_of
+
+FORMAT_VERSION = 3
+
+THRESHOLD = 3.0
+"""A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
+of the matrix and in the evidence of a finding alike."""
+
+MISFIT = "~"
+"""Mark behind an observer's id: its own misfit as an input of gradients."""
+
+UNCERTAINTIES = ("full scale", "reading", "value")
+"""What the systematic uncertainty of a sensor is a share of, or a value."""
+
+
+SELDOM = {"seldom": True}
+"""Mark of a field that stands in a file only where it has another value than its default."""
+
+
+@dataclass(frozen=True)
+class SignalSpec:
+    """A measured value: SI = reading * factor + offset.
+
+    `kind` and `standard` give the systematic standard uncertainty (a share of full scale or of
+    the reading, or a value in SI). `valid_from`, `valid_to` bound the range in which the equations
+    were calibrated; below `minimum` nothing is judged. `between` samples a given reading keeps its
+    value (``hold``) or runs straight to the next (``line``).
+    """
+
+    id: str
+    title: str
+    unit: str
+    factor: float
+    offset: float
+    kind: str
+    standard: float
+    full_scale: float | None
+    lowest: float | None
+    highest: float | None
+    minimum: float | None
+    valid_from: float | None
+    valid_to: float | None
+    is_input: bool
+    reference: float
+    between: str = field(default="hold", metadata=SELDOM)
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """A column of a foreign file; SI = value * factor + offset."""
+
+    signal: str
+    column: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class UnitSpec:
+    """A unit a recording may be written in; `dimension` are exponents of m, kg, s, K, A."""
+
+    factor: float
+    offset: float
+    dimension: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Guard:
+    """A plan output that must be positive, and how to say so."""
+
+    output: str
+    text: str
+
+
+@dataclass(frozen=True)
+class ObserverSpec:
+    """An estimate of the flow through a module; `signals` are all readings it depends on."""
+
+    id: str
+    module: str
+    component: str
+    equation: str
+    signals: tuple[str, ...]
+    guards: tuple[Guard, ...]
+    misfit: float
+    reference: float
+    origin: str
+
+
+@dataclass(frozen=True)
+class Junction:
+    """Flows balance here: those that leave `outlets` enter `inlets`."""
+
+    outlets: tuple[str, ...]
+    inlets: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Term:
+    """A signed observer in a residual."""
+
+    observer: str
+    sign: int
+
+
+@dataclass(frozen=True)
+class ResidualSpec:
+    """A signed sum of observers that is zero in a healthy plant."""
+
+    id: str
+    module: str
+    terms: tuple[Term, ...]
+    text: str
+    u: float
+
+
+@dataclass(frozen=True)
+class FaultSpec:
+    """A hypothesis.
+
+    `affects` lists the observers that it makes wrong, `scales` the signals in what it scales: only
+    these may leave the calibrated range because of the fault. `in_sensor` says that the reading
+    itself is scaled, errors and all; else the quantity, and so the errors of estimates of it.
+    With a `unit` the degree is a size that is added to the reading; else it is a share.
+    """
+
+    id: str
+    module: str
+    fault: str
+    title: str
+    text: str
+    action: str
+    status: str
+    lowest: float
+    highest: float
+    tolerance: float
+    meaning: str
+    affects: tuple[str, ...]
+    scales: tuple[str, ...]
+    in_sensor: bool
+    origin: str
+    unit: str = field(default="", metadata=SELDOM)
+
+    @property
+    def scale(self) -> float:
+        """Degrees over this are shares: of what it acts on, or of the range of its sensor."""
+        return self.highest if self.unit else 1.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A non-zero entry of the fault-symptom matrix at the reference point.
+
+    `gain` is dR/dg (g: what the fault scales), `sensitivity` dR/dx in m3/s per unit of degree,
+    `detectable` the degree at which the residual leaves its threshold. `forms` lists the rule
+    forms that the plan holds as ``x:<form>:<fault>:<residual>``.
+    """
+
+    fault: str
+    residual: str
+    sign: int
+    gain: float
+    sensitivity: float
+    detectable: float
+    forms: tuple[str, ...]
+    equation: str
+
+
+@dataclass(frozen=True)
+class AdvisedSensor:
+    """A further reading of a signal; `cost` is relative to other sensors."""
+
+    module: str
+    signal: str
+    cost: float
+
+
+@dataclass(frozen=True)
+class AmbiguousGroup:
+    """Faults that are hard or impossible to tell apart, and the sensors that would help.
+
+    `degrees`, per fault, are those from which on it is told from the others at one operating
+    point (None: never; empty: not known); `sensors` is empty where they are told apart anyway, or
+    no sensor would help.
+    """
+
+    faults: tuple[str, ...]
+    kind: str
+    advice: str
+    degrees: tuple[float | None, ...] = ()
+    sensors: tuple[AdvisedSensor, ...] = ()
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """A constant of a module with its origin; value and u in `unit`."""
+
+    id: str
+    value: float
+    u: float
+    unit: str
+    origin: str
+
+
+@dataclass(frozen=True)
+class SimulationStep:
+    """Readings that follow together from given ones and from earlier steps.
+
+    `zeros` are signed sums that vanish, as many as `readings`; `flows` gives each flow that is
+    found here as a signed sum. Terms are estimates, by observer id, and flows of earlier steps, by
+    module.
+    """
+
+    readings: tuple[str, ...]
+    zeros: tuple[Mapping[str, float], ...]
+    flows: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How readings are predicted: step by step from those `given`.
+
+    Where the plant cannot be simulated, `refused` says why.
+    """
+
+    given: tuple[str, ...]
+    steps: tuple[SimulationStep, ...]
+    refused: str
+
+
+@dataclass(frozen=True)
+class StateSpec:
+    """What a module stores; SI = shown * factor + offset."""
+
+    id: str
+    title: str
+    unit: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Balances of a plant that stores.
+
+    The plan reads states by id, `inputs` (readings that are given), `values` (parameters, SI),
+    ``x.<fault>`` for each of `faults` (degrees; 0 without the fault) and ``time``; it gives
+    ``der:<state>``, ``start:<state>``, limits ``low:<state>`` and ``high:<state>``, dead
+    times ``after:<state>``, and ``shown:<signal>`` for each of `outputs`. `uncertainties` are those
+    of `values`, SI, without their correlations.
+    """
+
+    states: tuple[StateSpec, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    faults: tuple[str, ...]
+    values: Mapping[str, float]
+    uncertainties: Mapping[str, float]
+    plan: Plan
+
+
+@dataclass(frozen=True)
+class Ruleset:
+    """Everything the runtime needs to judge recordings of one plant."""
+
+    format_version: int
+    plant: str
+    title: str
+    sources: str
+    modules: Mapping[str, str]
+    signals: tuple[SignalSpec, ...]
+    columns: tuple[ColumnMap, ...]
+    time_column: str
+    units: Mapping[str, UnitSpec]
+    observers: tuple[ObserverSpec, ...]
+    junctions: tuple[Junction, ...]
+    residuals: tuple[ResidualSpec, ...]
+    faults: tuple[FaultSpec, ...]
+    cells: tuple[Cell, ...]
+    ambiguous: tuple[AmbiguousGroup, ...]
+    unobserved: tuple[str, ...]
+    parameters: tuple[ParameterSpec, ...]
+    simulation: Simulation
+    plan: Plan
+    undo: Plan
+    dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
+
+    @cached_property
+    def fault_by_id(self) -> Mapping[str, FaultSpec]:
+        return {f.id: f for f in self.faults}
+
+    @cached_property
+    def observer_by_id(self) -> Mapping[str, ObserverSpec]:
+        return {o.id: o for o in self.observers}
+
+    @cached_property
+    def read(self) -> frozenset[str]:
+        """Signals that some equation reads or predicts."""
+        of_observers = (s for o in self.observers for s in o.signals)
+        dynamic = self.dynamics
+        return frozenset([*of_observers, *(dynamic.inputs + dynamic.outputs if dynamic else ())])
+
+    @cached_property
+    def misfits(self) -> frozenset[str]:
+        """Inputs of gradients that are an observer's own misfit: new at every operating point."""
+        return frozenset(f"{o.id}{MISFIT}" for o in self.observers)
+
+    @cached_property
+    def observer_index(self) -> Mapping[str, int]:
+        """Place of each observer in `observers`."""
+        return {o.id: i for i, o in enumerate(self.observers)}
+
+    @cached_property
+    def signal_by_id(self) -> Mapping[str, SignalSpec]:
+        return {s.id: s for s in self.signals}
+
+    @cached_property
+    def cells_of_fault(self) -> Mapping[str, tuple[Cell, ...]]:
+        found: dict[str, list[Cell]] = {f.id: [] for f in self.faults}
+        for cell in self.cells:
+            found[cell.fault].append(cell)
+        return {name: tuple(cells) for name, cells in found.items()}
+
+    def undone(self, observers: tuple[str, ...], faults: tuple[str, ...]) -> Plan:
+        """Plan of flows with faults undone (``q:``), and their slopes by the degrees (``dq:``)."""
+        key = (observers, faults)
+        if key not in self._undone:
+            names = [f"q:{o}" for o in observers]
+            names += [f"dq:{o}:{f}" for o in observers for f in faults]
+            self._undone[key] = self.undo.select(n for n in names if n in self.undo.outputs)
+        return self._undone[key]
+
+    @cached_property
+    def _undone(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], Plan]:
+        return {}
+
+    def to_json(self) -> str:
+        """The ruleset as text; the same ruleset always gives the same bytes."""
+        data = _fields(self)
+        return _write({**data, DIGEST: digest_of(data, _fields)})
+
+
+def _write(data: dict[str, Any]) -> str:
+    """One line per table row: diffs of golden files stay readable."""
+    lines = []
+    for key, value in data.items():
+        if isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+            rows = ",\n".join("  " + _dump(row) for row in value)
+            lines.append(f"{json.dumps(key)}: [\n{rows}\n]")
+        else:
+            lines.append(f"{json.dumps(key)}: {_dump(value)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _dump(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, default=_fields)
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    """Fields of a dataclass; `asdict` would copy every operation of a plan."""
+    fields = ((f, getattr(value, f.name)) for f in dataclasses.fields(value))
+    return {f.name: v for f, v in fields if not (f.metadata.get("seldom") and v == f.default)}

@@ -1,0 +1,219 @@
+"""Read a ruleset file, and refuse what is none, of another version, or damaged.
+
+A ruleset decides what an operator is told, so it is taken as it was compiled or not at all: its
+digest shows every change. Types and references are checked as well, whoever made the digest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
+from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
+from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
+
+
+class RulesetRefused(Exception):
+    """The file is no ruleset of this version; the message says what to do."""
+
+
+def read_ruleset(path: Path) -> Ruleset:
+    """Read a ruleset file; raises `RulesetRefused` if it is none, or of another version."""
+    try:
+        data = read_json(path)
+    except OSError as error:
+        raise RulesetRefused(f"{path}: cannot be read ({error.strerror})") from None
+    except Damaged as error:
+        raise RulesetRefused(f"{path}: this is no ruleset ({error})") from None
+    _refuse_version(data, str(path))
+    if data.get(DIGEST) != digest_of(data):
+        raise RulesetRefused(
+            f"{path}: this ruleset was changed or damaged after it was compiled; compile again "
+            "(changes belong into the plant's files)"
+        )
+    return parse_ruleset(data, str(path))
+
+
+def _refuse_version(data: Any, name: str) -> None:
+    version = data.get("format_version") if isinstance(data, dict) else None
+    if version != FORMAT_VERSION:
+        raise RulesetRefused(
+            f"{name}: format version {str(version)[:30]}, but this runtime reads version "
+            f"{FORMAT_VERSION}; compile the plant again"
+        )
+
+
+def parse_ruleset(data: Any, name: str = "ruleset") -> Ruleset:
+    """Build a ruleset from its JSON data."""
+    _refuse_version(data, name)
+    try:
+        ruleset: Ruleset = _build(Ruleset, data)
+    except Damaged as error:
+        raise RulesetRefused(f"{name}: damaged ruleset ({error}); compile again") from None
+    _verify(ruleset.plan, name)
+    _verify(ruleset.undo, name)
+    if ruleset.dynamics is not None:
+        _verify(ruleset.dynamics.plan, name)
+    missing = next(_dangling(ruleset), None)
+    if missing:
+        raise RulesetRefused(f"{name}: damaged ruleset ({missing}); compile again")
+    return ruleset
+
+
+def _dangling(ruleset: Ruleset) -> Iterator[str]:
+    """References to what the ruleset does not hold, and names it holds twice."""
+    tables = {
+        "signal": [s.id for s in ruleset.signals],
+        "observer": [o.id for o in ruleset.observers],
+        "residual": [r.id for r in ruleset.residuals],
+        "fault": [f.id for f in ruleset.faults],
+        "module": list(ruleset.modules),
+        "output": list(ruleset.plan.outputs),
+        "kind of uncertainty": list(UNCERTAINTIES),
+    }
+    for kind, names in tables.items():
+        if len(set(names)) < len(names):
+            yield f"a {kind} stands twice"
+    known = {kind: frozenset(names) for kind, names in tables.items()}
+    for kind, name in _references(ruleset):
+        if name not in known[kind]:
+            yield f"no {kind} '{name}'"
+    if "s" not in ruleset.units:
+        yield "no unit 's'"
+    factors = [signal.factor for signal in ruleset.signals]
+    factors += [column.factor for column in ruleset.columns]
+    if 0.0 in [*factors, *(unit.factor for unit in ruleset.units.values())]:
+        yield "a unit of size 0"
+    yield from _disordered(ruleset.simulation)
+
+
+def _disordered(simulation: Simulation) -> Iterator[str]:
+    """Steps of the simulation that cannot be taken one behind the other."""
+    found: set[str] = set()
+    for number, step in enumerate(simulation.steps, 1):
+        if len(step.zeros) != len(step.readings):
+            yield f"step {number} of the simulation has not as many equations as readings"
+        terms = {name for part in (*step.zeros, *step.flows.values()) for name in part}
+        if not {name for name in terms if "." not in name} <= found:
+            yield f"step {number} of the simulation needs a flow that is not found yet"
+        if found & {*step.readings, *step.flows}:
+            yield f"step {number} of the simulation finds something for the second time"
+        found |= {*step.readings, *step.flows}
+
+
+def _references(ruleset: Ruleset) -> Iterator[tuple[str, str]]:
+    """Everything that one part of a ruleset says of another, as (kind, name)."""
+    for signal in ruleset.signals:
+        yield "kind of uncertainty", signal.kind
+    for column in ruleset.columns:
+        yield "signal", column.signal
+    for observer in ruleset.observers:
+        yield "module", observer.module
+        yield from (("signal", s) for s in observer.signals)
+        yield from (("output", g.output) for g in observer.guards)
+    for junction in ruleset.junctions:
+        yield from (("module", m) for m in (*junction.outlets, *junction.inlets))
+    for residual in ruleset.residuals:
+        yield from (("observer", t.observer) for t in residual.terms)
+    for fault in ruleset.faults:
+        yield "module", fault.module
+        yield from (("observer", o) for o in fault.affects)
+        yield from (("signal", s) for s in fault.scales)
+    for cell in ruleset.cells:
+        yield "fault", cell.fault
+        yield "residual", cell.residual
+    yield from _references_of_steps(ruleset.simulation)
+    if ruleset.dynamics is not None:
+        yield from (("signal", s) for s in (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs))
+        yield from (("fault", f) for f in ruleset.dynamics.faults)
+
+
+def _references_of_steps(simulation: Simulation) -> Iterator[tuple[str, str]]:
+    """Everything that the steps of the simulation name, as (kind, name)."""
+    yield from (("signal", name) for name in simulation.given)
+    for step in simulation.steps:
+        yield from (("signal", name) for name in step.readings)
+        yield from (("module", name) for name in step.flows)
+        for terms in (*step.zeros, *step.flows.values()):
+            yield from (("observer" if "." in name else "module", name) for name in terms)
+
+
+def _verify(plan: Plan, name: str) -> None:
+    """A plan may only read what stands before it."""
+    start = plan.first_operation
+    for i, operation in enumerate(plan.operations, start):
+        if not _legal(operation, i):
+            raise RulesetRefused(f"{name}: damaged plan at operation {i - start}; compile again")
+    end = start + len(plan.operations)
+    if not all(type(i) is int and 0 <= i < end for i in plan.outputs.values()):
+        raise RulesetRefused(f"{name}: damaged plan outputs; compile again")
+    if not all(type(c) in (int, float) for c in plan.constants):
+        raise RulesetRefused(f"{name}: damaged plan constants; compile again")
+
+
+def _legal(operation: Any, number: int) -> bool:
+    """Is this an operation that reads only values with smaller numbers?"""
+    match operation:
+        case (str(name), int(a), int(b)) if name in OPERATIONS:
+            return 0 <= a < number and (name in UNARY or 0 <= b < number)
+    return False
+
+
+def _build(kind: Any, data: Any) -> Any:
+    """Turn JSON data into the dataclass (or container) `kind`."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        hints = _hints(kind)
+        _expect(data, dict, "a group")
+        given = {n: h for n, h in hints.items() if n in data or n not in _optional(kind)}
+        missing = [name for name in given if name not in data]
+        if missing:
+            raise Damaged(f"no '{missing[0]}'")
+        return kind(**{name: _build(hint, data[name]) for name, hint in given.items()})  # type: ignore[operator]
+    if origin is tuple:
+        _expect(data, list, "a list")
+        if arguments[-1] is Ellipsis:
+            return tuple(_build(arguments[0], item) for item in data)
+        if len(data) != len(arguments):
+            raise Damaged(f"{len(data)} entries where {len(arguments)} belong")
+        return tuple(_build(a, item) for a, item in zip(arguments, data, strict=True))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        _expect(data, dict, "a group")
+        return {k: _build(arguments[1], v) for k, v in data.items()}
+    if origin in (types.UnionType, typing.Union):
+        whole = next(a for a in arguments if a is not types.NoneType)
+        return None if data is None else _build(whole, data)
+    if kind is float:
+        _expect(data, (int, float), "a number")
+        return float(data)
+    if kind in _WORDS:
+        _expect(data, kind, _WORDS[kind])
+    return data
+
+
+_WORDS: dict[Any, str] = {str: "text", int: "a whole number", bool: "true or false"}
+
+
+def _expect(data: Any, kind: Any, what: str) -> None:
+    if not isinstance(data, kind) or (isinstance(data, bool) and kind is not bool):
+        raise Damaged(f"{str(data)[:30]!r} where {what} belongs")
+
+
+_HINTS: dict[Any, dict[str, Any]] = {}
+
+
+def _optional(kind: Any) -> set[str]:
+    """Fields that a file of the same version, but an older tool, may lack."""
+    return {f.name for f in dataclasses.fields(kind) if f.default is not dataclasses.MISSING}
+
+
+def _hints(kind: Any) -> dict[str, Any]:
+    if kind not in _HINTS:
+        names = {f.name for f in dataclasses.fields(kind)}
+        _HINTS[kind] = {n: h for n, h in typing.get_type_hints(kind).items() if n in names}
+    return _HINTS[kind]

@@ -1,0 +1,139 @@
+"""How well the estimates of a plant agree, with readings as recorded and with other ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
+from rulec_runtime.diagnosis.steady.observe import Observed, Points, observe, points_of_stretches
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
+from rulec_runtime.recordings.point_table import each_row, is_point_table
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import (
+    Stretches,
+    find_stretches,
+    noise_at_work,
+    systematic_u,
+)
+
+MOST = 60
+"""Stretches that are looked at; of longer recordings some, evenly."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Per stretch, shape (n,): chi-square of "no fault" over the `limit` of an alarm, and its
+    degrees of freedom; `valid` shape (observers, n)."""
+
+    excess: Array
+    limit: Array
+    freedom: np.ndarray
+    valid: np.ndarray
+    observed: Observed
+
+    @property
+    def sound(self) -> np.ndarray:
+        """Stretches in which all that could be compared agrees."""
+        result: np.ndarray = (self.freedom > 0) & (self.excess <= 1.0)
+        return result
+
+
+@dataclass(frozen=True)
+class Explained:
+    """Stretches that agree or that one and the same fault explains, shape (n,); which faults fit,
+    what chi-square they leave, their degrees and the uncertainty of these, shape (faults, n)."""
+
+    stretches: np.ndarray
+    fits: np.ndarray
+    distance: Array
+    degree: Array
+    u: Array
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Settled stretches of a recording; `noise` per signal, SI."""
+
+    ruleset: Ruleset
+    stretches: Stretches
+    points: Points
+    noise: Mapping[str, float]
+
+    @cached_property
+    def recorded(self) -> Agreement:
+        """As the readings stand."""
+        return self.agreement(self.points)
+
+    @property
+    def samples(self) -> int:
+        """Samples in all stretches."""
+        return int(self.stretches.lengths.sum())
+
+    def with_readings(self, values: Mapping[str, Array], noise: Mapping[str, float]) -> Points:
+        """The points with other means of some signals, and other noise of theirs."""
+        changed = dict(self.points.values)
+        u, systematic, bad = dict(self.points.u), dict(self.points.systematic), {**self.points.bad}
+        for name, column in values.items():
+            signal = self.ruleset.signal_by_id[name]
+            changed[name] = column
+            systematic[name] = systematic_u(signal, column) + np.zeros(len(column))
+            u[name] = np.hypot(systematic[name], noise[name] / np.sqrt(self.stretches.lengths))
+            bad[name] = ~np.isfinite(column)
+        return replace(self.points, values=changed, u=u, systematic=systematic, bad=bad)
+
+    def agreement(self, points: Points) -> Agreement:
+        """How well the estimates agree at points."""
+        observed = observe(self.ruleset, points)
+        n = len(observed)
+        excess, limits = np.full(n, np.inf), np.ones(n)
+        freedom = np.zeros(n, dtype=int)
+        limit = quantile(alarm_chance(n) / 2)
+        for valid, members in patterns_of(observed.valid):
+            basis = residual_basis(self.ruleset, valid)
+            if len(basis):
+                test = test_of(self.ruleset, observed, valid, basis, members)
+                chi = test.chi_square.value
+                limits[members] = chi_square_limit(len(basis), limit)
+                excess[members] = chi / limits[members]
+                freedom[members] = len(basis)
+        excess[~np.isfinite(excess)] = np.inf
+        return Agreement(excess, limits, freedom, observed.valid, observed)
+
+    def explained(self, found: Agreement) -> Explained:
+        """What is sound, and which faults fit where."""
+        isolation = isolate(self.ruleset, found.observed)
+        fits = isolation.probability > 0
+        fits[:, isolation.pair[:, 0] >= 0] = False
+        quiet = isolation.judged & ~isolation.deviating
+        each = quiet | (fits & (isolation.freedom > 1))
+        best = each[np.argmax(each.sum(axis=1))] if len(each) else quiet
+        return Explained(best, fits, isolation.distance, isolation.degree, isolation.u)
+
+    @cached_property
+    def explained_as_recorded(self) -> Explained:
+        """The same for the readings as they stand."""
+        return self.explained(self.recorded)
+
+    def readers(self, signal: str) -> np.ndarray:
+        """Flags of the observers that read a signal."""
+        return np.array([signal in o.signals for o in self.ruleset.observers], dtype=bool)
+
+
+def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
+    """Settled stretches, as the diagnosis has them; None where there are none."""
+    noise = noise_at_work(recording, ruleset)
+    if is_point_table(recording, ruleset):
+        stretches = each_row(recording)
+    else:
+        stretches = find_stretches(recording, ruleset, noise)
+    if not len(stretches) or not ruleset.observers:
+        return None
+    chosen = np.unique(np.linspace(0, len(stretches) - 1, MOST).astype(int))
+    some = Stretches(stretches.first[chosen], stretches.last[chosen])
+    return Bench(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)

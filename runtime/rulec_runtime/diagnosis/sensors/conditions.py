@@ -1,0 +1,89 @@
+"""What can be wrong with a reading as such, by NE 107, and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rulec_runtime.recordings.when import ENDED
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A way in which a reading is none. `status` is the letter of NE 107: F where the device has
+    failed, C where what is recorded is not what the header says."""
+
+    name: str
+    status: str
+    title: str
+    action: str
+
+
+DEAD = Condition(
+    "dead",
+    "F",
+    "Reading that is dead",
+    "check supply, cable and fuse of the sensor; if they are right, whether anything flows at all",
+)
+STUCK = Condition(
+    "stuck",
+    "F",
+    "Reading that is stuck",
+    "check the sensor, its transmitter and the data link; if they are right, the logger",
+)
+RANGE = Condition(
+    "range",
+    "F",
+    "Reading that its sensor cannot show",
+    "check cable, supply and scaling of the sensor (NE 43: a broken wire reads below the live "
+    "zero, a short circuit above the end of the range)",
+)
+UNIT = Condition(
+    "unit",
+    "C",
+    "Reading in another unit than its header says",
+    "correct the unit in the header of the column, or in the column map",
+)
+SWAPPED = Condition(
+    "swapped",
+    "C",
+    "Two columns that are swapped",
+    "swap the two titles in the header, or in the column map; check the wiring if the logger "
+    "wrote them so",
+)
+CLOCK = Condition(
+    "jump",
+    "C",
+    "Clock that was set",
+    "check the clock of the logger, and let it write dates with their zone",
+)
+
+
+@dataclass(frozen=True)
+class SensorFinding:
+    """A reading that is none, over a period; times in s.
+
+    `signal` is empty where it is the clock. `text` names reading and reason.
+    """
+
+    condition: Condition
+    signal: str
+    since: float
+    until: float
+    text: str
+    behind: str | None = ENDED
+    probability: float = 1.0
+
+    @property
+    def id(self) -> str:
+        """As faults are called: place, then what is wrong there."""
+        return f"{self.signal or 'time'}.{self.condition.name}"
+
+    @property
+    def active(self) -> bool:
+        """Was it still there at the end?"""
+        return self.behind is not ENDED
+
+    @property
+    def module(self) -> str:
+        """Module of the sensor."""
+        return self.signal.partition(".")[0]

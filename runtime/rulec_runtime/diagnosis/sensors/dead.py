@@ -1,0 +1,142 @@
+"""Readings at zero, or at their live zero, while the others say that liquid flows.
+
+A pump that stands, a shut valve and an empty line read zero as well; so a reading is dead where the
+flow through its module, from estimates that do not need it, is far beyond its uncertainty. Where
+nothing else gives that flow, a reading that does not even show noise is dead while its pump runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.bench import Bench
+from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
+from rulec_runtime.diagnosis.steady.redundancy import free_flows
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import ENOUGH
+from rulec_runtime.recordings.stationary import PERSISTENCE
+
+ZERO = 0.01
+"""Share of its range, or of its reference, within which a reading is at zero."""
+
+OFTEN = 2
+"""Times at most that a reading dies: a loose contact, not the cycle of a plant."""
+
+BEYOND, PART = 10.0, 0.1
+"""A flow is there beyond so many standard uncertainties, and this share of its reference."""
+
+
+def dead_readings(
+    recording: Recording, ruleset: Ruleset, bench: Bench
+) -> Iterator[tuple[SensorFinding, slice]]:
+    """Readings that are dead, each as a finding with its samples."""
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None or not bench.readers(signal.id).any():
+            continue
+        zero = at_zero(signal, values)
+        if zero.sum() < PERSISTENCE:
+            continue
+        flowing = bench.stretches.first[_flowing(bench, signal, zero, values)]
+        runs = dict.fromkeys(_run_around(zero, int(first)) for first in flowing)
+        if len(runs) > OFTEN:
+            continue  # what comes back again and again works: something in the plant does it
+        for first, last in runs:
+            part = slice(first, last)
+            yield dead_finding(signal, recording, part, "others say that liquid flows"), part
+
+
+def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
+    """Samples at which a reading is at zero, or at the low end of its range, or below."""
+    low = signal.offset if signal.lowest is None else signal.lowest
+    size = abs(signal.reference - signal.offset)
+    if signal.lowest is not None and signal.highest is not None:
+        size = signal.highest - signal.lowest
+    with np.errstate(invalid="ignore"):
+        flags: np.ndarray = values <= low + ZERO * size
+    return flags
+
+
+def dead_finding(
+    signal: SignalSpec, recording: Recording, part: slice, because: str
+) -> SensorFinding:
+    """A dead reading, as a finding."""
+    shown = (float(np.nanmedian(recording.values[signal.id][part])) - signal.offset) / signal.factor
+    text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} while {because}"
+    time = recording.time
+    return SensorFinding(DEAD, signal.id, float(time[part.start]), float(time[part.stop - 1]), text)
+
+
+def _run_around(zero: np.ndarray, sample: int) -> tuple[int, int]:
+    """First and behind last sample at zero around one."""
+    before, behind = np.flatnonzero(~zero[:sample]), np.flatnonzero(~zero[sample:])
+    start = int(before[-1]) + 1 if len(before) else 0
+    return start, sample + int(behind[0]) if len(behind) else len(zero)
+
+
+def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) -> np.ndarray:
+    """Stretches in which a reading is at zero, and liquid flows, shape (n,)."""
+    stretches = bench.stretches
+    inside = np.array(
+        [zero[a:b].all() for a, b in zip(stretches.first, stretches.last, strict=True)], dtype=bool
+    )
+    result = np.zeros(len(stretches), dtype=bool)
+    module = signal.id.partition(".")[0]
+    frozen = len(np.unique(values[zero])) == 1 and zero.sum() >= ENOUGH
+    for i in np.flatnonzero(inside):
+        flow = _flow_without(bench, signal.id, module, int(i))
+        if flow is None:
+            result[i] = frozen and not signal.is_input and _runs(bench, module, int(i))
+        else:
+            reference = max(
+                abs(o.reference) for o in bench.ruleset.observers if signal.id in o.signals
+            )
+            result[i] = flow[0] > max(BEYOND * flow[1], PART * reference)
+    return result
+
+
+def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[float, float] | None:
+    """Flow through a module and its uncertainty, m3/s, by estimates that need not a signal."""
+    observed = bench.recorded.observed
+    usable = observed.valid[:, point] & ~bench.readers(signal) & _in_range(bench, point)
+    if not usable.any():
+        return None
+    table = free_flows(bench.ruleset)
+    place = {name: i for i, name in enumerate(bench.ruleset.modules)}
+    modules = [place[o.module] for o in bench.ruleset.observers]
+    rows = table[np.array(modules)[usable]]
+    wanted = table[place[module]]
+    covariance = observed.covariance[point][np.ix_(usable, usable)]
+    weight = np.linalg.pinv(covariance / np.mean(np.diag(covariance)))
+    information = rows.T @ weight @ rows
+    inverse = np.linalg.pinv(information, rcond=1e-9)
+    if np.linalg.norm(wanted - wanted @ inverse @ information) > 1e-6:
+        return None
+    gain = wanted @ inverse @ rows.T @ weight
+    flow = float(gain @ observed.flows[usable, point])
+    return flow, float(np.sqrt(max(gain @ covariance @ gain, 0.0)))
+
+
+def _in_range(bench: Bench, point: int) -> np.ndarray:
+    """Flags of observers whose readings are all in the range in which they were calibrated."""
+    flags = bench.recorded.observed.extrapolated
+    outside = {name for name, where in flags.items() if where[point]}
+    observers = bench.ruleset.observers
+    return np.array([not outside & set(o.signals) for o in observers], dtype=bool)
+
+
+def _runs(bench: Bench, module: str, point: int) -> bool:
+    """Does what is given say that a module runs?"""
+    given = [
+        s
+        for s in bench.ruleset.signals
+        if s.is_input and s.minimum is not None and s.id.partition(".")[0] == module
+    ]
+    values = [bench.points.values[s.id][point] for s in given if s.id in bench.points.values]
+    return bool(values) and all(
+        v >= s.minimum for v, s in zip(values, given, strict=True) if s.minimum is not None
+    )

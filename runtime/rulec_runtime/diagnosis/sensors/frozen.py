@@ -1,0 +1,162 @@
+"""Readings that never move from the first sample on, while the others say that they should.
+
+A set value is held, a coarse display shows the same for long, and a fault moves other readings
+beside one that stands. So such a reading is freed: with the value that suits the others best, at
+each operating point, all estimates must agree; that value must move by far more than the sensor's
+uncertainty; and no one fault of the plant may explain the recording as it stands as well.
+
+Source: own derivation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.bench import Bench
+from rulec_runtime.diagnosis.sensors.dead import at_zero
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import last_digit, never_moves
+
+FINE, ROUNDS = 41, 4
+"""Values tried between the ends of a range, and how often the best one's neighbours are."""
+
+FROM, TO = 0.05, 3.0
+"""Ends, in references, where a sensor has no range."""
+
+FAR, DIGITS = 6.0, 3.0
+"""How far the value that suits the others must move: in standard uncertainties of the sensor, and
+in steps of its last digit."""
+
+MOST, SOME = 0.9, 0.1
+"""Share of stretches that must agree with the reading freed, and must not as it stands."""
+
+TIMES = 3.0
+"""Noise of the same sensor elsewhere, in last digits of a reading, at which no 20 readings in a
+row are the same."""
+
+FEWEST = 2
+"""Readings that must move for a recording to have been measured, and not computed."""
+
+CLEARLY = 10.0
+"""Chi-square that a rival fault must leave beyond what the freed reading leaves: both have one
+free value at each operating point, so odds are 150 to 1."""
+
+
+@dataclass(frozen=True)
+class Freed:
+    """Per stretch, shape (n,): the value, SI, that suits the others best, and the misfit left."""
+
+    value: Array
+    excess: Array
+
+
+def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Iterator[SignalSpec]:
+    """Signals whose readings are frozen from the first sample to the last."""
+    never = [s for s in ruleset.signals if _still(recording, s.id)]
+    used = {s for o in ruleset.observers for s in o.signals}
+    if len(used & set(recording.values)) - len(used & {s.id for s in never}) < FEWEST:
+        return  # a recording without noise: computed, not measured
+    for signal in never:
+        here = bench.recorded.freedom > 1
+        known = recording.values[signal.id][np.isfinite(recording.values[signal.id])]
+        if not bench.readers(signal.id).any() or at_zero(signal, known).all():
+            continue  # at zero a reading stands still by itself; whether it is dead was asked
+        if _has_noise_elsewhere(recording, ruleset, bench, signal) or (
+            here.any() and _should_move(bench, signal, here)
+        ):
+            yield signal
+
+
+def _has_noise_elsewhere(
+    recording: Recording, ruleset: Ruleset, bench: Bench, signal: SignalSpec
+) -> bool:
+    """Does the same sensor at another place show noise, far beyond this one's last digit?"""
+    if signal.is_input:
+        return False
+    shown = float(np.nanmedian(recording.values[signal.id]))
+    digit = last_digit((shown - signal.offset) / signal.factor) * abs(signal.factor)
+    name = signal.id.partition(".")[2]
+    return any(
+        other.id != signal.id
+        and other.id.partition(".")[2] == name
+        and (other.kind, other.standard, other.full_scale)
+        == (signal.kind, signal.standard, signal.full_scale)
+        and bench.noise.get(other.id, 0.0) > TIMES * digit
+        for other in ruleset.signals
+    )
+
+
+def _still(recording: Recording, name: str) -> bool:
+    values = recording.values.get(name)
+    return values is not None and never_moves(values)
+
+
+def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
+    if (~bench.recorded.sound)[here].mean() < SOME:
+        return False
+    freed = free(bench, signal)
+    agrees = freed.excess[here] <= 1.0
+    if agrees.mean() < MOST:
+        return False
+    shown = float(np.nanmedian(bench.points.values[signal.id]))
+    digit = last_digit((shown - signal.offset) / signal.factor) * signal.factor
+    u = float(np.nanmedian(bench.points.systematic[signal.id]))
+    moves = np.ptp(freed.value[here][agrees])
+    off = np.abs(freed.value[here][agrees] - shown).max()
+    if max(moves, off) < FAR * u or max(moves, off) < DIGITS * digit:
+        return False
+    if moves < FAR * u and digit > 0.01 * u:
+        return False  # set, or a coarse display: a steady error is no standstill
+    return _beats_faults(bench, signal, freed, here)
+
+
+def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarray) -> bool:
+    """Is there no fault that explains as much, and as well?
+
+    A slope of the very reading is no rival: it would leave the reading its noise.
+    """
+    recorded, explained = bench.recorded, bench.explained_as_recorded
+    off = here & ~recorded.sound
+    of_faults = zip(bench.ruleset.faults, explained.fits, explained.distance, strict=True)
+    for fault, fits, distance in of_faults:
+        if fault.in_sensor and signal.id in fault.scales:
+            continue
+        both = off & fits
+        if (fits | recorded.sound)[here].mean() >= MOST and both.any():
+            left = float(np.median(distance[both]))
+            if left < np.median((freed.excess * recorded.limit)[both]) + CLEARLY:
+                return False
+    return True
+
+
+def free(bench: Bench, signal: SignalSpec) -> Freed:
+    """Find the value of a reading that makes all estimates agree best, at each stretch."""
+    low, high = FROM * signal.reference, TO * signal.reference
+    if signal.lowest is not None and signal.highest is not None:
+        low, high = signal.lowest, signal.highest
+    n = len(bench.stretches)
+    grid = np.linspace(low, high, FINE)[1:-1]
+    step = np.full(n, grid[1] - grid[0])
+    value, excess = np.full(n, grid[0]), np.full(n, np.inf)
+    for one in grid:
+        value, excess = _better(bench, signal, value, excess, np.full(n, one))
+    for _ in range(ROUNDS):
+        centre, step = value.copy(), step / 4.0
+        for k in range(-4, 5):
+            value, excess = _better(bench, signal, value, excess, centre + k * step)
+    return Freed(value, excess)
+
+
+def _better(
+    bench: Bench, signal: SignalSpec, value: Array, excess: Array, trial: Array
+) -> tuple[Array, Array]:
+    """Take a trial over where it agrees better, and no estimate is lost by it."""
+    found = bench.agreement(bench.with_readings({signal.id: trial}, {signal.id: 0.0}))
+    whole = found.freedom >= bench.recorded.freedom
+    better = whole & (found.excess < excess)
+    return np.where(better, trial, value), np.where(better, found.excess, excess)

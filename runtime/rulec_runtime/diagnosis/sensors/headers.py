@@ -1,0 +1,253 @@
+"""Headers that do not say what is below them: a wrong unit, or two columns in each other's place.
+
+Nothing is free in such a hypothesis: the numbers stand, and another reading of them either makes
+all estimates agree or it does not. It is told where the readings as recorded agree nowhere, where
+no one fault of the plant explains them, and where read differently they agree.
+
+Source: own derivation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
+from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
+from rulec_runtime.diagnosis.sensors.units import mixups
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import noise_of
+
+FEWEST = 20
+"""Settled samples below which no header is doubted."""
+
+HALF, PLAIN, NEARLY_ALL = 0.5, 0.1, 0.9
+"""Share of stretches in which readings may agree as recorded at most (a wrong reading does where
+it hardly matters); in which they must agree when read differently, without any fault; and with at
+most one."""
+
+STEADY = 0.1
+"""Scatter of a fault's degree, as share of it, beyond its uncertainty, that leaves it one."""
+
+CLEARLY = 6.0
+"""Chi-square that a fault must leave beyond what another reading of the columns leaves, to be no
+rival: odds of 20 to 1 at one operating point."""
+
+GONE = 30.0
+"""Chi-square, beside the best single fault, that swapping two columns back must take away at a
+typical operating point."""
+
+APART = 10.0
+"""How far readings must be from what is recorded, in standard uncertainties, to be other ones."""
+
+NOISY, SHARE = 5.0, 0.05
+"""Noise of a reading, read differently, at most: in standard uncertainties of its class, or as
+share of it. Nothing that is nearly zero becomes a reading by a factor."""
+
+
+@dataclass(frozen=True)
+class Misread:
+    """Columns read differently: per signal factor and offset, or the signal to take instead."""
+
+    condition: Condition
+    signals: tuple[str, ...]
+    values: Mapping[str, Array]
+    recorded: Mapping[str, Array]
+    noise: Mapping[str, float]
+    text: str
+
+
+def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | None:
+    """The one misreading that explains a recording, if there is one.
+
+    `bench` holds the readings without those that cannot be, `raw` all of them;
+    what stands `still` has no course that could fit.
+    """
+    if bench.samples < FEWEST or not _doubtful(bench):
+        return None
+    plain = _with_all(raw, bench)
+    best, least = None, np.inf
+    for misread in _candidates(raw, bench.ruleset, plain, still):
+        found = bench.agreement(bench.with_readings(misread.values, misread.noise))
+        if not _makes_sense(bench, misread, found) or not _beats_faults(bench, misread, found):
+            continue
+        explained = bench.explained(found).stretches
+        running = _running(bench, misread, found)
+        if explained[running].mean() < NEARLY_ALL:
+            continue
+        left = float(np.median(found.excess[running]))
+        if left < least:
+            best, least = misread, left
+    return best
+
+
+def _with_all(raw: Recording, bench: Bench) -> Bench:
+    """The same stretches with the means of all readings, whatever they are."""
+    values, noise = {}, {}
+    pieces = list(zip(bench.stretches.first, bench.stretches.last, strict=True))
+    for name, column in raw.values.items():
+        if np.isfinite(column).any():
+            values[name] = np.array([_mean(column[a:b]) for a, b in pieces])
+            noise[name] = noise_of(column)
+    return replace(bench, points=bench.with_readings(values, noise), noise=noise)
+
+
+def _mean(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
+def _doubtful(bench: Bench) -> bool:
+    """Does most of a recording disagree, or not let itself be compared?"""
+    recorded = bench.recorded
+    most = recorded.freedom.max(initial=0)
+    whole = recorded.sound & (recorded.freedom == max(most, _rank(bench)))
+    return bool(whole.mean() <= HALF)
+
+
+def _rank(bench: Bench) -> int:
+    """Degrees of freedom if every observer with readings could be used."""
+    there = set(bench.points.values)
+    usable = np.array([set(o.signals) <= there for o in bench.ruleset.observers], dtype=bool)
+    return len(residual_basis(bench.ruleset, usable))
+
+
+def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
+    """Do readings agree that disagreed everywhere before?"""
+    running = _running(bench, misread, found)
+    if running.sum() == 0:
+        return False
+    before = bench.recorded
+    readers = _readers(bench, misread)
+    usable = before.valid[readers].sum(axis=0) >= found.valid[readers].sum(axis=0)
+    agreed = before.sound & usable & (before.freedom >= found.freedom)
+    return bool(
+        agreed[running].mean() <= HALF
+        and found.sound[running].mean() >= PLAIN
+        and (found.freedom >= before.freedom)[running].mean() >= NEARLY_ALL
+    )
+
+
+def _steady(explained: Explained, fault: int, here: np.ndarray) -> bool:
+    """Has a fault one degree? What needs another one at each operating point is no fault."""
+    degree, u = explained.degree[fault, here], explained.u[fault, here]
+    return bool(degree.std() <= STEADY * abs(degree.mean()) + float(np.median(u)))
+
+
+def _readers(bench: Bench, misread: Misread) -> np.ndarray:
+    flags: np.ndarray = np.any([bench.readers(s) for s in misread.signals], axis=0)
+    return flags
+
+
+def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
+    """Stretches in which the other reading can be held against something, and is another one."""
+    flags: np.ndarray = found.valid[_readers(bench, misread)].any(axis=0) & (found.freedom > 0)
+    apart = np.zeros(len(flags), dtype=bool)
+    for name in misread.signals:
+        u = found.observed.points.u[name]
+        with np.errstate(invalid="ignore"):
+            apart |= np.abs(misread.values[name] - misread.recorded[name]) > APART * u
+    return flags & apart
+
+
+def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
+    """Is there no one fault of the plant that explains all of it as well?
+
+    A slope of the very reading whose unit is in doubt is no rival: it would have to hit the ratio
+    of two units.
+    """
+    before = bench.recorded
+    readers = _readers(bench, misread)
+    judged = before.valid[readers].any(axis=0) & (before.freedom > 1)
+    if judged.mean() < NEARLY_ALL:
+        return True
+    explained = bench.explained_as_recorded
+    least = np.where(before.sound, before.excess * before.limit, np.inf)
+    for i, fault in enumerate(bench.ruleset.faults):
+        fits, distance = explained.fits[i], explained.distance[i]
+        least = np.fmin(least, distance)
+        own = fault.in_sensor and set(fault.scales) & set(misread.signals)
+        off = judged & fits & ~before.sound
+        if (own and misread.condition is UNIT) or not off.any():
+            continue
+        left = (found.excess * found.limit)[off]
+        as_well = np.median(distance[off] - left) < CLEARLY
+        covers = (fits | before.sound)[judged].mean() >= NEARLY_ALL
+        if covers and as_well and _steady(explained, i, off):
+            return False
+    if misread.condition is UNIT:
+        return True
+    # Two columns are seldom swapped: what one fault leaves must be gone by it.
+    after = bench.explained(found)
+    rest = np.min(after.distance, axis=0, initial=np.inf)
+    rest = np.fmin(rest, found.excess * found.limit)
+    return bool(np.median((least - rest)[judged]) > GONE)
+
+
+def _candidates(
+    raw: Recording, ruleset: Ruleset, plain: Bench, still: Set[str]
+) -> Iterator[Misread]:
+    known = {n for n in plain.noise if np.isfinite(plain.points.values[n]).any()}
+    names = (_used(ruleset) & known) - still
+    used = [s for s in ruleset.signals if s.id in names]
+    yield from _other_units(raw, ruleset, plain, [s.id for s in used])
+    dimension = {s.id: parse_unit(s.unit, ruleset.units) for s in used}
+    for one, other in combinations(used, 2):
+        own, its = dimension[one.id], dimension[other.id]
+        if own is None or its is None or own.dimension != its.dimension:
+            continue
+        a, b = plain.points.values[one.id], plain.points.values[other.id]
+        text = f"{one.id} and {other.id} are swapped: each shows what the other one should"
+        yield Misread(
+            SWAPPED,
+            (one.id, other.id),
+            {one.id: b, other.id: a},
+            {one.id: a, other.id: b},
+            {one.id: plain.noise[other.id], other.id: plain.noise[one.id]},
+            text,
+        )
+
+
+def _other_units(
+    raw: Recording, ruleset: Ruleset, plain: Bench, names: list[str]
+) -> Iterator[Misread]:
+    for name in names:
+        signal = ruleset.signal_by_id[name]
+        scale = raw.scales.get(name, (signal.factor, signal.offset))
+        for mixup in mixups(signal, scale, ruleset.units):
+            values = plain.points.values[name] * mixup.factor + mixup.offset
+            noise = plain.noise[name] * mixup.factor
+            if not _like_a_reading(plain, name, values, noise):
+                continue
+            by = f"by a factor of {mixup.factor:.4g}" if not mixup.offset else "by their zero"
+            text = (
+                f"{name} is not in {mixup.written}: its numbers fit the other readings as "
+                f"{mixup.true} ({by})"
+            )
+            recorded = {name: plain.points.values[name]}
+            yield Misread(UNIT, (name,), {name: values}, recorded, {name: noise}, text)
+
+
+def _like_a_reading(plain: Bench, name: str, values: Array, noise: float) -> bool:
+    """Is the noise that of a sensor of its class, and the value one it can show?"""
+    signal = plain.ruleset.signal_by_id[name]
+    usual = float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
+    if not np.isfinite(usual):
+        return False
+    point = plain.with_readings({name: values}, {name: noise})
+    u = float(np.nanmedian(point.systematic[name]))
+    low, high = signal.lowest, signal.highest
+    if low is not None and high is not None and not low <= usual <= high:
+        return False
+    return noise <= max(NOISY * u, SHARE * abs(usual - signal.offset))
+
+
+def _used(ruleset: Ruleset) -> set[str]:
+    return {s for o in ruleset.observers for s in o.signals}

@@ -1,0 +1,192 @@
+"""Sensor health before physics: which readings of a recording are none, and why.
+
+What a reading says by itself comes first (its range, its noise, the clock), then what it says
+against what the others foretell. What is found is taken out, so that the rest is judged without
+it: the readings become NaN, and what needs them is not judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Set
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.bench import bench_of
+from rulec_runtime.diagnosis.sensors.conditions import CLOCK, STUCK, Condition, SensorFinding
+from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_readings
+from rulec_runtime.diagnosis.sensors.frozen import frozen_readings
+from rulec_runtime.diagnosis.sensors.headers import misread_columns
+from rulec_runtime.diagnosis.sensors.ranges import out_of_range
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import never_moves, standing_still
+from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.recordings.wall_clock import duration
+from rulec_runtime.recordings.when import ENDED, TO_THE_END
+
+Found = tuple[SensorFinding, slice]
+"""A finding with its samples."""
+
+WHY = {
+    "dead": "dead at zero",
+    "stuck": "stuck at one value",
+    "range": "outside the sensor's range",
+    "unit": "in another unit than its header says",
+    "swapped": "swapped with another column",
+}
+"""By name of a condition: why a reading is not used, in a few words."""
+
+
+@dataclass(frozen=True)
+class Health:
+    """Readings that are none, and the recording without them."""
+
+    findings: tuple[SensorFinding, ...]
+    recording: Recording
+
+
+def examine(recording: Recording, ruleset: Ruleset, *, by_model: bool = True) -> Health:
+    """Judge the sensors of a recording.
+
+    `by_model` compares readings with what the ruleset foretells as well; a plant that is yet to be
+    calibrated, or of which the model itself is in doubt, foretells nothing.
+    """
+    if recording.unfit is not None:
+        return Health((), recording)
+    found: list[Found] = []
+    found += out_of_range(recording, ruleset)
+    found += stuck_readings(without(recording, found), ruleset)
+    clean = without(recording, found)
+    if by_model:
+        still = {f.signal for f, _ in found if f.condition is STUCK}
+        still |= {name for name, values in clean.values.items() if never_moves(values)}
+        misread = misread_of(recording, clean, ruleset, still)
+        if not misread and (dead := dead_of(clean, ruleset)):
+            found += dead
+            misread = misread_of(recording, without(recording, found), ruleset, still)
+        # A wrong unit may put a reading out of its range: that is its reason.
+        wrong = {f.signal for f, _ in misread}
+        found = [one for one in found if one[0].signal not in wrong] + misread
+        clean = without(recording, found)
+        found += frozen_of(clean, ruleset)
+        clean = without(recording, found)
+    findings = [_with_end(recording, one) for one, _ in found]
+    findings += _clock(recording)
+    findings.sort(key=lambda f: ("FC".index(f.condition.status), f.since, f.id))
+    return Health(tuple(findings), clean)
+
+
+def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
+    """Readings that lose their noise. One that is given is mostly set: there it must have some."""
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None or not np.isfinite(values).any():
+            continue
+        u = float(np.median(systematic_u(signal, values[np.isfinite(values)])))
+        zero = at_zero(signal, values)
+        # Below its minimum the module stands, and nothing is read from there.
+        low = signal.lowest if signal.minimum is None else signal.minimum
+        for a, b in standing_still(values, u if signal.is_input else np.inf, (low, signal.highest)):
+            if zero[a]:
+                continue  # a clipped zero; whether it is a dead one the others say
+            yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
+
+
+def stuck_finding(
+    signal: SignalSpec, recording: Recording, first: int, last: int, because: str
+) -> SensorFinding:
+    """A reading that does not move, as a finding."""
+    shown = (float(recording.values[signal.id][first]) - signal.offset) / signal.factor
+    text = f"{signal.id} is stuck at {shown:.6g} {signal.unit}: {because}"
+    since, until = float(recording.time[first]), float(recording.time[last - 1])
+    return SensorFinding(STUCK, signal.id, since, until, text)
+
+
+def without(recording: Recording, found: Iterable[Found]) -> Recording:
+    """The recording with what was found taken out."""
+    values: dict[str, Array] = dict(recording.values)
+    unfit: dict[str, str] = dict(recording.unfit or {})
+    for finding, part in found:
+        if finding.signal:
+            column = values[finding.signal].copy()
+            column[part] = np.nan
+            values[finding.signal] = column
+            unfit[finding.signal] = _joined(unfit.get(finding.signal, ""), finding.condition)
+    return replace(recording, values=values, unfit=unfit)
+
+
+def _joined(before: str, condition: Condition) -> str:
+    reasons = dict.fromkeys([*filter(None, before.split(" or ")), WHY[condition.name]])
+    return " or ".join(reasons)
+
+
+def _with_end(recording: Recording, finding: SensorFinding) -> SensorFinding:
+    lasts = finding.until >= recording.time[-1]
+    return replace(finding, behind=TO_THE_END if lasts else ENDED)
+
+
+def _clock(recording: Recording) -> list[SensorFinding]:
+    found = []
+    for one in recording.clock:
+        text = f"the clock was set back by {duration(one.seconds)}: times were written twice"
+        if one.rows:
+            text = f"the clock stood still for {one.rows} rows: they have one and the same time"
+        found.append(SensorFinding(CLOCK, "", one.time, one.time, text))
+    return found
+
+
+def dead_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
+    """Readings that are dead, by what the others foretell."""
+    if ruleset.dynamics is not None:
+        return []
+    bench = bench_of(recording, ruleset)
+    return [] if bench is None else [*dead_readings(recording, ruleset, bench)]
+
+
+def frozen_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
+    """Readings that never move though the others say that they should."""
+    if not any(map(never_moves, recording.values.values())):
+        return []
+    if ruleset.dynamics is not None:
+        return _silent(recording, ruleset)
+    bench = bench_of(recording, ruleset)
+    if bench is None:
+        return []
+    n = len(recording)
+    because = "it never moves, while the others say that it should"
+    return [
+        (stuck_finding(signal, recording, 0, n, because), slice(0, n))
+        for signal in frozen_readings(recording, ruleset, bench)
+    ]
+
+
+def _silent(recording: Recording, ruleset: Ruleset) -> list[Found]:
+    # The integrator takes a second to load, and plants that store nothing do without it.
+    from rulec_runtime.diagnosis.sensors.stores import silent_readings
+
+    n = len(recording)
+    because = "it never moves, while the balances say that it should"
+    return [
+        (dead or stuck_finding(signal, recording, 0, n, because), slice(0, n))
+        for signal, dead in silent_readings(recording, ruleset)
+    ]
+
+
+def misread_of(
+    recording: Recording, clean: Recording, ruleset: Ruleset, still: Set[str]
+) -> list[Found]:
+    """Columns under a header that does not say what they are; none that stand still."""
+    if ruleset.dynamics is not None:
+        return []
+    bench = bench_of(clean, ruleset)
+    misread = None if bench is None else misread_columns(recording, bench, still)
+    if misread is None:
+        return []
+    since, until = float(recording.time[0]), float(recording.time[-1])
+    every = slice(0, len(recording))
+    return [
+        (SensorFinding(misread.condition, signal, since, until, misread.text), every)
+        for signal in misread.signals
+    ]

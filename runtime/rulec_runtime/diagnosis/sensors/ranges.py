@@ -1,0 +1,61 @@
+"""Readings that their sensor cannot show.
+
+Source: NAMUR NE 43: a signal of 4 to 20 mA measures from 3.8 to 20.5 mA; at most 3.6 or at least
+21 mA it tells that the device has failed. So a reading further than 2.5 % of its range below the
+live zero, or 6.25 % above its end, is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import PERSISTENCE
+
+BELOW, ABOVE = 0.025, 0.0625
+"""Share of its range by which a reading of 3.6 mA lies below it, and one of 21 mA above it."""
+
+
+def failed_current(signal: SignalSpec, values: Array) -> np.ndarray:
+    """Readings, SI, by which a transmitter tells that it has failed, shape (n,)."""
+    low, high = signal.lowest, signal.highest
+    if low is None or high is None:
+        return np.zeros(len(values), dtype=bool)
+    width = high - low
+    with np.errstate(invalid="ignore"):
+        failed: np.ndarray = (values <= low - BELOW * width) | (values >= high + ABOVE * width)
+    return failed
+
+
+def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[SensorFinding, slice]]:
+    """Runs of such readings, each as a finding with its samples."""
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None:
+            continue
+        failed = failed_current(signal, values)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], failed, [False]]).astype(int)))
+        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            if b - a >= PERSISTENCE:
+                yield _finding(signal, recording, a, b), slice(a, b)
+
+
+def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) -> SensorFinding:
+    assert signal.lowest is not None
+    assert signal.highest is not None
+    usual = float(np.median(recording.values[signal.id][first:last]))
+    shown, low, high = (
+        (v - signal.offset) / signal.factor for v in (usual, signal.lowest, signal.highest)
+    )
+    side = "below its live zero" if usual < signal.lowest else "above the end of its range"
+    text = (
+        f"{signal.id} reads {shown:.4g} {signal.unit}, {side} "
+        f"({low:.4g} to {high:.4g} {signal.unit}): that is no measurement"
+    )
+    time = recording.time
+    return SensorFinding(RANGE, signal.id, float(time[first]), float(time[last - 1]), text)

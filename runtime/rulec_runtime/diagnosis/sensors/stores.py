@@ -1,0 +1,88 @@
+"""Readings of a plant that stores, against what its balances foretell from what is given.
+
+Balances from their nominal start foretell no exact level, but whether one should be there at all,
+and whether it should move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
+from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
+from rulec_runtime.diagnosis.stores.freed import freed, start_of
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import last_digit, never_moves
+from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.recordings.thin import filled
+
+PART = 0.25
+"""Share of its range that a level must stand above its end, by the balances, to be there for sure:
+they are nominal, and a start is not known."""
+
+FAR, DIGITS = 20.0, 3.0
+"""How far a reading should move to be frozen when it does not: in standard uncertainties of its
+sensor, and in steps of its last digit."""
+
+
+def silent_readings(
+    recording: Recording, ruleset: Ruleset
+) -> Iterator[tuple[SignalSpec, SensorFinding | None]]:
+    """Readings that never move: dead ones with their finding, frozen ones without."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    names = [n for n in dynamics.outputs if n in recording.values]
+    silent = [n for n in names if never_moves(recording.values[n])]
+    if not silent or not _given_moves(recording, dynamics):
+        return
+    foretold = _foretold(recording, ruleset, dynamics)
+    for name in silent:
+        signal, course = ruleset.signal_by_id[name], foretold.get(name)
+        if course is None:
+            continue
+        values = recording.values[name]
+        low, high = signal.lowest, signal.highest
+        span = abs(signal.reference) if low is None or high is None else high - low
+        if at_zero(signal, values[np.isfinite(values)]).all():
+            if np.median(course) > (signal.offset if low is None else low) + PART * span:
+                because = "the balances say that it is not empty"
+                every = slice(0, len(recording))
+                yield signal, dead_finding(signal, recording, every, because)
+            continue
+        shown = float(values[np.isfinite(values)][0])
+        if (high is None or shown < high) and _should_move(signal, shown, course):
+            yield signal, None
+
+
+def _given_moves(recording: Recording, dynamics: Dynamics) -> bool:
+    known = [n for n in dynamics.inputs if n in recording.values]
+    return len(known) == len(dynamics.inputs) and any(
+        np.nanstd(recording.values[n]) > 0 for n in known
+    )
+
+
+def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
+    """Do the balances move a reading by more than its sensor and its display hide?"""
+    u = float(np.median(systematic_u(signal, course)))
+    digit = last_digit((shown - signal.offset) / signal.factor) * abs(signal.factor)
+    return bool(np.ptp(course) > max(FAR * u, DIGITS * digit))
+
+
+def _foretold(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:
+    """Course of every output by the balances as they stand, shape (n,), SI; none without inputs."""
+    table = [filled(recording.values[n]) for n in dynamics.inputs]
+    values = dict(dynamics.values)
+    begins = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
+    start = begins.run({n: np.asarray(v) for n, v in values.items()})
+    values |= {start_of(s.id): start[f"start:{s.id}"].item() for s in dynamics.states}
+    held = np.array([ruleset.signal_by_id[n].between == "hold" for n in dynamics.inputs])
+    found = freed(dynamics).run(recording.time, np.column_stack(table), held, values).shown
+    return {
+        name: course
+        for name, course in zip(dynamics.outputs, found.T, strict=True)
+        if np.isfinite(course).all()
+    }

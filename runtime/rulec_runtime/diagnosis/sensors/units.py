@@ -1,0 +1,73 @@
+"""Units that a column could be in instead of that of its header."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
+from rulec_runtime.recordings.reading_unit import parse_unit
+
+SECOND, HOUR = 1.0, 3600.0
+"""A meter counts by the second, the minute or the hour."""
+
+NEAR = 2.0
+"""Units that differ by less are no mix-up that a plant's readings could tell from a fault."""
+
+
+@dataclass(frozen=True)
+class Mixup:
+    """Numbers in `true`, read as if in `written`: SI = SI as read * factor + offset."""
+
+    written: str
+    true: str
+    factor: float
+    offset: float
+
+
+def mixups(
+    signal: SignalSpec, scale: tuple[float, float], units: Mapping[str, UnitSpec]
+) -> list[Mixup]:
+    """What else the numbers of a column, read with a scale (factor, offset), may be."""
+    own = parse_unit(signal.unit, units)
+    if own is None or not any(own.dimension):
+        return []
+    factor, offset = scale
+    known = _spellings(own, units, "/" in signal.unit)
+    written = _name(signal, scale, known)
+    found: dict[tuple[float, float], Mixup] = {}
+    for name, unit in sorted(known.items(), key=lambda item: (len(item[0]), item[0])):
+        ratio = unit.factor / factor
+        shift = unit.offset - ratio * offset
+        far = max(ratio, 1.0 / ratio) > NEAR or (ratio == 1.0 and shift != 0.0)
+        if far:
+            found.setdefault((ratio, shift), Mixup(written, name, ratio, shift))
+    return list(found.values())
+
+
+def _spellings(own: UnitSpec, units: Mapping[str, UnitSpec], per_time: bool) -> dict[str, UnitSpec]:
+    """Units of the same dimension: single ones, and one per time."""
+    found = {name: u for name, u in units.items() if u.dimension == own.dimension}
+    if not per_time:
+        return found
+    times = {
+        n: u
+        for n, u in units.items()
+        if u.dimension == units["s"].dimension and SECOND <= u.factor <= HOUR
+    }
+    for (name, unit), (per, time) in product(units.items(), times.items()):
+        pairs = zip(unit.dimension, time.dimension, strict=True)
+        dimension = tuple(a - b for a, b in pairs)
+        if dimension == own.dimension and any(unit.dimension) and not unit.offset:
+            found[f"{name}/{per}"] = UnitSpec(unit.factor / time.factor, 0.0, dimension)
+    return found
+
+
+def _name(signal: SignalSpec, scale: tuple[float, float], known: Mapping[str, UnitSpec]) -> str:
+    """The unit that a column was read in, for people."""
+    if scale == (signal.factor, signal.offset):
+        return signal.unit
+    names = [n for n, u in known.items() if (u.factor, u.offset) == scale]
+    # mbar and hPa are one: the header may have said either.
+    return " or ".join(sorted(names, key=len)[:2]) or signal.unit

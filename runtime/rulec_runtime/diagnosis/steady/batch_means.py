@@ -1,0 +1,75 @@
+"""What estimates do within a stretch beyond their white noise: a reading still settles, or wanders.
+
+The noise of a mean falls with the root of its length only where samples are independent. The halves
+of a stretch show whether they are: a mean is known no better than its halves agree. What all
+estimates of a flow do together is the plant's own course and is left out.
+
+Source: batch means with two batches; of the square of their difference counts what is beyond the
+noise, the positive part of its moment estimate (DerSimonian and Laird 1986).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.chi_square import inverse_of
+from rulec_runtime.diagnosis.steady.observe import Observed, flows_at, points_of_stretches
+from rulec_runtime.diagnosis.steady.redundancy import covariance_of, patterns_of, residual_basis
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Flows in the second half of each stretch less those in the first, m3/s, shape (observers, n),
+    and the variance of this over that of the mean of all, for white noise, shape (n,)."""
+
+    apart: Array
+    excess: Array
+
+
+def halves_of(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
+) -> Halves:
+    """Cut every stretch in the middle."""
+    middle = stretches.first + stretches.lengths // 2
+    early, late = (
+        Stretches(stretches.first, middle),
+        Stretches(middle, stretches.last),
+    )
+    before, after = (
+        flows_at(ruleset, points_of_stretches(recording, ruleset, part, noise))
+        for part in (early, late)
+    )
+    excess = stretches.lengths**2 / (early.lengths * late.lengths)
+    return Halves(after - before, excess)
+
+
+def wander_of(ruleset: Ruleset, observed: Observed, halves: Halves) -> Array:
+    """Covariance of the flows by what their halves differ beyond noise, (m3/s)^2, shape
+    (n, observers, observers)."""
+    found = np.zeros_like(observed.noise)
+    for valid, members in patterns_of(observed.valid & np.isfinite(halves.apart)):
+        basis = residual_basis(ruleset, valid)
+        if not len(basis):
+            continue
+        apart = (basis @ halves.apart[valid][:, members]).T
+        white = covariance_of(basis, observed.scatter, valid, members)
+        white = white * halves.excess[members, None, None]
+        distance = np.einsum("ni,nij,nj->n", apart, inverse_of(white), apart)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(distance > len(basis), 1.0 - len(basis) / distance, 0.0)
+        # The mean of two batches has a quarter of the variance of their difference.
+        half = 0.5 * np.sqrt(share)[:, None] * (apart @ basis)
+        found[np.ix_(members, valid, valid)] = half[:, :, None] * half[:, None, :]
+    return found
+
+
+def wandering(observed: Observed, wander: Array) -> Observed:
+    """The same points with this in their noise."""
+    return replace(observed, noise=observed.noise + wander, covariance=observed.covariance + wander)

@@ -1,0 +1,139 @@
+"""Chi-square of the residuals as a function of how far some flows are moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+
+
+@dataclass(frozen=True)
+class ChiSquare:
+    """Chi-square of n problems, quadratic in the flows, as residuals are linear in them.
+
+    A fault touches few flows; what the others contribute never changes and is summed up here
+    once. Problems are the last axis everywhere, so that numpy loops over them and not over the
+    handful of numbers of one.
+
+    Attributes
+    ----------
+    value : shape (n,), with no flow moved.
+    slope : shape (flows, n), half the derivative by each flow, s/m3.
+    curvature : shape (flows, flows, n), half the second derivative, (s/m3)^2.
+    """
+
+    value: Array
+    slope: Array
+    curvature: Array
+
+    def of(self, flows: Sequence[int]) -> ChiSquare:
+        """The same where no other flows are moved."""
+        return ChiSquare(self.value, self.slope[flows], self.curvature[np.ix_(flows, flows)])
+
+    def at(self, moved: Array) -> tuple[Array, Array]:
+        """Value, shape (..., n), and slope, shape of `moved`, with flows moved.
+
+        `moved` has the shape (flows, ..., n), m3/s.
+        """
+        slope = np.einsum("ijn,j...n->i...n", self.curvature, moved)
+        slope += self.slope.reshape(len(slope), *[1] * (moved.ndim - 2), -1)
+        value: Array = np.einsum("i...n,i...n->...n", moved, slope)
+        value += np.einsum("in,i...n->...n", self.slope, moved) + self.value
+        return value, slope
+
+    def information(self, effect: Array) -> Array:
+        """Information on degrees, shape (degrees, degrees, n), that move flows by `effect`,
+        shape (flows, degrees, n)."""
+        weighted = np.einsum("ijn,jdn->idn", self.curvature, effect)
+        information: Array = np.einsum("ien,idn->edn", effect, weighted)
+        return information
+
+    def tolerating(self, spread: Array) -> ChiSquare:
+        """The same with a covariance of the flows, shape (flows, flows, n), added to theirs.
+
+        Source: matrix inversion lemma (Woodbury 1950), so that only matrices of the size of the
+        touched flows are inverted.
+        """
+        softened = np.einsum("ijn,jkn->ikn", self.curvature, spread)
+        softened += np.eye(len(spread))[:, :, None]
+        both = solved(softened, np.concatenate([self.curvature, self.slope[:, None]], axis=1))
+        slope = both[:, -1]
+        taken = np.einsum("in,ijn,jn->n", self.slope, spread, slope)
+        return ChiSquare(self.value - taken, slope, both[:, :-1])
+
+
+def chi_square(inverse: Array, residuals: Array, basis: Array) -> ChiSquare:
+    """Chi-square of residuals, shape (n, rows), with inverse covariances, shape (n, rows, rows).
+
+    `basis` has the residuals' slopes by each flow, shape (rows, flows).
+    """
+    weighted = inverse @ basis
+    slope = np.einsum("nr,nrf->fn", residuals, weighted)
+    curvature = np.ascontiguousarray(np.moveaxis(basis.T @ weighted, 0, -1))
+    return ChiSquare(products(inverse, residuals, residuals), slope, curvature)
+
+
+def products(inverse: Array, a: Array, b: Array) -> Array:
+    """Products of vectors in the metric of the inverse covariances, shape (n,)."""
+    product: Array = np.einsum("nr,nr->n", a, (inverse @ b[:, :, None])[:, :, 0])
+    return product
+
+
+def inverse_of(covariance: Array) -> Array:
+    """Inverse of each covariance, shape (n, rank, rank).
+
+    A trace of ridge keeps residuals without any uncertainty of their own solvable; points whose
+    covariance is not finite give NaN.
+    """
+    return _inverse(covariance, 1e-12)
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """Solutions of small systems, shape of `right` (rows, columns, n); NaN where there is none.
+
+    >>> tables = np.stack([np.ones((2, 2)), 2.0 * np.eye(2)], axis=2)
+    >>> solved(tables, np.ones((2, 1, 2)))[:, 0].tolist()
+    [[nan, 0.5], [nan, 0.5]]
+    """
+    if len(matrix) == 1:
+        with np.errstate(all="ignore"):
+            return right / matrix
+    sound = np.asarray(np.isfinite(matrix).all(axis=(0, 1)))
+    regular = _regular(matrix.transpose(2, 0, 1), sound)
+    try:
+        solution = np.linalg.solve(regular, right.transpose(2, 0, 1))
+    except np.linalg.LinAlgError:  # one of them, by the same elimination as here
+        sound = sound & (np.linalg.slogdet(regular)[0] != 0.0)
+        solution = np.linalg.solve(_regular(regular, sound), right.transpose(2, 0, 1))
+    result = np.ascontiguousarray(solution.transpose(1, 2, 0))
+    result[:, :, ~sound] = np.nan
+    return result
+
+
+def _regular(matrices: Array, sound: np.ndarray) -> Array:
+    """Matrices, shape (n, rank, rank), with the identity for those that are not sound."""
+    regular: Array = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+    return regular
+
+
+def inverse_information(information: Array) -> Array:
+    """Inverse of each information matrix, shape (degrees, degrees, n); NaN where it has none."""
+    if len(information) == 1:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return 1.0 / information
+    return _inverse(information.transpose(2, 0, 1), 1e-14).transpose(1, 2, 0)
+
+
+def _inverse(matrices: Array, ridge: float) -> Array:
+    """Inverse of symmetric matrices, shape (n, rank, rank), with a ridge relative to the trace."""
+    rank = matrices.shape[1]
+    size = np.einsum("nrr->n", matrices)
+    sound = np.isfinite(matrices).all(axis=(1, 2)) & (size > 0)
+    least = ridge * np.where(sound, size, 1.0)
+    regular = _regular(matrices, sound) + least[:, None, None] * np.eye(rank)
+    inverse: Array = np.asarray(np.linalg.inv(regular), dtype=float)
+    inverse[~sound] = np.nan
+    return inverse

@@ -1,0 +1,254 @@
+"""Findings: a fault over a period, with its evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime.contract.degree import degree_in_words
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import THRESHOLD, FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
+from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
+from rulec_runtime.diagnosis.steady.isolate import accepted
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.runs import runs_of
+from rulec_runtime.diagnosis.steady.seen import Seen
+from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
+from rulec_runtime.recordings.stationary import LONGEST, PERSISTENCE, Stretches
+from rulec_runtime.recordings.when import ENDED as OVER
+from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
+
+FAR = 10.0
+"""A deviation this many times beyond the limit of an alarm (in chi-square) need not persist."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A residual at the strongest point of a finding; flows in m3/s.
+
+    `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``,
+    ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
+    """
+
+    residual: str
+    value: float
+    u: float
+    u_systematic: float
+    threshold: float
+    verdict: str
+    expected: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault that fits, over a period; times in s.
+
+    `alternatives` fit about as well, `remote` ones hardly; `together` are faults found at the same
+    time, without which this one does not explain the readings. `baseline` is the number of
+    fault-free stretches of the recording that the residuals are compared with. `behind` says what
+    follows it: see `rulec_runtime.recordings.when`.
+    """
+
+    fault: FaultSpec
+    degree: float
+    lower: float
+    upper: float
+    probability: float
+    since: float
+    until: float
+    alternatives: tuple[tuple[str, float], ...]
+    remote: tuple[tuple[str, float], ...]
+    together: tuple[str, ...]
+    evidence: tuple[Evidence, ...]
+    readings: tuple[tuple[str, float], ...]
+    flows: tuple[tuple[str, float, float], ...]
+    baseline: int
+    text: str
+    behind: str | None = OVER
+
+    @property
+    def active(self) -> bool:
+        """Was it still there when it was last possible to see it?"""
+        return self.behind is not OVER
+
+
+@dataclass(frozen=True)
+class Period:
+    """A period with a remark: why nothing was judged, or what does not fit."""
+
+    since: float
+    until: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a block of estimates says over a recording."""
+
+    findings: list[Finding]
+    unknown: list[Period]
+    not_judged: list[Period]
+
+
+def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen) -> Found:
+    """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
+    verdicts = [verdict_at(ruleset, seen, i) for i in range(len(stretches))]
+    found = Found([], [], _in_part(time, ruleset, stretches, seen))
+    known: frozenset[int] = frozenset()
+    for kind, members in runs_of(verdicts, seen.isolation, _pauses(time, stretches)):
+        since = float(time[stretches.first[members[0]]])
+        until = float(time[stretches.last[members[-1]] - 1])
+        text = verdicts[members[0]].text
+        if kind == "fault" and _too_brief(seen, stretches, members):
+            found.not_judged.append(Period(since, until, _brief(ruleset, verdicts[members[0]])))
+        elif kind == "fault":
+            causes = causes_of(ruleset, seen, members, known)
+            known = frozenset(cause.fault for cause in causes)
+            for cause in causes:
+                times = _when(time, stretches, seen, cause, members)
+                one = _finding(ruleset, seen, cause, members, times)
+                behind = OVER if cause.when == ENDED else _behind(time, stretches, seen, members)
+                found.findings.append(replace(one, behind=behind))
+        elif kind == "blind":
+            found.not_judged.append(Period(since, until, text))
+        elif kind == "ok":
+            known = frozenset()
+        else:
+            found.unknown.append(Period(since, until, text))
+    return found
+
+
+def _too_brief(seen: Seen, stretches: Stretches, members: list[int]) -> bool:
+    """Is a deviation short, and not so large that no end of a transient explains it?"""
+    isolation = seen.isolation
+    strongest = members[int(np.argmax(isolation.misfit[members]))]
+    limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
+    far = isolation.misfit[strongest] > FAR * limit
+    return bool(stretches.lengths[members].sum() < PERSISTENCE and not far)
+
+
+def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
+    """Why a short deviation is no finding."""
+    fault = ruleset.faults[verdict.faults[0]]
+    return f"{fault.id} would fit, but a finding takes {PERSISTENCE} samples"
+
+
+def _when(
+    time: Array, stretches: Stretches, seen: Seen, cause: Cause, members: list[int]
+) -> tuple[float, float]:
+    """First and last time of a cause: that of the run, of its baseline, or of both."""
+    points = list(members)
+    learned = list(seen.baselines.states[seen.baselines.at[members[0]]].learned)
+    if cause.when != ONSET:
+        points = learned if cause.when == ENDED else learned + points
+    return float(time[stretches.first[points[0]]]), float(time[stretches.last[points[-1]] - 1])
+
+
+def _behind(time: Array, stretches: Stretches, seen: Seen, members: list[int]) -> str | None:
+    """What follows a run: stretches that were judged, the end, or what could not be."""
+    last = members[-1]
+    if seen.isolation.judged[last + 1 :].any():
+        return OVER
+    if len(time) - stretches.last[last] < PERSISTENCE:
+        return TO_THE_END
+    return UNSETTLED if last + 1 == len(stretches) else UNJUDGED
+
+
+def _in_part(
+    time: Array,
+    ruleset: Ruleset,
+    stretches: Stretches,
+    seen: Seen,
+) -> list[Period]:
+    """Periods in which some estimates were missing, neighbouring ones joined."""
+    found: list[Period] = []
+    last = ""
+    for i in range(len(stretches)):
+        text = partly_blind(ruleset, seen, i)
+        since, until = float(time[stretches.first[i]]), float(time[stretches.last[i] - 1])
+        if text and text == last:
+            found[-1] = replace(found[-1], until=until)
+        elif text:
+            found.append(Period(since, until, text))
+        last = text
+    return found
+
+
+def _pauses(time: Array, stretches: Stretches) -> set[int]:
+    """Stretches before which nothing was recorded for long."""
+    if len(time) < 2:
+        return set()
+    limit = LONGEST * float(np.median(np.diff(time)))
+    between = time[stretches.first[1:]] - time[stretches.last[:-1] - 1]
+    return {int(i) + 1 for i in np.flatnonzero(between > limit)}
+
+
+def _finding(
+    ruleset: Ruleset,
+    seen: Seen,
+    cause: Cause,
+    members: list[int],
+    times: tuple[float, float],
+) -> Finding:
+    """A cause with its evidence at the strongest point of a run."""
+    fault = ruleset.faults[cause.fault]
+    strongest = members[int(np.argmax(seen.isolation.misfit[members]))]
+    return Finding(
+        fault,
+        cause.degree,
+        max(cause.lower, fault.lowest),
+        min(cause.upper, fault.highest),
+        cause.probability,
+        *times,
+        tuple((ruleset.faults[i].id, p) for i, p in cause.rivals),
+        tuple((ruleset.faults[i].id, p) for i, p in cause.remote),
+        tuple(ruleset.faults[i].id for i in cause.together),
+        _evidence(ruleset, seen, fault, strongest),
+        _readings(ruleset, seen.observed, strongest),
+        _flows(ruleset, seen.observed, strongest),
+        len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
+        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
+    )
+
+
+def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tuple[Evidence, ...]:
+    observed = seen.observed
+    signs = {c.residual: c.sign for c in ruleset.cells_of_fault[fault.id]}
+    index = ruleset.observer_index
+    rows = []
+    for i, residual in enumerate(ruleset.residuals):
+        if not seen.block.holds(ruleset, residual):
+            continue
+        expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
+        value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
+        shared = float(observed.residual_systematic[i, point])
+        usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
+        verdict = "invalid"
+        if usable and np.isfinite(value) and np.isfinite(u):
+            verdict = "0" if abs(value) <= THRESHOLD * u else ("+" if value > 0 else "-")
+        else:
+            value, u, shared = 0.0, 0.0, 0.0
+        rows.append(Evidence(residual.id, value, u, shared, THRESHOLD * u, verdict, expected))
+    return tuple(rows)
+
+
+def _readings(ruleset: Ruleset, observed: Observed, point: int) -> tuple[tuple[str, float], ...]:
+    used = {s for o in ruleset.observers for s in o.signals}
+    return tuple(
+        (s.id, float(observed.points.values[s.id][point]))
+        for s in ruleset.signals
+        if s.id in used and s.id in observed.points.values
+    )
+
+
+def _flows(
+    ruleset: Ruleset, observed: Observed, point: int
+) -> tuple[tuple[str, float, float], ...]:
+    spread = np.sqrt(np.diagonal(observed.covariance[point]))
+    return tuple(
+        (o.id, float(observed.flows[i, point] - observed.offsets[i, point]), float(spread[i]))
+        for i, o in enumerate(ruleset.observers)
+        if observed.valid[i, point]
+    )

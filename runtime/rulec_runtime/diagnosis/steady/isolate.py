@@ -1,0 +1,238 @@
+"""Which fault fits: every hypothesis against the whole residual vector, degree free.
+
+A hypothesis is tested by undoing it. With the right degree of the right fault put into the
+observers, all estimates of a flow agree within their uncertainty. The degree is found by
+generalised least squares (a few Gauss-Newton steps), in the metric of the residuals' covariance,
+so a residual that a fault leaves at zero counts as much as one that it moves.
+
+Source: own derivation, see docs/method.md; generalised least squares as in any textbook.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
+from rulec_runtime.diagnosis.steady.redundancy import (
+    chi_square_limit,
+    covariance_of,
+    patterns_of,
+    residual_basis,
+)
+
+COVERAGE = 2.0
+"""Bounds are a degree plus and minus this many standard uncertainties (about 95 %)."""
+
+PER_RECORDING = 1e-4
+"""Probability of a false alarm in a recording of few stretches."""
+
+PER_STRETCH = 3e-6
+"""Probability of a false alarm in a stretch of a long recording."""
+
+SAME = 8
+"""Decimals of log-likelihoods: hypotheses that differ by less explain a point alike, and not
+rounding but their order in the ruleset says which one is named."""
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """Result per point, n of them, and fault.
+
+    Attributes
+    ----------
+    judged, deviating : shape (n,); deviating points are not explained by noise.
+    misfit : shape (n,), chi-square of "no fault", with `freedom` degrees of freedom.
+    degree, u : shape (faults, n).
+    floor : shape (faults, n), standard uncertainty of a degree near 0; inf where the usable
+        estimates cannot show the fault.
+    distance : shape (faults, n), chi-square left when the fault is undone; inf if untestable.
+    chance : probability of a false alarm that each point was given.
+    probability : shape (faults, n), among the hypotheses that fit; 0 for the others. Where
+        only two faults together explain a point, a fault has the sum over its pairs.
+    pair : shape (n, 2), the most probable two faults where only two together fit, else -1.
+    """
+
+    judged: np.ndarray
+    deviating: np.ndarray
+    misfit: Array
+    freedom: np.ndarray
+    degree: Array
+    u: Array
+    floor: Array
+    distance: Array
+    probability: Array
+    pair: np.ndarray
+    chance: float
+
+
+def alarm_chance(looks: int) -> float:
+    """Probability of a false alarm that each of a number of stretches may have.
+
+    Lasting errors are drawn once per recording, so short recordings share one probability; long
+    ones have one per stretch.
+    """
+    return max(PER_RECORDING / max(looks, 1), PER_STRETCH)
+
+
+def quantile(chance: float) -> float:
+    """Normal quantile that is exceeded with a probability."""
+    return NormalDist().inv_cdf(1.0 - chance)
+
+
+def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
+    """Blank result."""
+    return Isolation(
+        np.zeros(n, dtype=bool),
+        np.zeros(n, dtype=bool),
+        np.zeros(n),
+        np.zeros(n, dtype=int),
+        np.zeros((faults, n)),
+        np.full((faults, n), np.inf),
+        np.full((faults, n), np.inf),
+        np.full((faults, n), np.inf),
+        np.zeros((faults, n)),
+        np.full((n, 2), -1),
+        chance,
+    )
+
+
+def isolate(ruleset: Ruleset, observed: Observed, looks: int | None = None) -> Isolation:
+    """Judge every point on its own; points with the same usable observers together.
+
+    `looks` is the number of stretches that share one chance of a false alarm (default: all).
+    """
+    chance = alarm_chance(len(observed) if looks is None else looks)
+    result = _nothing_judged(len(ruleset.faults), len(observed), chance)
+    for valid, members in patterns_of(observed.valid):
+        basis = residual_basis(ruleset, valid)
+        if len(basis):
+            _judge_group(test_of(ruleset, observed, valid, basis, members), result)
+    return result
+
+
+def test_of(
+    ruleset: Ruleset, observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
+) -> HypothesisTest:
+    """Test of points on their own, with the covariance they have."""
+
+    def spread(scales: Scales | None) -> Array:
+        if scales is None:
+            return covariance_of(basis, observed.covariance, valid, members)
+        noise = observed.noise[members][:, valid][:, :, valid]
+        lasting = observed.covariance[members][:, valid][:, :, valid] - noise
+        own = _scaled(noise, scales.noise) + _scaled(lasting, scales.lasting)
+        result: Array = basis @ own @ basis.T
+        return result
+
+    return HypothesisTest(ruleset, observed, valid, basis, members, spread)
+
+
+def _scaled(covariance: Array, factors: Array) -> Array:
+    """Covariances, shape (n, flows, flows), of flows times factors, shape (flows, n)."""
+    scaled: Array = covariance * factors.T[:, :, None] * factors.T[:, None, :]
+    return scaled
+
+
+def _judge_group(test: HypothesisTest, result: Isolation) -> None:
+    faults, members, rank = test.ruleset.faults, test.members, len(test.basis)
+    chance = result.chance
+    misfit = test.chi_square.value
+    result.judged[members] = True
+    result.misfit[members] = misfit
+    result.freedom[members] = rank
+    # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
+    # estimates can show: a test in the direction of a fault sees smaller ones.
+    deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
+    effects = [(i, test.towards(fault)) for i, fault in enumerate(faults)]
+    visible = [(i, *towards) for i, towards in effects if towards is not None]
+    strongest = quantile(chance / (2 * max(len(visible), 1)))
+    for i, pull, information in visible:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
+            deviating |= pull * floor > strongest
+        result.floor[i, members] = floor
+    result.deviating[members] = deviating
+    if not deviating.any():
+        return
+    chosen = members[deviating]
+    test = test_of(test.ruleset, test.observed, test.valid, test.basis, chosen)
+    evidence = np.full((len(faults), len(chosen)), -np.inf)
+    for i, fault in enumerate(faults):
+        outcome = test.run((fault,))
+        if outcome is None:
+            continue
+        result.degree[i, chosen], result.u[i, chosen] = outcome.degree[:, 0], outcome.u[:, 0]
+        result.distance[i, chosen], evidence[i] = outcome.distance, outcome.evidence
+    evidence[~(result.distance[:, chosen] <= accepted(rank, 1, chance))] = -np.inf
+    within = _within_range(test)
+    evidence[~within] = -np.inf
+    result.probability[:, chosen] = shares(evidence)
+    unexplained = chosen[~np.isfinite(evidence).any(axis=0) & within.all(axis=0)]
+    if len(unexplained) and rank > 2:
+        test = test_of(test.ruleset, test.observed, test.valid, test.basis, unexplained)
+        _take_pairs(fit_pairs(test, accepted(rank, 2, chance)), unexplained, result)
+
+
+def _within_range(test: HypothesisTest) -> np.ndarray:
+    """Whether every reading beyond its range may be so because of a fault, shape (faults, n).
+
+    The equations hold in a range. A fault may move what it scales out of it; what left it
+    otherwise is an operating point of which nothing is known.
+    """
+    faults = test.ruleset.faults
+    within = np.ones((len(faults), len(test.members)), dtype=bool)
+    for signal, flags in test.observed.extrapolated.items():
+        outside = flags[test.members] & _is_read(test, signal)
+        within[[signal not in fault.scales for fault in faults]] &= ~outside
+    return within
+
+
+def _is_read(test: HypothesisTest, signal: str) -> bool:
+    """Does a usable observer rest on a signal?"""
+    observers = zip(test.ruleset.observers, test.valid, strict=True)
+    return any(usable and signal in observer.signals for observer, usable in observers)
+
+
+def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:
+    """Enter what pairs explain: per fault the sum over its pairs, and the best pair's degree."""
+    if not fits.pairs:
+        return
+    probability = shares(fits.evidence)
+    places = np.array(fits.pairs)
+    found = np.flatnonzero(probability.max(axis=0) > 0)
+    points = members[found]
+    result.pair[points] = places[np.argmax(probability[:, found], axis=0)]
+    order = np.argsort(probability[:, found], axis=0, kind="stable")
+    # The most probable pair of each fault comes last and stays; of a pair, its second fault.
+    for side in (0, 1):
+        np.add.at(result.probability, (places[:, side, None], points), probability[:, found])
+        for row in order:
+            fault = places[row, side]
+            result.degree[fault, points] = fits.degree[row, found, side]
+            result.u[fault, points] = fits.u[row, found, side]
+
+
+def shares(evidence: Array) -> Array:
+    """Log-likelihoods, shape (hypotheses, n), to probabilities with equal priors; 0 if none."""
+    evidence = np.round(evidence, SAME)
+    best = np.max(evidence, axis=0, initial=-np.inf)
+    known = np.isfinite(best)
+    weight = np.where(known, np.exp(evidence - np.where(known, best, 0.0)), 0.0)
+    total = weight.sum(axis=0)
+    result: Array = weight / np.where(total > 0, total, 1.0)
+    return result
+
+
+def accepted(rank: int, fitted: int, chance: float) -> float:
+    """Distance up to which a hypothesis fits: what it leaves would not alarm by itself.
+
+    With as many degrees fitted as there are residuals anything fits.
+    """
+    return chi_square_limit(max(rank - fitted, 1), quantile(chance))

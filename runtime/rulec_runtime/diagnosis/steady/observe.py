@@ -1,0 +1,319 @@
+"""Evaluate a ruleset on readings: flow estimates, residuals, and what may not be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches, systematic_u
+
+MARGIN = 0.1
+"""Share of the calibrated range by which readings may leave it."""
+
+Gradients = dict[str, dict[int, Array]]
+"""Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
+shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Operating points to judge: one per stretch or one per sample.
+
+    `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
+    systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
+    flags with a reason in `why`; `time` shape (n,), s, where the points follow each other.
+    """
+
+    values: Mapping[str, Array]
+    u: Mapping[str, Array]
+    systematic: Mapping[str, Array]
+    bad: Mapping[str, np.ndarray]
+    why: Mapping[str, str]
+    time: Array | None = None
+
+    def statistical(self, signal: str) -> Array:
+        """Standard uncertainty that is new at each point, shape (n,), SI."""
+        whole, shared = self.u[signal], self.systematic[signal]
+        part: Array = np.sqrt(np.maximum(whole**2 - shared**2, 0.0))
+        return part
+
+    def at(self, chosen: np.ndarray) -> Points:
+        """Some of the points."""
+        values, u, systematic, bad = (
+            {name: part[chosen] for name, part in table.items()}
+            for table in (self.values, self.u, self.systematic, self.bad)
+        )
+        time = None if self.time is None else self.time[chosen]
+        return Points(values, u, systematic, bad, self.why, time)
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What the plan says about points.
+
+    Attributes
+    ----------
+    flows : shape (observers, n), m3/s.
+    valid : shape (observers, n).
+    noise : shape (n, observers, observers), covariance of what is new at every point: the noise
+        of readings and the observers' own misfit; (m3/s)^2.
+    scatter : as `noise`, of the noise of readings alone.
+    shared : shape (observers, errors, n): derivative by each error that stays over a recording
+        (systematic errors of sensors, the calibration) times its standard uncertainty, m3/s.
+    offsets : shape (observers, n), what the baseline says to take from each flow, m3/s.
+    covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
+    residuals, residual_u : shape (residuals, n), m3/s.
+    residual_systematic : shape (residuals, n), the part of residual_u that does not average out:
+        sensors' systematic errors and the calibration.
+    extrapolated : shape (signals out of range, n) as table signal -> flags.
+    """
+
+    points: Points
+    flows: Array
+    valid: np.ndarray
+    noise: Array
+    scatter: Array
+    shared: Array
+    offsets: Array
+    covariance: Array
+    residuals: Array
+    residual_u: Array
+    residual_systematic: Array
+    extrapolated: Mapping[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return int(self.flows.shape[1])
+
+
+def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
+    """Readings, SI, that its sensor cannot show, shape (n,)."""
+    low, high = signal.lowest, signal.highest
+    if low is None or high is None:
+        return np.zeros(len(values), dtype=bool)
+    slack = 0.02 * (high - low)
+    with np.errstate(invalid="ignore"):
+        outside: np.ndarray = (values < low - slack) | (values > high + slack)
+    return outside
+
+
+def check_readings(
+    recording: Recording, ruleset: Ruleset
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Flag readings that cannot be right, and say why.
+
+    Returns per signal flags, shape (n,), and the reason.
+    """
+    bad, why = {}, {}
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None:
+            continue
+        flags = ~np.isfinite(values)
+        known = (recording.unfit or {}).get(signal.id, "no reading")
+        reasons = [known] if flags.any() else []
+        outside = outside_range(signal, values)
+        if outside.any():
+            reasons.append("outside the sensor's range")
+        flags |= outside
+        bad[signal.id] = flags
+        why[signal.id] = " or ".join(dict.fromkeys(reasons))
+    return bad, why
+
+
+def points_of_stretches(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
+) -> Points:
+    """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
+    bad, why = check_readings(recording, ruleset)
+    values, u, systematic, flags = {}, {}, {}, {}
+    for signal in ruleset.signals:
+        readings = recording.values.get(signal.id)
+        if readings is None:
+            continue
+        usable = np.where(bad[signal.id], np.nan, readings)
+        sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(usable))])
+        counts = np.concatenate([[0], np.cumsum(np.isfinite(usable))])
+        total = sums[stretches.last] - sums[stretches.first]
+        number = counts[stretches.last] - counts[stretches.first]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = total / number
+            statistical = noise[signal.id] / np.sqrt(number)
+        flags[signal.id] = number < 0.5 * stretches.lengths
+        values[signal.id] = np.where(flags[signal.id], np.nan, mean)
+        systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
+        u[signal.id] = np.hypot(systematic[signal.id], statistical)
+    middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
+    return Points(values, u, systematic, flags, why, middle)
+
+
+def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
+    """Every sample a point of its own."""
+    bad, why = check_readings(recording, ruleset)
+    values, u, systematic = {}, {}, {}
+    for signal in ruleset.signals:
+        readings = recording.values.get(signal.id)
+        if readings is None:
+            continue
+        values[signal.id] = np.where(bad[signal.id], np.nan, readings)
+        systematic[signal.id] = systematic_u(signal, readings) + np.zeros(len(readings))
+        u[signal.id] = np.hypot(systematic[signal.id], noise[signal.id])
+    return Points(values, u, systematic, bad, why, recording.time)
+
+
+def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
+    """Inputs of the plan: readings, uncertainties (by default in full), all of the calibration."""
+    inputs: dict[str, Array | float] = {**points.values}
+    inputs.update({f"u:{name}": part for name, part in (u or points.u).items()})
+    inputs["u:parameters"] = 1.0
+    inputs["u:model"] = 1.0
+    return inputs
+
+
+def observe(ruleset: Ruleset, points: Points) -> Observed:
+    """Run the plan on points and decide which estimates may be used."""
+    names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
+    n = max((len(v) for v in points.values.values()), default=0)
+    results = ruleset.plan.select(names).run(plan_inputs(points))
+    spreads = [f"u:{r.id}" for r in ruleset.residuals]
+    systematic = ruleset.plan.select(spreads).run(plan_inputs(points, points.systematic))
+    out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
+    observers = ruleset.observers
+    flows = np.array([out[f"q:{o.id}"] for o in observers])
+    valid = np.isfinite(flows)
+    for i, observer in enumerate(observers):
+        valid[i] &= _usable(ruleset, observer, points, out, n)
+    scatter, noise, lasting, shared = _errors(ruleset, points, n)
+    return Observed(
+        points,
+        flows,
+        valid,
+        noise,
+        scatter,
+        shared,
+        np.zeros_like(flows),
+        noise + lasting,
+        np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
+        np.array([out[name] for name in spreads]).reshape(-1, n),
+        np.array([np.broadcast_to(systematic[name], (n,)) for name in spreads]).reshape(-1, n),
+        _extrapolated(ruleset, points),
+    )
+
+
+def _usable(
+    ruleset: Ruleset, observer: ObserverSpec, points: Points, out: Mapping[str, Array], n: int
+) -> np.ndarray:
+    """Readings above their minimum, arguments of roots and the flow itself positive."""
+    with np.errstate(invalid="ignore"):
+        usable: np.ndarray = out[f"q:{observer.id}"] > 0
+        for guard in observer.guards:
+            usable &= out[guard.output] > 0
+        for signal in observer.signals:
+            minimum = ruleset.signal_by_id[signal].minimum
+            if minimum is not None and signal in points.values:
+                usable &= points.values[signal] >= minimum
+    return usable
+
+
+def flows_at(ruleset: Ruleset, points: Points) -> Array:
+    """What each observer estimates, m3/s, shape (observers, n), without a question."""
+    names = [f"q:{o.id}" for o in ruleset.observers]
+    n = max((len(v) for v in points.values.values()), default=0)
+    results = ruleset.plan.select(names).run(plan_inputs(points))
+    return np.array([np.broadcast_to(results[name], (n,)) for name in names])
+
+
+def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array, Array]:
+    """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
+    at every point and of what stays over a recording, and gradients by the latter, shape
+    (observers, errors, n)."""
+    names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
+    unit = dict.fromkeys(points.values, np.ones(n))
+    slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
+    row = ruleset.observer_index
+    scatter: Gradients = {}
+    misfits: Gradients = {}
+    lasting: Gradients = {}
+    # A reading beyond all limits has no slope; its estimate is not used.
+    with np.errstate(invalid="ignore"):
+        for name in names:
+            _, observer, error = name.split(":", 2)
+            if error in ruleset.misfits:
+                misfits.setdefault(error, {})[row[observer]] = slopes[name]
+                lasting.setdefault(error, {})
+                continue
+            systematic: Array | float = 1.0
+            if error in points.values:
+                systematic = points.systematic[error]
+                own = slopes[name] * points.statistical(error)
+                scatter.setdefault(error, {})[row[observer]] = own
+            lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
+        shape = (len(row), n)
+        read = _covariance(scatter, shape)
+        new = read + _covariance(misfits, shape)
+        return read, new, _covariance(lasting, shape), _stacked(lasting, shape)
+
+
+def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
+    """Sum of the products of gradients by the same error, shape (n, observers, observers).
+
+    An error reaches few observers. Points lie last in memory, so that sums run over them.
+    """
+    observers, n = shape
+    covariance = np.zeros((observers, observers, n))
+    for column in gradients.values():
+        for i, a in column.items():
+            for j, b in column.items():
+                covariance[i, j] += a * b
+    return np.moveaxis(covariance, -1, 0)
+
+
+def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
+    """Gradients by all errors as one table, shape (observers, errors, n)."""
+    observers, n = shape
+    table = np.zeros((observers, len(gradients), n))
+    for place, error in enumerate(sorted(gradients)):
+        for i, gradient in gradients[error].items():
+            table[i, place] = gradient
+    return table
+
+
+def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
+    """Signals that leave the range in which the plant was calibrated."""
+    used = {s for o in ruleset.observers for s in o.signals}
+    found = {}
+    for signal in ruleset.signals:
+        low, high = signal.valid_from, signal.valid_to
+        values = points.values.get(signal.id)
+        if values is None or low is None or high is None or signal.id not in used:
+            continue
+        slack = MARGIN * (high - low)
+        with np.errstate(invalid="ignore"):
+            flags = (values < low - slack) | (values > high + slack)
+        if flags.any():
+            found[signal.id] = flags
+    return found
+
+
+def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> str:
+    """Why an estimate cannot be used at a point, in words without numbers that would vary."""
+    spec = ruleset.observers[observer]
+    # What the operator sets comes first: at standstill the speed is the reason, not the pressure.
+    inputs_first = sorted(spec.signals, key=lambda s: not ruleset.signal_by_id[s].is_input)
+    for name in inputs_first:
+        signal = ruleset.signal_by_id[name]
+        values = observed.points.values.get(name)
+        if values is None:
+            return f"{name} is not in the recording"
+        if not np.isfinite(values[point]):
+            return f"{name}: {observed.points.why.get(name) or 'no reading'}"
+        if signal.minimum is not None and values[point] < signal.minimum:
+            limit = (signal.minimum - signal.offset) / signal.factor
+            return f"{name} is below {limit:.3g} {signal.unit}"
+    if spec.guards and not np.isfinite(observed.flows[observer, point]):
+        return f"{spec.id}: {spec.guards[0].text} is not positive"
+    return f"{spec.id} gives no positive flow"

@@ -1,0 +1,129 @@
+"""What several estimates of the same flows say beyond the flows themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec, Junction, ObserverSpec, ResidualSpec, Ruleset
+
+LINKED = 1e-9
+"""Share of an estimate in another's redundancy above which both belong to one block."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Estimates that check each other, and no others; `observers` flags those of the ruleset.
+
+    Pumps that feed one channel without a flow meter, say, are a block each: what is wrong in one
+    says nothing of the next, so they are judged apart.
+    """
+
+    observers: np.ndarray
+
+    def holds(self, ruleset: Ruleset, part: ObserverSpec | ResidualSpec | FaultSpec) -> bool:
+        """Does an observer, a residual or a fault concern the block?"""
+        if isinstance(part, ObserverSpec):
+            names: tuple[str, ...] = (part.id,)
+        elif isinstance(part, ResidualSpec):
+            names = tuple(t.observer for t in part.terms)
+        else:
+            names = part.affects
+        return any(self.observers[ruleset.observer_index[name]] for name in names)
+
+
+def blocks_of(ruleset: Ruleset) -> list[Block]:
+    """Blocks in order of their first observer; one of everything where nothing is redundant."""
+    every = np.ones(len(ruleset.observers), dtype=bool)
+    basis = residual_basis(ruleset, every)
+    linked = np.abs(basis.T @ basis) > LINKED
+    left = {int(i) for i in np.flatnonzero(linked.any(axis=0))}
+    blocks = []
+    while left:
+        members: set[int] = set()
+        front = {min(left)}
+        while front:
+            members |= front
+            front = {int(j) for i in front for j in np.flatnonzero(linked[i])} - members
+        left -= members
+        blocks.append(Block(np.isin(np.arange(len(every)), sorted(members))))
+    return blocks or [Block(every)]
+
+
+def chi_square_limit(freedom: int, quantile: float) -> float:
+    """Quantile of chi-square for a normal quantile (Wilson and Hilferty 1931)."""
+    part = 2.0 / (9.0 * freedom)
+    return float(freedom * (1.0 - part + quantile * np.sqrt(part)) ** 3)
+
+
+def residual_basis(ruleset: Ruleset, valid: np.ndarray) -> Array:
+    """Independent combinations of valid observers that vanish in a healthy plant.
+
+    The flows of all modules obey the junction balances; what the observers say beyond one value
+    per free flow is redundant. Shape (rank, valid observers), orthonormal rows.
+    """
+    of_observers = zip(ruleset.observers, valid, strict=True)
+    chosen = tuple(observer.module for observer, usable in of_observers if usable)
+    return _basis(tuple(ruleset.modules), ruleset.junctions, chosen)
+
+
+def free_flows(ruleset: Ruleset) -> Array:
+    """Flows through all modules by those that are free, shape (modules, free flows)."""
+    return _free_flows(tuple(ruleset.modules), ruleset.junctions)
+
+
+@lru_cache(maxsize=256)
+def _basis(
+    modules: tuple[str, ...], junctions: tuple[Junction, ...], chosen: tuple[str, ...]
+) -> Array:
+    """The basis for estimates of the flows through chosen modules; every batch asks for it."""
+    column = {name: i for i, name in enumerate(modules)}
+    free = _free_flows(modules, junctions)
+    basis = _null_space(free[[column[name] for name in chosen]].T).T
+    basis.setflags(write=False)
+    return basis
+
+
+@lru_cache(maxsize=16)
+def _free_flows(modules: tuple[str, ...], junctions: tuple[Junction, ...]) -> Array:
+    column = {name: i for i, name in enumerate(modules)}
+    balances = np.zeros((len(junctions), len(modules)))
+    for row, junction in zip(balances, junctions, strict=True):
+        for name in junction.outlets:
+            row[column[name]] += 1.0
+        for name in junction.inlets:
+            row[column[name]] -= 1.0
+    return _null_space(balances)
+
+
+def patterns_of(valid: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Points with the same valid observers: flags, shape (observers,), and the points."""
+    if valid.shape[1] and (valid == valid[:, :1]).all():
+        yield valid[:, 0], np.arange(valid.shape[1])
+        return
+    patterns, group = np.unique(valid, axis=1, return_inverse=True)
+    for i, pattern in enumerate(patterns.T):
+        yield pattern, np.flatnonzero(np.ravel(group) == i)
+
+
+def covariance_of(basis: Array, covariance: Array, valid: np.ndarray, members: np.ndarray) -> Array:
+    """Covariance of residuals, shape (members, rank, rank), from that of all observers.
+
+    Points are kept last, as they lie in memory: two large products in place of many small ones.
+    """
+    own = np.moveaxis(covariance, 0, -1)[np.ix_(valid, valid, members)]
+    half = np.tensordot(basis, own, axes=1)
+    return np.moveaxis(basis @ half, -1, 0)
+
+
+def _null_space(matrix: Array) -> Array:
+    """Orthonormal basis of the null space, shape (columns, dimension)."""
+    if not matrix.size:
+        return np.eye(matrix.shape[1])
+    _, sizes, rows = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > 1e-10 * max(sizes.max(initial=0.0), 1.0)))
+    return rows[rank:].T

@@ -1,0 +1,92 @@
+"""Join neighbouring stretches that say the same into runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import THRESHOLD
+from rulec_runtime.diagnosis.steady.isolate import COVERAGE, Isolation
+from rulec_runtime.diagnosis.steady.verdict import Verdict
+
+PLAUSIBLE = 0.05
+"""A cause more probable than this in every stretch holds a run together."""
+
+STEADY = 0.1
+"""Relative change of a degree, beyond its scatter, that still counts as the same finding."""
+
+ASIDE = ("blind",)
+"""Kinds of stretches that say nothing, and so do not interrupt a finding."""
+
+LOOK_BACK = 8
+"""Stretches a new one is compared with."""
+
+
+def runs_of(
+    verdicts: list[Verdict], isolation: Isolation, pauses: set[int]
+) -> Iterator[tuple[str, list[int]]]:
+    """Runs of stretches that say the same, as (kind, stretches).
+
+    Stretches with a fault belong together as long as one cause is plausible in all of them and
+    the degree stays within its bounds. Stretches that cannot show the fault interrupt nothing;
+    those that cannot be judged are reported apart. `pauses` are stretches after a long pause of
+    the recording.
+    """
+    open_runs: dict[str, list[int]] = {}
+    for i, verdict in enumerate(verdicts):
+        track = verdict.kind if verdict.kind in ASIDE else "plant"
+        members = open_runs.setdefault(track, [])
+        if members and _cannot_see(verdicts, isolation, members, i):
+            continue
+        if members and (i in pauses or not _continues(verdicts, isolation, members, i)):
+            yield verdicts[members[0]].kind, members
+            members = open_runs[track] = []
+        if track == "plant":
+            for aside in ASIDE:
+                if open_runs.get(aside):
+                    yield aside, open_runs.pop(aside)
+        members.append(i)
+    for members in open_runs.values():
+        if members:
+            yield verdicts[members[0]].kind, members
+
+
+def _cannot_see(
+    verdicts: list[Verdict], isolation: Isolation, members: list[int], point: int
+) -> bool:
+    """Is a stretch that looks healthy merely unable to show the faults of the run?"""
+    last = members[-1]
+    if verdicts[point].kind != "ok" or verdicts[last].kind != "fault":
+        return False
+    return all(
+        isolation.floor[fault, point] * THRESHOLD > isolation.degree[fault, last]
+        for fault in verdicts[last].faults
+    )
+
+
+def _continues(
+    verdicts: list[Verdict], isolation: Isolation, members: list[int], point: int
+) -> bool:
+    """Does a stretch go on with a run?"""
+    first, here = verdicts[members[0]], verdicts[point]
+    if first.kind != here.kind or len(first.faults) != len(here.faults):
+        return False
+    if here.kind in ASIDE:
+        return first.text == here.text
+    if here.kind != "fault":
+        return True
+    recent = members[-LOOK_BACK:]
+    common = (isolation.probability[:, [*recent, point]] > PLAUSIBLE).all(axis=1)
+    steady = [i for i in np.flatnonzero(common) if _steady(isolation, int(i), recent, point)]
+    return len(steady) >= len(here.faults)
+
+
+def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> bool:
+    """Does the degree stay what it was, within its bounds and scatter?"""
+    before = isolation.degree[fault, recent]
+    # Systematic errors are shared by neighbouring stretches, so their scatter is the measure;
+    # too few stretches have no scatter yet.
+    spread = COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
+    change = abs(isolation.degree[fault, point] - before.mean())
+    return bool(change <= spread + STEADY * before.mean())

@@ -1,0 +1,155 @@
+"""What is known of the points of a recording, one block of estimates at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.baseline import Baselines, against, learn, nothing_learned
+from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
+from rulec_runtime.diagnosis.steady.isolate import COVERAGE, Isolation, isolate
+from rulec_runtime.diagnosis.steady.observe import (
+    Observed,
+    observe,
+    points_of_samples,
+    points_of_stretches,
+)
+from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
+from rulec_runtime.diagnosis.steady.throughout import throughout
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches
+
+BATCH = 16_384
+"""Samples judged at a time, so that memory stays flat."""
+
+PAPER = "paper"
+"""The mode that follows the seed paper to the letter."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Everything known of points, as far as one block of estimates goes.
+
+    `observed` is seen against the baselines, `plain` is not. Where points are not `combined`
+    (paper mode) a run says the mean of what each of them says. `wander` is the part of the noise
+    that `wander_of` found, shape (n, observers, observers).
+    """
+
+    block: Block
+    plain: Observed
+    observed: Observed
+    baselines: Baselines
+    isolation: Isolation
+    combined: bool
+    wander: Array
+
+
+def see_stretches(
+    recording: Recording,
+    ruleset: Ruleset,
+    stretches: Stretches,
+    noise: Mapping[str, float],
+    mode: str,
+) -> list[Seen]:
+    """Observe the stretches, learn the baseline of each block, isolate."""
+    whole = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
+    halves = halves_of(recording, ruleset, stretches, noise)
+    return [see_block(ruleset, whole, block, mode, halves) for block in blocks_of(ruleset)]
+
+
+def see_block(
+    ruleset: Ruleset, whole: Observed, block: Block, mode: str, halves: Halves | None = None
+) -> Seen:
+    """Learn the baseline of one block of estimates, and isolate."""
+    plain = within(whole, block)
+    wander = np.zeros_like(plain.noise)
+    if mode == PAPER:
+        # The paper knows no baseline.
+        paper = _by_paper(ruleset, plain, isolate(ruleset, plain))
+        return Seen(block, plain, plain, _nothing(plain), paper, False, wander)
+    if halves is not None:
+        wander = wander_of(ruleset, plain, halves)
+        plain = wandering(plain, wander)
+    baselines = learn(ruleset, plain)
+    compared = against(ruleset, plain, baselines)
+    isolation = isolate(ruleset, compared)
+    lasting = throughout(ruleset, plain, isolation)
+    if lasting is None:
+        return Seen(block, plain, compared, baselines, isolation, True, wander)
+    # What was learned from these stretches is the fault.
+    return Seen(block, plain, plain, _nothing(plain), lasting, True, wander)
+
+
+def _nothing(observed: Observed) -> Baselines:
+    """No baseline at all."""
+    return Baselines((nothing_learned(observed),), np.zeros(len(observed), dtype=int))
+
+
+def see_samples(
+    recording: Recording,
+    ruleset: Ruleset,
+    noise: Mapping[str, float],
+    stretches: Stretches,
+    stretches_seen: list[Seen],
+    chosen: np.ndarray,
+) -> Iterator[tuple[np.ndarray, list[Seen]]]:
+    """Every chosen sample on its own, in batches, against the baselines of its stretch."""
+    points = points_of_samples(recording, ruleset, noise)
+    place = np.searchsorted(stretches.first, np.arange(len(recording)), side="right") - 1
+    place = np.maximum(place, 0)
+    for low in range(0, len(chosen), BATCH):
+        here = chosen[low : low + BATCH]
+        whole = observe(ruleset, points.at(here))
+        at, looks = place[here], len(chosen)
+        yield here, [_see_samples(ruleset, whole, s, at, looks) for s in stretches_seen]
+
+
+def _see_samples(
+    ruleset: Ruleset, whole: Observed, seen: Seen, place: np.ndarray, looks: int
+) -> Seen:
+    plain = within(whole, seen.block)
+    if not seen.combined:
+        isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
+        return replace(seen, plain=plain, observed=plain, isolation=isolation)
+    plain = wandering(plain, seen.wander[place])
+    compared = against(ruleset, plain, seen.baselines, seen.baselines.at[place])
+    isolation = isolate(ruleset, compared, looks)
+    return replace(seen, plain=plain, observed=compared, isolation=isolation)
+
+
+def within(observed: Observed, block: Block) -> Observed:
+    """The same points with the estimates of one block alone."""
+    return replace(observed, valid=observed.valid & block.observers[:, None])
+
+
+def residuals_seen(ruleset: Ruleset, seen: list[Seen]) -> tuple[Array, Array]:
+    """Residuals and their uncertainties, shape (residuals, n), each as its block sees it."""
+    values, u = seen[0].plain.residuals.copy(), seen[0].plain.residual_u.copy()
+    for part in seen:
+        rows = [i for i, r in enumerate(ruleset.residuals) if part.block.holds(ruleset, r)]
+        values[rows], u[rows] = part.observed.residuals[rows], part.observed.residual_u[rows]
+    return values, u
+
+
+def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation:
+    """Put the paper's verdicts in the place of ours; its winner counts as certain."""
+    paper = judge_by_paper(ruleset, observed)
+    best = paper.degree.max(axis=0, initial=0.0)
+    deviating = paper.deviating & (best > 0) & isolation.judged
+    chosen = np.zeros_like(paper.degree)
+    chosen[paper.winner(), np.arange(len(observed))] = deviating
+    half = (paper.upper - paper.lower) / (2 * COVERAGE)
+    return replace(
+        isolation,
+        deviating=deviating,
+        degree=paper.degree,
+        u=np.maximum(half, 1e-12),
+        distance=np.where(chosen > 0, 0.0, np.inf),
+        probability=chosen,
+        pair=np.full((len(observed), 2), -1),
+    )

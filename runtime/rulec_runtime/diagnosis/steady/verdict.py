@@ -1,0 +1,90 @@
+"""Decide: what each operating point says on its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import THRESHOLD, Ruleset
+from rulec_runtime.diagnosis.steady.observe import reason
+from rulec_runtime.diagnosis.steady.seen import Seen
+
+NAMED = 4
+"""Faults named in a remark."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One stretch: ``ok``, ``fault`` (with the indexes of one fault, or of two at once),
+    ``unknown``, ``outside`` the calibrated range, or ``blind``."""
+
+    kind: str
+    faults: tuple[int, ...]
+    text: str
+
+
+def verdict_at(ruleset: Ruleset, seen: Seen, point: int) -> Verdict:
+    """What one stretch says."""
+    observed, isolation = seen.observed, seen.isolation
+    if not isolation.judged[point]:
+        because = why_blind(ruleset, seen, point) or "too few estimates of the same flow"
+        return Verdict("blind", (), because)
+    if not isolation.deviating[point]:
+        return Verdict("ok", (), "")
+    chances = isolation.probability[:, point]
+    if chances.max(initial=0.0) <= 0:
+        outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
+        if outside:
+            return Verdict("outside", (), _outside(ruleset, outside[0]))
+        return Verdict("unknown", (), _unexplained(ruleset, seen, point))
+    pair = tuple(int(i) for i in isolation.pair[point])
+    return Verdict("fault", (int(np.argmax(chances)),) if pair[0] < 0 else pair, "")
+
+
+def why_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    """Why estimates of a block cannot be used at a point; empty if all can."""
+    reasons = [
+        reason(ruleset, seen.observed, int(i), point)
+        for i in np.flatnonzero(seen.block.observers)
+        if not seen.observed.valid[i, point]
+    ]
+    return "; ".join(dict.fromkeys(reasons))
+
+
+def partly_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    """What a judged point could not see, and why; empty if it saw everything."""
+    if not seen.isolation.judged[point]:
+        return ""
+    because = why_blind(ruleset, seen, point)
+    unseen = [
+        fault.id
+        for fault, floor in zip(ruleset.faults, seen.isolation.floor[:, point], strict=True)
+        if seen.block.holds(ruleset, fault) and not THRESHOLD * floor < fault.highest
+    ]
+    if not because or not unseen:
+        return ""
+    names = ", ".join(unseen[:NAMED]) + (", ..." if len(unseen) > NAMED else "")
+    return f"in part: {because}; cannot see {names}"
+
+
+def _outside(ruleset: Ruleset, name: str) -> str:
+    signal = ruleset.signal_by_id[name]
+    assert signal.valid_from is not None
+    assert signal.valid_to is not None
+    low = (signal.valid_from - signal.offset) / signal.factor
+    high = (signal.valid_to - signal.offset) / signal.factor
+    return (
+        f"nothing known fits: the estimates of the flow disagree while {name} is outside "
+        f"{low:.4g} to {high:.4g} {signal.unit}, the range that its equations hold for"
+    )
+
+
+def _unexplained(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    observed = seen.observed
+    ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
+    own = [seen.block.holds(ruleset, residual) for residual in ruleset.residuals]
+    ratio[~(np.isfinite(ratio) & np.array(own, dtype=bool))] = 0.0
+    fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > THRESHOLD][:3]
+    names = ", ".join(fired) or "the residuals together"
+    return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"

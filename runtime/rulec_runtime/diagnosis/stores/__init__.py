@@ -1,0 +1,1 @@
+"""Plants that store: balances fitted to windows of the recording, without and with each fault."""

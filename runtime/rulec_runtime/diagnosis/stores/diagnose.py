@@ -1,0 +1,225 @@
+"""Diagnosis of a plant that stores: its balances fitted to a moving window of the recording.
+
+windows -> usual misfit -> judge -> spells -> findings. The same types come out as of a plant that
+stands still, so that it is told, drawn and written the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.degree import degree_in_words
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.stores.edges import edge_of
+from rulec_runtime.diagnosis.stores.evidence import evidence_of
+from rulec_runtime.diagnosis.stores.judge import Judged
+from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
+from rulec_runtime.diagnosis.stores.spells import PERSISTENCE, Cause, Spell, spells_of
+from rulec_runtime.diagnosis.stores.windows import FEWEST, KNOWN, NO_READING, Windows, windows_of
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.when import ENDED, TO_THE_END, UNJUDGED
+
+LARGE = 1.5
+"""Usual misfit over noise from which on it is worth a remark."""
+
+
+@dataclass(frozen=True)
+class StoresJudged:
+    """What a recording says of a plant that stores; `covered` flags its judged samples."""
+
+    windows: Windows
+    weighed: Weighed
+    spells: tuple[Spell, ...]
+    findings: tuple[Finding, ...]
+    unknown: tuple[Period, ...]
+    not_judged: tuple[Period, ...]
+    notes: tuple[str, ...]
+    covered: np.ndarray
+
+
+def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
+    """Judge a recording of a plant that stores."""
+    windows = windows_of(recording, ruleset)
+    found = weighed(ruleset, windows)
+    spells = spells_of(found.judged, {f.id: i for i, f in enumerate(ruleset.faults)})
+    findings, unknown = [], []
+    not_judged = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
+    for place, spell in enumerate(spells):
+        since, until = _times(found.judged, spell)
+        if spell.brief:
+            if not _beside_another(spells, place):
+                not_judged.append(Period(since, until, _brief(spell)))
+        elif spell.cause is None:
+            unknown.append(Period(since, until, _unknown(ruleset, found, spell)))
+        else:
+            findings.append(_finding(ruleset, windows, found, spell, spell.cause))
+    return StoresJudged(
+        windows,
+        found,
+        tuple(spells),
+        tuple(findings),
+        tuple(unknown),
+        tuple(sorted(not_judged, key=lambda p: p.since)),
+        tuple(_notes(ruleset, windows, found)),
+        _covered(recording, found.judged),
+    )
+
+
+def _times(judged: Sequence[Judged], spell: Spell) -> tuple[float, float]:
+    first, last = judged[spell.first].window, judged[spell.last - 1].window
+    return float(first.time[0]), float(last.time[-1])
+
+
+def _beside_another(spells: Sequence[Spell], place: int) -> bool:
+    """Is it the edge of what is named anyway?"""
+    own = spells[place]
+    return any(
+        not other.brief and other.first <= own.last and own.first <= other.last for other in spells
+    )
+
+
+def _brief(spell: Spell) -> str:
+    what = f"{spell.cause.fault} would fit" if spell.cause else "the balances do not fit"
+    return f"{what}, but a finding takes {PERSISTENCE} windows in a row"
+
+
+def _unknown(ruleset: Ruleset, found: Weighed, spell: Spell) -> str:
+    """Readings that the balances miss most."""
+    assert ruleset.dynamics is not None
+    off = np.zeros(len(ruleset.dynamics.outputs))
+    for i in spell.members:
+        plain = found.judged[i].plain
+        if plain is not None:
+            off += np.nan_to_num((plain.error / found.judge.model.spread) ** 2).sum(axis=0)
+    name = ruleset.dynamics.outputs[int(np.argmax(off))]
+    return (
+        f"nothing known fits: {name} moves in a way that the balances explain with no known fault"
+    )
+
+
+def _finding(
+    ruleset: Ruleset, windows: Windows, found: Weighed, spell: Spell, cause: Cause
+) -> Finding:
+    fault, judged, model = ruleset.fault_by_id[cause.fault], found.judged, found.judge.model
+    since, until = _times(judged, spell)
+    before = _sound(judged, range(spell.first - 1, -1, -1), spell.first, fault.id)
+    behind = _sound(judged, range(spell.last, len(judged)), spell.last - 1, fault.id)
+    inside = spell.inside
+    if before is not None:
+        since = edge_of(model, windows, before, judged[inside[0]], fault.id, cause.degree)
+    if behind is not None:
+        until = edge_of(model, windows, behind, judged[inside[-1]], fault.id, cause.degree)
+    strongest = max(inside, key=lambda i: judged[i].plain.chi if judged[i].plain else 0.0)  # type: ignore[union-attr]
+    return Finding(
+        fault,
+        cause.degree,
+        max(cause.lower, fault.lowest),
+        min(cause.upper, fault.highest),
+        cause.probability,
+        since,
+        until,
+        cause.rivals,
+        cause.remote,
+        (),
+        evidence_of(model, windows, judged, spell, cause),
+        _readings(ruleset, judged[strongest]),
+        (),
+        judged[strongest].known.windows,
+        fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
+        _behind(windows, judged, spell, until),
+    )
+
+
+def _behind(windows: Windows, judged: Sequence[Judged], spell: Spell, until: float) -> str | None:
+    """What follows a spell: windows that were judged, the end, or what could not be."""
+    if any(one.plain is not None for one in judged[spell.last :]):
+        return ENDED
+    last = max(float(piece.time[-1]) for piece in windows.pieces)
+    return TO_THE_END if until >= last else UNJUDGED
+
+
+def _sound(
+    judged: Sequence[Judged], places: Iterable[int], beside: int, fault: str
+) -> Judged | None:
+    """The nearest window of the same piece that would show a fault but does not, if brief
+    deviations alone are between."""
+    for i in places:
+        one = judged[i]
+        if one.window.piece != judged[beside].window.piece or one.plain is None:
+            return None
+        if not one.deviating:
+            return one if fault in one.floor else None
+        if abs(i - beside) > PERSISTENCE:
+            return None
+    return None
+
+
+def _readings(ruleset: Ruleset, one: Judged) -> tuple[tuple[str, float], ...]:
+    """Median readings of a window, SI."""
+    assert ruleset.dynamics is not None
+    names = (*ruleset.dynamics.inputs, *ruleset.dynamics.outputs)
+    table = np.column_stack([one.window.inputs, one.window.measured])
+    return tuple(
+        (n, float(np.nanmedian(c)))
+        for n, c in zip(names, table.T, strict=True)
+        if np.isfinite(c).any()
+    )
+
+
+def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[str]) -> list[Period]:
+    """Windows that say nothing, neighbours with the same reason joined."""
+    found: list[Period] = []
+    last = -2
+    there = np.any([np.isfinite(p.measured).any(axis=0) for p in windows.pieces], axis=0)
+    for i, one in enumerate(judged):
+        because = one.window.because
+        if one.plain is None:
+            because = because or "the balances have no solution here"
+        else:
+            known = np.isfinite(one.window.measured).mean(axis=0) >= KNOWN
+            blind = [n for n, t, k in zip(outputs, there, known, strict=True) if t and not k]
+            because = f"in part: {NO_READING.format(' and '.join(blind))}" if blind else ""
+        if not because:
+            continue
+        since, until = float(one.window.time[0]), float(one.window.time[-1])
+        if found and last == i - 1 and found[-1].text == because:
+            found[-1] = Period(found[-1].since, until, because)
+        else:
+            found.append(Period(since, until, because))
+        last = i
+    text = f"fewer than {FEWEST} samples without a pause: balances need a window to be followed in"
+    return found + [Period(since, until, text) for since, until in windows.too_short]
+
+
+def _notes(ruleset: Ruleset, windows: Windows, found: Weighed) -> list[str]:
+    """What the reader should know of thinning, and of what the balances usually miss."""
+    notes = []
+    if windows.thinned > 1:
+        notes.append(f"{windows.thinned} samples at a time were averaged")
+    assert ruleset.dynamics is not None
+    for i, name in enumerate(ruleset.dynamics.outputs):
+        seen = any(np.isfinite(p.measured[:, i]).any() for p in windows.pieces)
+        if seen and found.misfit[i] > LARGE * windows.noise[i]:
+            signal = ruleset.signal_by_id[name]
+            usual, noise = (x[i] / signal.factor for x in (found.misfit, windows.noise))
+            slow = 1.0 / found.judge.share[i]
+            lasts = f", alike for about {slow:.0f} samples" if slow > 1.0 else ""
+            notes.append(
+                f"{name}: the balances usually miss this reading by {usual:.2g} {signal.unit}"
+                f"{lasts} (its noise is {noise:.2g}); only what goes beyond counts"
+            )
+    return notes
+
+
+def _covered(recording: Recording, judged: Sequence[Judged]) -> np.ndarray:
+    covered = np.zeros(len(recording), dtype=bool)
+    for one in judged:
+        if one.plain is not None:
+            covered |= (recording.time >= one.window.time[0]) & (
+                recording.time <= one.window.time[-1]
+            )
+    return covered

@@ -1,0 +1,89 @@
+"""Errors that last: of parameters, of given readings, of sensors; what is known of them.
+
+Each is an unknown with a standard normal prior. A parameter that is not zero has it on a
+logarithmic scale: it keeps its sign, however uncertain it is. Correlations of parameters are left
+out. Windows without a fault narrow them, so that later ones are judged against these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.diagnosis.steady.baseline import remembered
+from rulec_runtime.diagnosis.stores.freed import error_of
+from rulec_runtime.recordings.stationary import systematic_u
+
+
+@dataclass(frozen=True)
+class LastingError:
+    """One of them: `input` is its plan input, or `output` the number of the reading it shifts.
+
+    An error of 1 makes `value` exp(`size`) times as large, or `size` larger (SI), if it is 0.
+    """
+
+    input: str
+    output: int
+    value: float
+    size: float
+
+    @property
+    def is_parameter(self) -> bool:
+        """Does it belong to a constant, which does not drift?"""
+        return self.value != 0.0
+
+    def at(self, error: float) -> float:
+        """Value at an error."""
+        if self.value:
+            return float(self.value * np.exp(self.size * error))
+        return self.size * error
+
+    def slope(self, error: float) -> float:
+        """Derivative of the value by the error."""
+        return self.size * self.at(error) if self.value else self.size
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of all errors: mean and covariance, at a time, from so many windows."""
+
+    mean: Array
+    covariance: Array
+    time: float = 0.0
+    windows: int = 0
+
+    def later(self, time: float, drifts: Array) -> Known:
+        """What is still known at a later time; `drifts` flags those that lose their memory."""
+        kept = np.where(drifts, remembered(time - self.time), 1.0)
+        covariance = self.covariance * np.outer(kept, kept) + np.diag(1.0 - kept**2)
+        return replace(self, mean=kept * self.mean, covariance=covariance, time=time)
+
+
+def lasting_errors(ruleset: Ruleset, reached: frozenset[str], level: Array) -> list[LastingError]:
+    """All of a plant that reach what is measured; `level` is the median of each output, SI."""
+    dynamics: Dynamics | None = ruleset.dynamics
+    assert dynamics is not None
+    signals = ruleset.signal_by_id
+    found = []
+    for name, value in dynamics.values.items():
+        u = dynamics.uncertainties[name]
+        if u > 0.0 and name in reached:
+            size = float(np.log1p(u / abs(value))) if value else u
+            found.append(LastingError(name, -1, value, size))
+    for name in dynamics.inputs:
+        u = float(systematic_u(signals[name], signals[name].reference))
+        if error_of(name) in reached and u > 0.0:
+            found.append(LastingError(error_of(name), -1, 0.0, u))
+    for i, name in enumerate(dynamics.outputs):
+        u = float(systematic_u(signals[name], level[i]))
+        if u > 0.0:
+            found.append(LastingError("", i, 0.0, u))
+    return found
+
+
+def nothing_known(errors: list[LastingError]) -> Known:
+    """Before anything was seen: what the plant's file says."""
+    return Known(np.zeros(len(errors)), np.eye(len(errors)))

@@ -1,0 +1,83 @@
+"""What a finding rests on: how far readings are from what the balances foretell.
+
+From the last window without a deviation the balances are followed into the first that is faulty
+from its beginning to its end; what they foretell there is compared with what was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import THRESHOLD
+from rulec_runtime.diagnosis.steady.findings import Evidence
+from rulec_runtime.diagnosis.stores.judge import Judged
+from rulec_runtime.diagnosis.stores.spells import Cause, Spell
+from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
+from rulec_runtime.diagnosis.stores.windows import Window, Windows
+from rulec_runtime.simulation.balances import RanAway
+
+
+def evidence_of(
+    model: Model, windows: Windows, judged: Sequence[Judged], spell: Spell, cause: Cause
+) -> tuple[Evidence, ...]:
+    """One entry per reading that balances foretell."""
+    target = judged[spell.first + min(2, spell.last - spell.first - 1)]
+    before = judged[spell.first - 1] if spell.first else None
+    usable = before is not None and before.plain is not None and not before.deviating
+    usable = usable and before is not None and before.window.piece == target.window.piece
+    reference = before if usable and before is not None else target
+    assert reference.plain is not None
+    window = windows.joined(reference.window, target.window)
+    rows = window.time >= target.window.time[0]
+    known = reference.plain.guess
+    # Without a window before, only the part where the misfit is largest says something.
+    guess = Guess(known.starts, known.errors, np.zeros(1))
+    try:
+        shown, slopes, _ = model.simulate(window, guess, (cause.fault,))
+    except RanAway:
+        return ()
+    if reference is target:
+        rows = _worst(model, window, shown)
+    return tuple(_entries(model, window, shown, slopes, rows, reference, cause))
+
+
+def _worst(model: Model, window: Window, shown: Array) -> np.ndarray:
+    """The third of a window in which readings are farthest off."""
+    count = len(window.time)
+    part = np.arange(count) * 3 // count
+    off = np.nan_to_num(np.abs(window.measured - shown) / model.spread).sum(axis=1)
+    worst: np.ndarray = part == int(np.argmax(np.bincount(part, off)))
+    return worst
+
+
+def _entries(
+    model: Model,
+    window: Window,
+    shown: Array,
+    slopes: Array,
+    rows: np.ndarray,
+    reference: Judged,
+    cause: Cause,
+) -> Iterator[Evidence]:
+    assert reference.plain is not None
+    covariance = reference.plain.covariance
+    for i, name in enumerate(model.dynamics.outputs):
+        here = rows & np.isfinite(window.measured[:, i])
+        if not here.any():
+            yield Evidence(name, 0.0, 0.0, 0.0, 0.0, "invalid", "0")
+            continue
+        value = float(np.mean(window.measured[here, i] - shown[here, i]))
+        mean = slopes[here, i].mean(axis=0)
+        lasting = float(np.sqrt(max(mean[:-1] @ covariance @ mean[:-1], 0.0)))
+        u = float(np.hypot(lasting, model.spread[i] / np.sqrt(here.sum())))
+        effect = float(mean[-1] * cause.degree)
+        yield Evidence(name, value, u, lasting, THRESHOLD * u, _sign(value, u), _sign(effect, u))
+
+
+def _sign(value: float, u: float) -> str:
+    if abs(value) <= THRESHOLD * u:
+        return "0"
+    return "+" if value > 0 else "-"

@@ -1,0 +1,240 @@
+"""Judge windows one after the other: without a fault, then with each of them.
+
+Windows in which nothing contradicts tell more of the lasting errors, and later ones are judged
+against these, as settled stretches are against a baseline. A window overlaps with half of the one
+before; only every second one is learned from, as no sample may count twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.steady.baseline import CALM
+from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.stores.errors import Known, nothing_known
+from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
+from rulec_runtime.diagnosis.stores.windows import Window
+
+HIDDEN = 1e-9
+"""Share of a fault's effect that is left beside all errors below which it shows nothing."""
+
+FIRST = 0.02
+"""Smallest degree from which a fit of a fault starts."""
+
+
+@dataclass(frozen=True)
+class Tested:
+    """A fault in a window: degree and its standard uncertainty, chi-square left, does it fit?
+
+    `fitted` is where the next window starts from.
+    """
+
+    degree: float
+    u: float
+    chi: float
+    fits: bool
+    fitted: Fitted | None = None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A window: what it was judged against, and the result.
+
+    `freedom` is how many independent things its readings say; `floor` the standard uncertainty of
+    the degree of each fault near 0 (absent: the window cannot show it); `tests` are there where it
+    is `deviating`. Without `plain` nothing could be simulated, or `window.because` says why.
+    """
+
+    window: Window
+    known: Known
+    plain: Fitted | None
+    freedom: int
+    deviating: bool
+    floor: Mapping[str, float]
+    tests: Mapping[str, Tested] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Judge:
+    """The model, the independent samples that a sample counts as (per output), and the faults."""
+
+    model: Model
+    share: Array
+    faults: tuple[str, ...]
+
+    def judge(self, windows: Sequence[Window], learning: bool = True) -> list[Judged]:
+        """Judge all windows in order of time; without `learning` each against what was known
+        before the recording."""
+        known, guess = nothing_known(list(self.model.errors)), self.nominal()
+        drifts = np.array([not e.is_parameter for e in self.model.errors], dtype=bool)
+        chance = alarm_chance(len(windows))
+        result: list[Judged] = []
+        learned = -np.inf
+        for window in windows:
+            now = known.later(window.middle, drifts) if known.windows else known
+            before = result[-1] if result and result[-1].window.piece == window.piece else None
+            judged = self._judged(window, now, before, guess, chance)
+            result.append(judged)
+            if learning and window.time[0] > learned and self._is_calm(judged):
+                known = self._learned(judged)
+                learned = float(window.time[-1])
+        return result
+
+    def nominal(self) -> Array:
+        """Where states start by the plant's file, shape (states,)."""
+        dynamics = self.model.dynamics
+        plan = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
+        found = plan.run({n: np.asarray(v) for n, v in dynamics.values.items()})
+        return np.array([found[f"start:{s.id}"].item() for s in dynamics.states])
+
+    def _judged(
+        self, window: Window, known: Known, before: Judged | None, nominal: Array, chance: float
+    ) -> Judged:
+        """Judge a window; it starts from where the one before was at that time."""
+        if window.because:
+            return Judged(window, known, None, 0, False, {})
+        last = before.plain if before is not None else None
+        starts = [*_left_at(before, last, window), nominal]
+        plain = self._plain(window, known, starts, chance)
+        if plain is None:
+            return Judged(window, known, None, 0, False, {})
+        freedom = self.freedom(window)
+        pull, information = self._directions(window, known, plain)
+        seen = [i for i in range(len(self.faults)) if information[i] > 0.0]
+        floor = {self.faults[i]: float(1.0 / np.sqrt(information[i])) for i in seen}
+        # Half of the chance of a false alarm goes to "anything is wrong", half to the faults.
+        strongest = quantile(chance / (2 * max(len(seen), 1)))
+        deviating = plain.chi > chi_square_limit(freedom, quantile(chance / 2))
+        deviating |= any(pull[i] / np.sqrt(information[i]) > strongest for i in seen)
+        if not deviating:
+            return Judged(window, known, plain, freedom, False, floor)
+        limit = chi_square_limit(max(freedom - 1, 1), quantile(chance))
+        tests = {}
+        for i in seen:
+            if pull[i] > 0.0:
+                fault = self.model.ruleset.fault_by_id[self.faults[i]]
+                degree = float(np.clip(pull[i] / information[i], FIRST, 0.5 * fault.highest))
+                start = plain.guess.starts
+                guesses = [
+                    Guess(start, e, np.array([degree])) for e in (known.mean, plain.guess.errors)
+                ]
+                last = (
+                    before.tests[fault.id].fitted if before and fault.id in before.tests else None
+                )
+                for earlier in _left_at(before, last, window):
+                    assert last is not None
+                    guesses.insert(0, Guess(earlier, known.mean, last.guess.degrees))
+                tests[fault.id] = self._test(window, known, plain, fault, guesses, limit)
+        return Judged(window, known, plain, freedom, True, floor, tests)
+
+    def _plain(
+        self, window: Window, known: Known, starts: list[Array], chance: float
+    ) -> Fitted | None:
+        """The fit without a fault; further starts are tried where the first one does not do."""
+        best: Fitted | None = None
+        for start in starts:
+            guess = Guess(start, known.mean, np.zeros(0))
+            found = self.model.fit(window, known, guess)
+            if found is not None and (best is None or found.chi < best.chi):
+                best = found
+            limit = chi_square_limit(self.freedom(window), quantile(chance))
+            if best is not None and best.chi < limit:
+                break
+        return best
+
+    def freedom(self, window: Window) -> int:
+        """Independent things that the readings of a window say beyond where it starts."""
+        counts = np.isfinite(window.measured).sum(axis=0)
+        said = float(counts @ self.share) - len(self.model.dynamics.states)
+        return max(int(said), 1)
+
+    def _directions(self, window: Window, known: Known, plain: Fitted) -> tuple[Array, Array]:
+        """Pull on each degree from 0, and the information on it beside all errors."""
+        guess = Guess(plain.guess.starts, plain.guess.errors, np.zeros(len(self.faults)))
+        _, slopes, _ = self.model.simulate(window, guess, self.faults)
+        table = self.model.rows_of_slopes(plain.error, slopes)
+        rows, count = self.model.rows(plain.error), len(plain.information)
+        own, effect = table[:, :count], table[:, count:]
+        known_by_errors = own.T @ effect
+        gradient = own.T @ rows
+        starts = len(plain.guess.starts)
+        certain = inverse(known.covariance)
+        gradient[starts:] -= certain @ (plain.guess.errors - known.mean)
+        explained = plain.covariance @ known_by_errors
+        whole = np.einsum("nf,nf->f", effect, effect)
+        information = whole - np.einsum("uf,uf->f", known_by_errors, explained)
+        pull = effect.T @ rows - explained.T @ gradient
+        return pull, np.where(information > HIDDEN * whole, information, 0.0)
+
+    def _test(
+        self,
+        window: Window,
+        known: Known,
+        plain: Fitted,
+        fault: FaultSpec,
+        guesses: Sequence[Guess],
+        limit: float,
+    ) -> Tested:
+        """The window with the degree of one fault free; guesses are tried until one does."""
+        found: Fitted | None = None
+        for guess in guesses:
+            trial = self.model.fit(window, known, guess, (fault.id,))
+            if trial is not None and (found is None or trial.chi < found.chi):
+                found = trial
+            if found is not None and found.chi < limit:
+                break
+        if found is None or found.chi > plain.chi:
+            return Tested(0.0, np.inf, plain.chi, False)
+        u = float(np.sqrt(found.covariance[-1, -1]))
+        # A real fault never looks quite like its law.
+        tolerated = fault.tolerance**2 * (plain.chi - found.chi)
+        degree = float(found.guess.degrees[0])
+        fits = found.chi <= limit + tolerated and self._is_possible(window, found, fault)
+        return Tested(degree, u, found.chi, fits, found)
+
+    def _is_possible(self, window: Window, found: Fitted, fault: FaultSpec) -> bool:
+        """Is what a sensor should show, but for its fault, within the range it was built for?
+
+        Else a wrong level may do duty for whatever is missing in the balances.
+        """
+        outputs = self.model.dynamics.outputs
+        own = [i for i, name in enumerate(outputs) if name in fault.scales]
+        if not own:
+            return True
+        shown, _, _ = self.model.simulate(window, replace(found.guess, degrees=np.zeros(0)))
+        signals = self.model.ruleset.signal_by_id
+        for i in own:
+            signal, level = signals[outputs[i]], float(np.median(shown[:, i]))
+            low = -np.inf if signal.lowest is None else signal.lowest
+            high = np.inf if signal.highest is None else signal.highest
+            if not low <= level <= high:
+                return False
+        return True
+
+    def _is_calm(self, judged: Judged) -> bool:
+        if judged.plain is None or judged.deviating:
+            return False
+        return judged.plain.chi < chi_square_limit(judged.freedom, CALM)
+
+    def _learned(self, judged: Judged) -> Known:
+        """What a calm window adds to what was known."""
+        plain = judged.plain
+        assert plain is not None
+        starts = len(plain.guess.starts)
+        covariance = plain.covariance[starts:, starts:]
+        time, windows = judged.window.middle, judged.known.windows + 1
+        return Known(plain.guess.errors, covariance, time, windows)
+
+
+def _left_at(before: Judged | None, fitted: Fitted | None, window: Window) -> list[Array]:
+    """States of a fit of the window before at the time at which a window begins, if known."""
+    if before is None or fitted is None:
+        return []
+    at = int(np.searchsorted(before.window.time, window.time[0]))
+    return [fitted.states[at]] if at < len(fitted.states) else []

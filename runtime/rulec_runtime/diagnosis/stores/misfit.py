@@ -1,0 +1,86 @@
+"""What balances usually miss of a recording, so that only what is unusual counts.
+
+The model of a real plant is off by more than noise, and for many samples alike. How far, the
+recording says itself: the error that a window without a fault usually leaves, and for how long it
+stays as it is, set the weight of each reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.stores.errors import lasting_errors
+from rulec_runtime.diagnosis.stores.judge import Judge, Judged
+from rulec_runtime.diagnosis.stores.window_fit import Model
+from rulec_runtime.diagnosis.stores.windows import Windows
+from rulec_runtime.recordings.autocorrelation_time import memory_of
+
+USUAL = 0.4
+"""Share of windows whose misfit counts as usual: less than half, as a fault may begin in the
+middle."""
+
+PASSES = 4
+MORE = 1.1
+"""Chi-square over freedom from which on the usual misfit was taken too small."""
+
+MOST = 5.0
+"""Factor by which the misfit of windows that know of each other may exceed that of windows on
+their own: beyond it, something is wrong in most of them."""
+
+SLOW = 1.5
+"""Memory, in samples, from which on an error counts as slow."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """All windows judged, and the usual misfit of each output in SI, shape (outputs,)."""
+
+    judge: Judge
+    judged: tuple[Judged, ...]
+    misfit: Array
+
+
+def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
+    """Find the usual misfit, and judge all windows against it."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    model = Model.of(ruleset, (), windows.noise)
+    errors = lasting_errors(ruleset, model.balances.plan.used_inputs, windows.level)
+    model = Model.of(ruleset, errors, windows.noise)
+    plain = Judge(model, np.ones(len(windows.noise)), ())
+    alone = plain.judge(windows.members, learning=False)
+    misfit, memory = _left(alone, windows.noise)
+    judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), 1.0 / memory, dynamics.faults)
+    judged = judge.judge(windows.members)
+    left = MOST**2
+    for _ in range(PASSES):
+        ratios = [j.plain.chi / j.freedom for j in judged if j.plain is not None]
+        more = min(float(np.quantile(ratios, USUAL)) if ratios else 0.0, left)
+        if more < MORE:
+            break
+        left /= more
+        misfit = misfit * np.sqrt(more)
+        judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), judge.share, judge.faults)
+        judged = judge.judge(windows.members)
+    return Weighed(judge, tuple(judged), misfit)
+
+
+def _left(judged: Sequence[Judged], noise: Array) -> tuple[Array, Array]:
+    """Standard deviation and memory of what windows leave of each output, robustly."""
+    errors = [j.plain.error for j in judged if j.plain is not None]
+    misfit, memory = noise.copy(), np.ones(len(noise))
+    for i in range(len(noise)):
+        own = [(e[:, i], np.isfinite(e[:, i])) for e in errors if np.isfinite(e[:, i]).any()]
+        if not own:
+            continue
+        spreads = [float(np.sqrt(np.mean(e[known] ** 2))) for e, known in own]
+        lags = [memory_of(e, known) for e, known in own]
+        misfit[i] = max(float(np.quantile(spreads, USUAL)), noise[i])
+        found = float(np.quantile(lags, USUAL))
+        memory[i] = found if found > SLOW else 1.0
+    return misfit, memory

@@ -1,0 +1,79 @@
+"""How faults of a plant that stores move what its sensors show, and which do so alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.stores.freed import freed
+from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
+from rulec_runtime.diagnosis.stores.windows import Window
+from rulec_runtime.simulation.balances import RanAway
+
+SAMPLES, STEP = 400, 2.0
+"""Samples of the course in which effects are compared, and seconds between them."""
+
+SWING = 0.2
+"""Share of its reference by which each given reading swings there, each at a pace of its own."""
+
+SAME = 1e-6
+"""Effects are alike if they differ by less than this share when scaled to each other."""
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Sign of the effect per fault and reading, and groups of faults with proportional effects."""
+
+    readings: tuple[str, ...]
+    faults: tuple[str, ...]
+    signs: tuple[tuple[int, ...], ...]
+    alike: tuple[tuple[str, ...], ...]
+
+
+def signature_of(ruleset: Ruleset) -> Signature | None:
+    """Follow the balances from their nominal start; None where they cannot be followed."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    time: Array = np.arange(SAMPLES, dtype=np.float64) * STEP
+    levels = [ruleset.signal_by_id[n].reference for n in dynamics.inputs]
+    paces = [40.0 + 17.0 * i for i in range(len(levels))]
+    courses = [v * (1.0 + SWING * np.sin(time / p)) for v, p in zip(levels, paces, strict=True)]
+    inputs = np.column_stack(courses) if courses else np.zeros((SAMPLES, 0))
+    blank = np.zeros((SAMPLES, len(dynamics.outputs)))
+    model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), freed(dynamics))
+    plan = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
+    found = plan.run({n: np.asarray(v) for n, v in dynamics.values.items()})
+    starts = np.array([found[f"start:{s.id}"].item() for s in dynamics.states])
+    guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
+    try:
+        window = Window(time, inputs, blank, 0, 0, "")
+        _, slopes, _ = model.simulate(window, guess, dynamics.faults)
+    except RanAway:
+        return None
+    effects = slopes[:, :, len(starts) :]
+    size = np.abs(effects).max(axis=(0, 2), initial=0.0)
+    mean = effects[SAMPLES // 2 :].mean(axis=0) / np.where(size > 0, size, 1.0)[:, None]
+    signs = np.where(np.abs(mean) > SAME, np.sign(mean), 0.0).astype(int).T
+    columns = (effects / np.where(size > 0, size, 1.0)[:, None]).reshape(-1, len(dynamics.faults))
+    return Signature(
+        dynamics.outputs,
+        dynamics.faults,
+        tuple(tuple(row) for row in signs.tolist()),
+        _alike(dynamics.faults, columns),
+    )
+
+
+def _alike(faults: tuple[str, ...], columns: np.ndarray) -> tuple[tuple[str, ...], ...]:
+    """Groups of faults whose effects have the same course and the same sign."""
+    length = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(length > 0, length, 1.0)
+    left, groups = [i for i in range(len(faults)) if length[i] > 0], []
+    while left:
+        own = [i for i in left if unit[:, i] @ unit[:, left[0]] > 1.0 - SAME]
+        left = [i for i in left if i not in own]
+        if len(own) > 1:
+            groups.append(tuple(faults[i] for i in own))
+    return tuple(groups)

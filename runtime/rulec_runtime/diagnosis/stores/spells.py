@@ -1,0 +1,153 @@
+"""Neighbouring windows that say the same, and which fault that is.
+
+Neighbours share half of their samples, so what persists must hold in three in a row: the first and
+the last of them share none. In a recording of fewer windows all of them must say it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.diagnosis.steady.causes import MENTION, RIVAL
+from rulec_runtime.diagnosis.steady.isolate import COVERAGE, shares
+from rulec_runtime.diagnosis.stores.judge import Judged
+
+PERSISTENCE = 3
+"""Windows over which a finding must hold."""
+
+MOST = 0.8
+"""Share of windows that a fault must fit in to explain all of them."""
+
+ALIKE = 2
+"""Decimals of log-likelihoods: faults that a fit tells apart by less are named in their order."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A fault that explains a spell, with what else could be."""
+
+    fault: str
+    degree: float
+    lower: float
+    upper: float
+    probability: float
+    rivals: tuple[tuple[str, float], ...]
+    remote: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Spell:
+    """Deviating windows ``first : last`` (excluded) in a row; `cause` is None where nothing known
+    fits, `brief` tells that it does not persist."""
+
+    first: int
+    last: int
+    cause: Cause | None
+    brief: bool
+
+    @property
+    def members(self) -> range:
+        """Numbers of its windows."""
+        return range(self.first, self.last)
+
+    @property
+    def inside(self) -> range:
+        """Those behind its beginning and before its end, where it has such."""
+        return _inside(self.members)
+
+
+def spells_of(judged: Sequence[Judged], order: Mapping[str, int]) -> list[Spell]:
+    """All spells of a recording; `order` is that of the faults in the ruleset."""
+    found: list[Spell] = []
+    for run in _runs(judged):
+        found += _explained(judged, run, order)
+    return found
+
+
+def _runs(judged: Sequence[Judged]) -> Iterator[range]:
+    """Deviating windows in a row, without a pause."""
+    first: int | None = None
+    for i, one in enumerate([*judged, None]):
+        ends = one is None or not one.deviating
+        if first is not None and (ends or one.window.piece != judged[first].window.piece):  # type: ignore[union-attr]
+            yield range(first, i)
+            first = None
+        if not ends and first is None:
+            first = i
+
+
+def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -> Iterator[Spell]:
+    """One fault for all windows of a run if there is such a one; else one after the other."""
+    needed = min(PERSISTENCE, sum(j.window.piece == judged[run[0]].window.piece for j in judged))
+    if _fitting(judged, run):
+        yield _spell(judged, run, order, needed)
+        return
+    first = run.start
+    while first < run.stop:
+        last, common = first + 1, _accepted(judged[first])
+        while last < run.stop:
+            more = _accepted(judged[last])
+            if bool(common) != bool(more) or (common and not common & more):
+                break
+            common &= more
+            last += 1
+        yield _spell(judged, range(first, last), order, needed)
+        first = last
+
+
+def _spell(judged: Sequence[Judged], run: range, order: Mapping[str, int], needed: int) -> Spell:
+    names = _fitting(judged, run)
+    cause = _cause(judged, _inside(run), sorted(names, key=order.__getitem__)) if names else None
+    return Spell(run.start, run.stop, cause, len(run) < needed)
+
+
+def _inside(run: range) -> range:
+    return run[1:-1] if len(run) > 2 else run
+
+
+def _accepted(judged: Judged) -> set[str]:
+    return {name for name, test in judged.tests.items() if test.fits}
+
+
+def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
+    """Faults that fit in most of the windows inside."""
+    inside = _inside(run)
+    counts: dict[str, int] = {}
+    for i in inside:
+        for name in _accepted(judged[i]):
+            counts[name] = counts.get(name, 0) + 1
+    return {name for name, count in counts.items() if count >= MOST * len(inside)}
+
+
+def _cause(judged: Sequence[Judged], inside: range, names: Sequence[str]) -> Cause:
+    """The most probable of some faults; each sample counts once, though it is in two windows."""
+    weight = 0.5 if len(inside) > 1 else 1.0
+    evidence = np.zeros((len(names), 1))
+    for i in inside:
+        one = judged[i]
+        assert one.plain is not None
+        for row, name in enumerate(names):
+            test = one.tests.get(name)
+            evidence[row] -= 0.5 * weight * (test.chi if test else one.plain.chi)
+    probability = shares(np.round(evidence, ALIKE))[:, 0]
+    best = int(np.argmax(probability))
+    top = float(probability[best])
+    tests = [judged[i].tests[names[best]] for i in inside if names[best] in judged[i].tests]
+    degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
+    degree = float(np.average(degrees, weights=1.0 / np.maximum(u, 1e-9) ** 2))
+    # Lasting errors are the same in all windows: many of them tell no more than one.
+    half = COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
+    others = [(n, float(p)) for n, p in zip(names, probability, strict=True) if n != names[best]]
+    others.sort(key=lambda other: -other[1])
+    return Cause(
+        names[best],
+        degree,
+        degree - half,
+        degree + half,
+        top,
+        tuple(o for o in others if o[1] >= RIVAL * top),
+        tuple(o for o in others if MENTION <= o[1] < RIVAL * top),
+    )

@@ -1,0 +1,201 @@
+"""A recording cut into windows, half overlapping, each long enough to show what a fault does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import NEGLIGIBLE, systematic_u
+from rulec_runtime.recordings.thin import filled, resolution, thinned, without_glitches
+
+BUDGET = 4096
+"""Samples at most; neighbours of longer recordings are averaged."""
+
+PARTS = 8
+"""Windows side by side that a recording is cut into, where that leaves them long enough."""
+
+SHORTEST, LONGEST = 48, 256
+"""Samples of a window."""
+
+FEWEST = 24
+"""Samples of a window at least; shorter recordings are not judged."""
+
+PAUSE = 20.0
+"""Sampling intervals without a sample that balances cannot be followed across: what is given may
+have been anything."""
+
+KNOWN = 0.8
+"""Share of samples of a window in which given readings, and some measured one, must be there."""
+
+
+NO_READING = "{}: no reading, or none within its range"
+
+
+@dataclass(frozen=True)
+class Window:
+    """Samples in a row.
+
+    `inputs`, shape (n, given), are finite; `measured`, shape (n, outputs), is NaN where a sensor
+    shows nothing, or the end of its range; SI. `piece` numbers runs without a pause, `first` is the
+    first sample in it. Where `because` is not empty the window cannot be judged.
+    """
+
+    time: Array
+    inputs: Array
+    measured: Array
+    piece: int
+    first: int
+    because: str
+
+    @property
+    def middle(self) -> float:
+        """Time in its middle, s."""
+        return float(0.5 * (self.time[0] + self.time[-1]))
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows in order of time, each overlapping with half of the next of its piece.
+
+    `pieces` are what they are cut from.
+
+    `noise` is the standard deviation of white noise of each output, shape (outputs,), SI; `level`
+    its median, `thinned` how many samples were averaged; `too_short` are pieces left out.
+    """
+
+    pieces: tuple[Window, ...]
+    members: tuple[Window, ...]
+    noise: Array
+    level: Array
+    thinned: int
+    too_short: tuple[tuple[float, float], ...]
+
+    def joined(self, one: Window, other: Window) -> Window:
+        """All samples from the beginning of one window to the end of another of its piece."""
+        piece = self.pieces[one.piece]
+        part = slice(one.first, other.first + len(other.time))
+        inputs = (
+            np.column_stack([*map(filled, piece.inputs[part].T)])
+            if piece.inputs.size
+            else (piece.inputs[part])
+        )
+        return replace(one, time=piece.time[part], inputs=inputs, measured=piece.measured[part])
+
+
+def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
+    """Cut a recording at pauses, thin it, and cut it into windows."""
+    dynamics = ruleset.dynamics
+    assert dynamics is not None
+    factor = -(-len(recording) // BUDGET)
+    pieces = [
+        _piece(recording, ruleset, dynamics, part, factor)
+        for part in _pieces(recording)
+        if part.stop - part.start >= factor
+    ]
+    count = sum(len(p.time) for p in pieces)
+    length = int(np.clip(count // PARTS, SHORTEST, LONGEST))
+    members: list[Window] = []
+    short: list[tuple[float, float]] = []
+    for number, piece in enumerate(pieces):
+        if len(piece.time) < FEWEST:
+            short.append((float(piece.time[0]), float(piece.time[-1])))
+            continue
+        members += [
+            _window(dynamics, piece, a, b, number) for a, b in _cuts(len(piece.time), length)
+        ]
+    measured = np.concatenate([p.measured for p in pieces]) if pieces else np.zeros((0, 0))
+    noise, level = _noise(ruleset, dynamics, pieces, measured)
+    return Windows(tuple(pieces), tuple(members), noise, level, factor, tuple(short))
+
+
+def _pieces(recording: Recording) -> Iterator[slice]:
+    """Runs of samples without a pause."""
+    steps = np.diff(recording.time)
+    longest = PAUSE * float(np.median(steps)) if len(steps) else 0.0
+    ends = np.flatnonzero((np.diff(recording.segment) != 0) | (steps > longest)) + 1
+    edges = [0, *ends.tolist(), len(recording)]
+    yield from (slice(a, b) for a, b in pairwise(edges) if b > a)
+
+
+def _piece(
+    recording: Recording, ruleset: Ruleset, dynamics: Dynamics, part: slice, factor: int
+) -> Window:
+    time = recording.time[part]
+    blank = np.full(len(time), np.nan)
+
+    def column(name: str) -> Array:
+        return recording.values[name][part] if name in recording.values else blank
+
+    inputs = {name: column(name) for name in dynamics.inputs}
+    signals = [ruleset.signal_by_id[name] for name in dynamics.outputs]
+    measured = {s.id: _inside(s, column(s.id)) for s in signals}
+    time, inputs, measured = thinned(time, inputs, measured, factor)
+    return Window(time, _table(inputs, len(time)), _table(measured, len(time)), 0, 0, "")
+
+
+def _inside(signal: SignalSpec, values: Array) -> Array:
+    """Readings without glitches, and without those at the ends of the range: there a sensor shows
+    only that there is more, or less."""
+    if not np.isfinite(values).any():
+        return values
+    low = -np.inf if signal.lowest is None else signal.lowest
+    high = np.inf if signal.highest is None else signal.highest
+    with np.errstate(invalid="ignore"):
+        return np.where((values > low) & (values < high), without_glitches(values)[0], np.nan)
+
+
+def _table(columns: dict[str, Array], count: int) -> Array:
+    return np.column_stack([*columns.values()]) if columns else np.zeros((count, 0))
+
+
+def _cuts(count: int, length: int) -> Iterator[tuple[int, int]]:
+    """First and last (excluded) sample of windows that overlap by half; they fill the piece."""
+    if count <= length:
+        yield 0, count
+        return
+    number = 1 + int(np.ceil(2 * (count - length) / length))
+    for first in np.linspace(0, count - length, number).astype(int).tolist():
+        yield first, first + length
+
+
+def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: int) -> Window:
+    inputs, measured = piece.inputs[first:last], piece.measured[first:last]
+    there = np.isfinite(inputs).mean(axis=0) if len(inputs) else np.zeros(0)
+    shown = np.isfinite(measured).mean(axis=0)
+    because = [
+        f"{name} has no reading"
+        for name, s in zip(dynamics.inputs, there, strict=True)
+        if s < KNOWN
+    ]
+    if not (shown >= KNOWN).any():
+        some = [bool(np.isfinite(column).any()) for column in piece.measured.T]
+        names = [n for n, s in zip(dynamics.outputs, some, strict=True) if s] or dynamics.outputs
+        because.append(NO_READING.format(" and ".join(names)))
+    if not because:
+        inputs = np.column_stack([filled(c) for c in inputs.T]) if inputs.size else inputs
+    return Window(piece.time[first:last], inputs, measured, number, first, "; ".join(because))
+
+
+def _noise(
+    ruleset: Ruleset, dynamics: Dynamics, pieces: Sequence[Window], measured: Array
+) -> tuple[Array, Array]:
+    """White noise from third differences, at least the resolution, and median of each output."""
+    noise, level = np.ones(len(dynamics.outputs)), np.zeros(len(dynamics.outputs))
+    for i, name in enumerate(dynamics.outputs):
+        values = measured[:, i] if len(measured) else np.zeros(0)
+        if not np.isfinite(values).any():
+            continue
+        third = np.concatenate([np.diff(p.measured[:, i], 3) for p in pieces])
+        third = third[np.isfinite(third)]
+        white = 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0) if len(third) else 0.0
+        level[i] = float(np.nanmedian(values))
+        signal = ruleset.signal_by_id[name]
+        least = NEGLIGIBLE * float(systematic_u(signal, level[i]))
+        noise[i] = max(white, resolution(values, signal), least)
+    return noise, level

@@ -1,0 +1,68 @@
+"""A verdict for every sample, where a diagnosis speaks of whole stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.steady.isolate import COVERAGE
+from rulec_runtime.diagnosis.steady.seen import Seen, see_samples, see_stretches
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.diagnosis.steady.verdict import verdict_at
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import settle
+
+QUIET = ("ok", "cannot judge")
+"""Words that give way to what another block of estimates says."""
+
+
+def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trace:
+    """Judge every sample of the settled stretches on its own; the others are ``moving``.
+
+    Samples of a plant that stores have the verdict of their windows.
+    """
+    recording = examine(recording, ruleset).recording
+    if ruleset.dynamics is not None:
+        # Loaded when it is needed: see `diagnose`.
+        from rulec_runtime.diagnosis.stores.diagnose import judge_stores
+        from rulec_runtime.diagnosis.stores.trace import trace_stores
+
+        return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
+    stretches, noise = settle(recording, ruleset)
+    words = ["moving"] * len(recording)
+    degree = np.zeros((len(ruleset.faults), len(recording)))
+    half = np.zeros_like(degree)
+    if not len(stretches):
+        return Trace(recording.time, tuple(words), degree, degree, degree)
+    known = see_stretches(recording, ruleset, stretches, noise, mode)
+    chosen = np.concatenate(
+        [np.arange(a, b) for a, b in zip(stretches.first, stretches.last, strict=True)]
+    )
+    for here, seen in see_samples(recording, ruleset, noise, stretches, known, chosen):
+        sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in seen], axis=0)
+        for i, sample in enumerate(here.tolist()):
+            words[sample] = "ok" if sound[i] else _word(ruleset, seen, i)
+        for part in seen:
+            fits = part.isolation.probability > 0
+            degree[:, here] += np.where(fits, part.isolation.degree, 0.0)
+            half[:, here] += np.where(fits, COVERAGE * part.isolation.u, 0.0)
+    return Trace(
+        recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
+    )
+
+
+def _word(ruleset: Ruleset, seen: Sequence[Seen], point: int) -> str:
+    """Verdicts of all blocks as they stand in the trace: ids of faults, or what else there is."""
+    words = dict.fromkeys(_of_block(ruleset, part, point) for part in seen)
+    loud = [word for word in words if word not in QUIET]
+    return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
+
+
+def _of_block(ruleset: Ruleset, seen: Seen, point: int) -> str:
+    verdict = verdict_at(ruleset, seen, point)
+    if verdict.kind == "fault":
+        return " + ".join(ruleset.faults[i].id for i in verdict.faults)
+    return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)

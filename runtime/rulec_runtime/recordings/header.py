@@ -1,0 +1,114 @@
+"""The header of a recording: which column is which signal, and in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.csv_cell import as_meant
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+from rulec_runtime.recordings.time_column import NAMES
+
+
+@dataclass(frozen=True)
+class Target:
+    """A column that belongs to a signal: SI = number * factor + offset."""
+
+    index: int
+    signal: str
+    factor: float
+    offset: float
+
+
+@dataclass
+class Header:
+    """What the columns of a file are; `strangers` belong to no signal."""
+
+    time: int = -1
+    time_title: str = ""
+    time_unit: str = ""
+    targets: list[Target] = field(default_factory=list)
+    strangers: list[str] = field(default_factory=list)
+
+
+def assign(
+    path: Path, titles: Sequence[str], ruleset: Ruleset, header: Header, notes: list[str]
+) -> None:
+    """Find out which column is which signal."""
+    foreign: dict[str, list[tuple[str, float, float]]] = {}
+    for c in ruleset.columns:
+        foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
+    signals = ruleset.signal_by_id
+    source: dict[str, str] = {}
+    for index, title in enumerate(as_meant(t.strip()) for t in titles):
+        name, unit = parts_of(title)
+        named = title != "" and title == ruleset.time_column
+        if named or (header.time < 0 and name.lower() in NAMES):
+            header.time, header.time_title, header.time_unit = index, title, unit.strip()
+            continue
+        if title in foreign:
+            meant = foreign[title]
+        elif name in signals:
+            meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, notes))]
+        else:
+            if title:
+                header.strangers.append(title)
+            continue
+        for signal, factor, offset in meant:
+            if signal in source:
+                raise RecordingRefused(
+                    f"{path}: two columns hold {signal}: '{source[signal]}' and '{title}'; "
+                    "take one of them out"
+                )
+            source[signal] = title
+            header.targets.append(Target(index, signal, factor, offset))
+    if header.time < 0:
+        expected = ruleset.time_column or "time [s]"
+        raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'")
+
+
+def parts_of(title: str) -> tuple[str, str]:
+    """Name and unit of a column; a title of another form is a name as a whole.
+
+    >>> parts_of("A.dp [bar]"), parts_of("A.dp"), parts_of("a[b]c")
+    (('A.dp', 'bar'), ('A.dp', ''), ('a[b]c', ''))
+    """
+    name, bracket, rest = title.partition("[")
+    name = name.strip()
+    if not bracket and "]" not in title:
+        return name, ""
+    unit, closed, behind = rest.partition("]")
+    if not (name and bracket and closed) or behind.strip() or set("[]") & {*name, *unit}:
+        return title, ""
+    return name, unit
+
+
+def _conversion(
+    path: Path, title: str, unit: str, signal: SignalSpec, ruleset: Ruleset, notes: list[str]
+) -> tuple[float, float]:
+    """Factor and offset of a column's unit."""
+    if not unit.strip():
+        notes.append(f"{path.name}: '{title}' names no unit; {signal.unit} is assumed")
+        return signal.factor, signal.offset
+    if unit.strip() == signal.unit:
+        return signal.factor, signal.offset
+    found = parse_unit(unit, ruleset.units)
+    wanted = parse_unit(signal.unit, ruleset.units)
+    if found is None:
+        known = fitting(wanted, ruleset.units) or [signal.unit]
+        close = get_close_matches(unit, known, 1)
+        hint = f"did you mean '{close[0]}'? " if close else ""
+        raise RecordingRefused(
+            f"{path}: column '{title}': unknown unit '{unit[:40]}'; {hint}"
+            f"for {signal.id} write {', '.join(known[:8])}"
+        )
+    if wanted is not None and found.dimension != wanted.dimension:
+        raise RecordingRefused(
+            f"{path}: column '{title}' is in {unit}, but {signal.id} is measured in {signal.unit}; "
+            "are two columns swapped?"
+        )
+    return found.factor, found.offset

@@ -1,0 +1,89 @@
+"""Recognise a table of operating points: rows without a course in time.
+
+A bench writes one row per point, averaged and steady. To the search for settled stretches such
+rows look like one long transient. They are told from a recording by what happens from row to row:
+a recording that is sampled often enough for settled stretches mostly changes by its noise, a
+table moves on at nearly every row, and in several readings at once.
+
+Source: own derivation. In real recordings the median change from row to row is at most 1.1
+standard uncertainties of the sensor, in tables of pump curves 4 to 90.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches, systematic_u
+
+MOVING = 3.0
+"""Median change from row to row, in standard uncertainties of the sensor, of a reading on the
+move."""
+
+TOGETHER = 2
+"""Readings that must be on the move: one alone may be a noisy sensor."""
+
+FEWEST = 4
+"""Rows below which nothing can be said."""
+
+USUAL = 0.99
+"""Share of changes from row to row that count as usual: the rest may be a start or a stop."""
+
+LEAP = 1.0
+"""Standard deviations of a reading that it never leaps by in a run. Measured: at most 0.15 in a
+ramp of the independent truth; in six tables of pump curves the flow leaps by 3.1 to 3.4."""
+
+NOTE = (
+    "readings change at every row by far more than their sensors' uncertainty: each row is taken "
+    "as a settled operating point of its own, not as a moment of one run"
+)
+
+
+def is_point_table(recording: Recording, ruleset: Ruleset) -> bool:
+    """Whether each row is an operating point of its own.
+
+    True for a pump curve with one row per valve position; False where each position was held and
+    sampled several times.
+    """
+    used = {s for o in ruleset.observers for s in o.signals}
+    signals = [s for s in ruleset.signals if s.id in used and s.id in recording.values]
+    return sum(_moves(s, recording) for s in signals) >= TOGETHER
+
+
+def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
+    """Whether a table's rows follow each other in time, as those of a plant that slowly ramps do.
+
+    A run goes on where it was. A bench begins each sweep anew, or takes its points in any order:
+    its column of time numbers the rows.
+    """
+    used = {s for o in ruleset.observers for s in o.signals}
+    moving = [s.id for s in ruleset.signals if s.id in used and s.id in recording.values]
+    moving = [name for name in moving if _moves(ruleset.signal_by_id[name], recording)]
+    return all(_leap(recording.values[name]) <= LEAP for name in moving)
+
+
+def _leap(values: Array) -> float:
+    """The largest usual change from row to row, in standard deviations of all rows."""
+    changes = np.abs(np.diff(values[np.isfinite(values)]))
+    spread = float(np.nanstd(values))
+    return float(np.quantile(changes, USUAL)) / spread if spread else 0.0
+
+
+def _moves(signal: SignalSpec, recording: Recording) -> bool:
+    """Whether a reading usually changes from one row to the next, where its module works."""
+    values = recording.values[signal.id]
+    with np.errstate(invalid="ignore"):
+        low = -np.inf if signal.minimum is None else signal.minimum
+        working = values[np.isfinite(values) & (values >= low)]
+    if len(working) < FEWEST:
+        return False
+    limit = MOVING * float(systematic_u(signal, float(np.median(np.abs(working)))))
+    return float(np.median(np.abs(np.diff(working)))) > limit
+
+
+def each_row(recording: Recording) -> Stretches:
+    """Every row as a settled stretch of its own."""
+    rows = np.arange(len(recording), dtype=np.intp)
+    return Stretches(rows, rows + 1)

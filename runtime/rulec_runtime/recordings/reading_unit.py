@@ -1,0 +1,73 @@
+"""Units in the header of a recording, by the table of spellings that the ruleset brings."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import UnitSpec
+
+_TYPOGRAPHY = str.maketrans({"°": "deg", "²": "2", "³": "3", "·": "*", "⋅": "*", " ": None})
+_NEGATIVE = re.compile(r"(?<=[A-Za-z])-(\d)")
+LONGEST = 40
+
+
+def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
+    """Look a unit up; products, quotients and powers are put together. None if unknown.
+
+    >>> bar, h = UnitSpec(1e5, 0, (-1, 1, -2, 0)), UnitSpec(3600, 0, (0, 0, 1, 0))
+    >>> parse_unit("bar/h", {"bar": bar, "h": h})
+    UnitSpec(factor=27.77777777777778, offset=0.0, dimension=(-1.0, 1.0, -3.0, 0.0))
+    """
+    text = text.strip().translate(_TYPOGRAPHY)
+    if text in units:
+        return units[text]
+    if len(text) > LONGEST:
+        return None
+    try:
+        tree = ast.parse(_NEGATIVE.sub(r"**-\1", text.replace("^", "**")), mode="eval").body
+        factor, dimension = _walk(tree, units)
+    except (SyntaxError, ValueError, RecursionError, MemoryError, ArithmeticError):
+        return None
+    return UnitSpec(factor, 0.0, tuple(float(d) for d in dimension))
+
+
+def _walk(node: ast.expr, units: Mapping[str, UnitSpec]) -> tuple[float, np.ndarray]:
+    """Factor and dimension of a tree; ValueError for anything but units and * / **."""
+    match node:
+        case ast.Constant(value=1):
+            return 1.0, _plain(units)
+        case ast.Name(id=name) if name in units and not units[name].offset:
+            return units[name].factor, np.array(units[name].dimension)
+        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
+            (f, d), (g, e) = _walk(left, units), _walk(right, units)
+            return (f * g, d + e) if isinstance(op, ast.Mult) else (f / g, d - e)
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            f, d = _walk(left, units)
+            power = _power(right)
+            return float(f**power), power * d
+    raise ValueError("not a unit")
+
+
+def _plain(units: Mapping[str, UnitSpec]) -> np.ndarray:
+    """The dimension of a plain number, with as many exponents as the table has."""
+    return np.zeros(max((len(u.dimension) for u in units.values()), default=0))
+
+
+def _power(node: ast.expr) -> int:
+    match node:
+        case ast.Constant(value=int(value)) if abs(value) <= 6:
+            return value
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_power(operand)
+    raise ValueError("not a power")
+
+
+def fitting(wanted: UnitSpec | None, units: Mapping[str, UnitSpec]) -> list[str]:
+    """Spellings of the same dimension."""
+    return (
+        [] if wanted is None else [n for n, u in units.items() if u.dimension == wanted.dimension]
+    )

@@ -1,0 +1,226 @@
+"""A recording: readings over time, in SI, with what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.clock import ClockSet, in_order
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.recording_file import ABSURD, RecordingFile, files_of, read_file
+from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
+
+__all__ = ["Recording", "RecordingRefused", "read_recording"]
+
+SHOWN = 5
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Readings of one plant.
+
+    Attributes
+    ----------
+    time : shape (n,), s; increasing.
+    values : per signal id an array, shape (n,), SI; NaN where there is no usable reading.
+    segment : shape (n,); changes where one file ends and the next begins.
+    missing : signals of the ruleset that the recording does not have.
+    notes : what was found while reading, for the operator.
+    left_out : rows of the files that are no part of it: how many, and why.
+    one_clock : whether times of all its files are on one clock; where each begins anew, nobody
+        knows how long a pause there was, nor which was first.
+    clock : when, and by how much, the clock of the logger was set while it recorded.
+    unfit : per signal why readings were taken out; None before anybody looked.
+    scales : per signal how the numbers of its column were read: SI = number * factor + offset.
+    calendar : the date of time 0, where the file has dates.
+    """
+
+    time: Array
+    values: Mapping[str, Array]
+    segment: np.ndarray
+    missing: tuple[str, ...]
+    notes: tuple[str, ...]
+    left_out: tuple[tuple[int, str], ...] = ()
+    one_clock: bool = True
+    clock: tuple[ClockSet, ...] = ()
+    unfit: Mapping[str, str] | None = None
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    calendar: Calendar | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One file; `zones` are seconds ahead of UTC, where it has dates."""
+
+    name: str
+    time: Array
+    values: Mapping[str, Array]
+    zones: Array | None
+    clock: tuple[ClockSet, ...]
+
+
+def read_recording(path: Path, ruleset: Ruleset) -> Recording:
+    """Read a CSV file (also .gz) or a folder of them.
+
+    Columns are ``time [s]`` and ``<module>.<signal> [unit]``, or foreign names that the plant's
+    column map knows. Raises `RecordingRefused` with a message for the operator.
+    """
+    notes: list[str] = []
+    strangers: dict[str, None] = {}
+    parts = []
+    lost: list[tuple[int, str]] = []
+    scales: dict[str, tuple[float, float]] = {}
+    for name in files_of(path):
+        file = read_file(name, ruleset, notes)
+        scales |= {t.signal: (t.factor, t.offset) for t in file.header.targets}
+        strangers.update(dict.fromkeys(file.header.strangers))
+        if file.left_out:
+            lost.append((file.left_out, "another number of cells than the header"))
+        parts.append(_part(file, notes, lost))
+    used = ruleset.read
+    signals = sorted({name for part in parts for name in part.values})
+    if not used.intersection(signals):
+        raise RecordingRefused(
+            f"{path}: no column belongs to this plant. Expected columns such as "
+            f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
+        )
+    start = min(float(part.time[0]) for part in parts)
+    parts, one_clock = _one_behind_the_other(path, parts, notes)
+    calendar = _calendar(start, parts)
+    if calendar is not None:
+        notes.append(f"time 0 s is {calendar.clock(0.0)} ({calendar.zone()})")
+    missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
+    notes += _strangers(strangers, missing, ruleset)
+    return Recording(
+        np.concatenate([part.time for part in parts]),
+        {
+            name: np.concatenate(
+                [part.values.get(name, np.full(len(part.time), np.nan)) for part in parts]
+            )
+            for name in signals
+        },
+        np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
+        missing,
+        tuple(dict.fromkeys(notes)),
+        tuple(lost),
+        one_clock,
+        tuple(clock for part in parts for clock in part.clock),
+        scales=scales,
+        calendar=calendar,
+    )
+
+
+def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Ruleset) -> Iterator[str]:
+    """A remark on columns of no use, where one may be what is missing or of another plant."""
+    names = list(strangers)
+    odd = [name for name in names if name.partition(".")[0] in ruleset.modules]
+    if odd:
+        yield (
+            f"'{odd[0]}' is no signal of this plant's module {odd[0].partition('.')[0]}; "
+            "is this a recording of another plant?"
+        )
+    if names and missing:
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
+        yield f"columns that belong to no signal of this plant: {shown}{more}"
+
+
+def _example(ruleset: Ruleset) -> str:
+    if ruleset.columns:
+        return ruleset.columns[0].column
+    return f"{ruleset.signals[0].id} [{ruleset.signals[0].unit}]"
+
+
+def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) -> _Part:
+    """A file with its rows in order of time."""
+    kept = _with_time(file.path, file.time, notes, lost)
+    ordered = in_order(file.time[kept])
+    if ordered.sorted:
+        notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
+    first = np.concatenate([[True], np.diff(ordered.time) > 0])
+    repeated = len(first) - int(first.sum())
+    _tell_left_out(file.path, repeated, "repeat the time of another row", notes, lost)
+    rows = kept[ordered.order[first]]
+    values = {name: v[rows] for name, v in file.values.items()}
+    zones = None if file.zones is None else file.zones[rows]
+    return _Part(file.path.name, ordered.time[first], values, zones, ordered.sets)
+
+
+def _with_time(
+    path: Path, time: Array, notes: list[str], lost: list[tuple[int, str]]
+) -> NDArray[np.intp]:
+    """Indexes of the rows that have a time."""
+    has_time = np.isfinite(time) & (np.abs(time) < ABSURD)
+    if not has_time.any():
+        raise RecordingRefused(f"{path}: no row has a usable time")
+    _tell_left_out(path, int((~has_time).sum()), "have no usable time", notes, lost)
+    return np.flatnonzero(has_time)
+
+
+def _tell_left_out(
+    path: Path, count: int, what: str, notes: list[str], lost: list[tuple[int, str]]
+) -> None:
+    """Rows that are no part of the recording, for the operator and for the count of rows."""
+    if count:
+        notes.append(f"{path.name}: {count} rows {what} and are left out")
+        lost.append((count, f"they {what}"))
+
+
+def _one_behind_the_other(
+    path: Path, parts: list[_Part], notes: list[str]
+) -> tuple[list[_Part], bool]:
+    """Files in order of time, and whether they are on one clock.
+
+    Where their times overlap, in order of name, one after the other.
+    """
+    if len({part.zones is None for part in parts}) > 1:
+        raise RecordingRefused(
+            f"{path}: some files of this folder have dates, others plain seconds; "
+            "diagnose them apart"
+        )
+    ordered = sorted(parts, key=lambda p: float(p.time[0]))
+    if parts[0].zones is not None:
+        start = float(ordered[0].time[0])
+        ordered = [_moved(part, -start) for part in ordered]
+        parts = [_moved(part, -start) for part in parts]
+    if _follow(ordered):
+        return ordered, True
+    result: list[_Part] = []
+    names, end = [], 0.0
+    for part in parts:
+        step = float(np.median(np.diff(part.time))) if len(part.time) > 1 else 1.0
+        begin = end + step if result else float(part.time[0])
+        result.append(_moved(part, begin - float(part.time[0])))
+        end = float(result[-1].time[-1])
+        names.append(f"{part.name} from {begin:g} s")
+    shown = ", ".join(names[:SHOWN]) + (" ..." if len(names) > SHOWN else "")
+    notes.append(f"the times of {len(parts)} files overlap; one behind the other now: {shown}")
+    return result, False
+
+
+def _moved(part: _Part, seconds: float) -> _Part:
+    """The same file at another time."""
+    clock = tuple(replace(c, time=c.time + seconds) for c in part.clock)
+    return replace(part, time=part.time + seconds, clock=clock)
+
+
+def _calendar(start: float, parts: Sequence[_Part]) -> Calendar | None:
+    """Dates of a recording that begins at `start`, if it has any and its files follow them."""
+    if any(part.zones is None for part in parts):
+        return None
+    zones = [part.zones for part in parts if part.zones is not None]
+    return calendar_of(np.concatenate([p.time for p in parts]), start, np.concatenate(zones))
+
+
+def _follow(parts: Iterable[_Part]) -> bool:
+    return all(a.time[-1] < b.time[0] for a, b in pairwise(parts))

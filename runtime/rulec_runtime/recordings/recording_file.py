@@ -1,0 +1,118 @@
+"""One file of readings: which column is which signal, and its numbers in the order of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_table
+from rulec_runtime.recordings.header import Header, Target, assign
+from rulec_runtime.recordings.time_column import read_times
+
+ABSURD = 1e15
+"""Beyond this (SI) a number is a fill value of some program, not a reading."""
+
+BEYOND = 1e6
+"""Times the reference reading and the range of its sensor beyond which a reading is none. Assumed:
+no sensor spans six decades above what its plant runs at, and sums of squares stay exact below."""
+
+
+@dataclass(frozen=True)
+class RecordingFile:
+    """Readings as they stand in a file.
+
+    Attributes
+    ----------
+    header : which column is which signal, and which belongs to none.
+    time : shape (n,), s; NaN where a row has none. Since 1970 if the file is `dated`.
+    zones : shape (n,), s ahead of UTC, NaN where a date names no zone; None without dates.
+    values : per signal an array, shape (n,), SI; NaN where there is no usable reading.
+    comma : whether its numbers are written with a decimal comma.
+    left_out : rows with another number of cells than the header.
+    """
+
+    path: Path
+    header: Header
+    time: Array
+    values: dict[str, Array]
+    zones: Array | None
+    comma: bool
+    left_out: int = 0
+
+    @property
+    def dated(self) -> bool:
+        """Whether its times are dates."""
+        return self.zones is not None
+
+
+def files_of(path: Path) -> list[Path]:
+    """The file, or all CSV files of a folder in order of their names."""
+    if path.is_dir():
+        files = sorted(f for f in path.iterdir() if f.name.lower().endswith((".csv", ".csv.gz")))
+        if not files:
+            raise RecordingRefused(f"{path}: this folder holds no .csv or .csv.gz file")
+        return files
+    if not path.is_file():
+        raise RecordingRefused(f"{path}: there is no such file")
+    return [path]
+
+
+def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
+    """Read all columns that belong to signals; what is odd about them is added to `notes`."""
+    header = Header()
+
+    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
+        assign(path, titles, ruleset, header, notes)
+        return header.time, [target.index for target in header.targets]
+
+    table = read_table(path, choose)
+    if table.left_out:
+        notes.append(
+            f"{path.name}: {table.left_out} rows have another number of cells than the header and "
+            f"are left out (the first is data row {table.first_left_out})"
+        )
+    time, zones = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
+    values = {}
+    for column, target in zip(table.columns, header.targets, strict=True):
+        most = _largest(ruleset.signal_by_id[target.signal])
+        values[target.signal] = _readings(path, column, target, most, notes)
+    comma = any("," in column.decimals for column in table.columns)
+    return RecordingFile(path, header, time, values, zones, comma, table.left_out)
+
+
+def _largest(signal: SignalSpec) -> float:
+    """What a reading can be at most, SI."""
+    ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
+    known = [abs(end) for end in ends if end is not None and isfinite(end)]
+    scale = max(known, default=0.0)
+    return min(ABSURD, BEYOND * scale) if scale else ABSURD
+
+
+def _readings(path: Path, column: Column, target: Target, most: float, notes: list[str]) -> Array:
+    """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
+    if column.words:
+        assert column.first is not None
+        row, word = column.first
+        notes.append(
+            f"{path.name}: {column.words} cells of {target.signal} are words (the first, in data "
+            f"row {row}: '{word}'); there it has no reading"
+        )
+    with np.errstate(over="ignore"):
+        values = column.numbers() * target.factor + target.offset
+    absurd = np.abs(values) > most
+    if absurd.any():
+        count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
+        notes.append(
+            f"{path.name}: {count} cells of {target.signal} are beyond any sensor (the first in "
+            f"data row {row}); there it has no reading"
+        )
+        values[absurd] = np.nan
+    if not np.isfinite(values).any():
+        notes.append(f"{path.name}: {target.signal} has not one reading")
+    return values

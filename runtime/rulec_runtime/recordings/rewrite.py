@@ -1,0 +1,69 @@
+"""A recording as it was written, with some columns replaced and others added."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping
+from math import isnan
+from typing import TextIO
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.csv_cell import as_meant, defused
+from rulec_runtime.recordings.csv_table import whole_rows
+from rulec_runtime.recordings.recording_file import RecordingFile
+
+DIGITS = 10
+"""Significant digits of a number: more than any sensor has, fewer than rounding spoils."""
+
+
+def rewrite(
+    file: RecordingFile, ruleset: Ruleset, values: Mapping[str, Array], target: TextIO
+) -> None:
+    """Write a file's rows with the readings of some signals; NaN becomes an empty cell.
+
+    Parameters
+    ----------
+    values : per signal an array, shape (rows of the file,), SI. A signal without a column gets
+        one behind the others, under its foreign name if the plant knows one.
+    """
+    header, rows, separator = whole_rows(file.path)
+    writer = csv.writer(target, delimiter=separator, lineterminator="\n")
+    replaced: dict[int, Iterable[str]] = {}
+    for place in file.header.targets:
+        if place.signal in values and place.index not in replaced:
+            shown = (values[place.signal] - place.offset) / place.factor
+            replaced[place.index] = cells(shown, file.comma)
+    for name in added(file, values):
+        title, factor, offset = column_of(name, ruleset)
+        replaced[len(header)] = cells((values[name] - offset) / factor, file.comma)
+        header.append(title)
+    writer.writerow(defused(as_meant(title)) for title in header)
+    room = [""] * len(added(file, values))
+    columns = zip(*replaced.values(), strict=True) if replaced else None
+    for row in rows:
+        row += room
+        for index, cell in zip(replaced, next(columns) if columns else (), strict=True):
+            row[index] = cell
+        writer.writerow(defused(cell) for cell in row)
+
+
+def added(file: RecordingFile, values: Iterable[str]) -> list[str]:
+    """Signals that have no column in a file."""
+    there = {place.signal for place in file.header.targets}
+    return [name for name in values if name not in there]
+
+
+def column_of(name: str, ruleset: Ruleset) -> tuple[str, float, float]:
+    """Title of a signal's column; SI = number * factor + offset."""
+    for column in ruleset.columns:
+        if column.signal == name:
+            return column.column, column.factor, column.offset
+    signal = ruleset.signal_by_id[name]
+    return f"{name} [{signal.unit}]", signal.factor, signal.offset
+
+
+def cells(values: Array, comma: bool = False) -> list[str]:
+    """Numbers as they stand in a file."""
+    shown = ["" if isnan(v) else f"{v:.{DIGITS}g}" for v in values.tolist()]
+    return [cell.replace(".", ",") for cell in shown] if comma else shown

@@ -1,0 +1,130 @@
+"""Readings that stand still to the last digit while the sensor should show its noise."""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+
+LONGEST, TIMES = 10, 5.0
+"""Readings that are all the same: so many at least, and so many times the longest chance run."""
+
+RESTLESS = 0.7
+"""Scatter of third differences, in least steps, from which on a reading has noise of its own; a
+smooth course that is rounded has a third. And noise told from fourth differences, as part of that
+from third ones: of noise both tell the same, a smooth course vanishes."""
+
+FINEST = 0.05
+"""Share of the steps between levels that are finer than what counts as the least."""
+
+REPEATED = 0.5
+"""Share of readings that repeat the one before, from which on a display is too coarse, or a value
+is held too often, for standing still to mean anything: at less, 45 in a row are no chance."""
+
+INSTRUMENT = 3.0
+"""Noise of an instrument at most, in standard uncertainties of its class. What is set moves by
+more where it moves, and not at all where it is held."""
+
+ENOUGH = 20
+"""Samples in a row that do not change at all from which on a reading that never moved is judged."""
+
+
+def standing_still(
+    values: Array, u: float = np.inf, ends: tuple[float | None, float | None] = (None, None)
+) -> list[tuple[int, int]]:
+    """Spans, first and behind last, in which a reading with noise does not move at all.
+
+    A plant at rest, a coarse display or a set value that is held shows the same for long as well;
+    so what is noisy elsewhere alone is judged, by how long it stays the same there. For a reading
+    that is given, `u`, the standard uncertainty of its class, tells noise from what was set. At the
+    `ends` of its range a reading stands still for another reason.
+    """
+    runs = runs_of_equals(values)
+    long = [run for run in runs if run[1] - run[0] >= LONGEST]
+    if not long:
+        return []
+    rest = values.copy()
+    for first, behind in long:
+        rest[first:behind] = np.nan
+    if not _restless(rest, u):
+        return []
+    chance = max((b - a for a, b in runs if b - a < LONGEST), default=1)
+    long = [
+        run for run in long if run[1] - run[0] >= TIMES * chance and _moves_beside(values, *run)
+    ]
+    return [run for run in long if not _clipped(values, *run, ends)]
+
+
+def _moves_beside(values: Array, first: int, behind: int) -> bool:
+    """Does a reading move from sample to sample right before and behind, as long as it stood?
+
+    Noise changes with the operating point; what hides below the last digit there as well is no
+    standstill.
+    """
+    long = behind - first
+    for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
+        steps = np.diff(beside[np.isfinite(beside)])
+        if len(steps) >= LONGEST and np.mean(steps == 0) > REPEATED:
+            return False
+    return True
+
+
+def _clipped(
+    values: Array, first: int, behind: int, ends: tuple[float | None, float | None]
+) -> bool:
+    """Is it the end of what is shown? There noise comes back to the very same value."""
+    level, (low, high) = values[first], ends
+    if (low is not None and level <= low) or (high is not None and level >= high):
+        return True
+    again = int((values[:first] == level).sum() + (values[behind:] == level).sum())
+    return again > 0 and bool(level in (np.nanmin(values), np.nanmax(values)))
+
+
+def _restless(rest: Array, u: float) -> bool:
+    """Has a reading noise, and no more of it than its class, where it does not stand still?"""
+    known = rest[np.isfinite(rest)]
+    if len(known) < 2 * LONGEST or np.mean(np.diff(known) == 0) > REPEATED:
+        return False
+    noise = _noise(known, 3)
+    white = noise >= RESTLESS * _least_step(known) and _noise(known, 4) >= RESTLESS * noise
+    return bool(white and noise <= INSTRUMENT * u)
+
+
+def never_moves(values: Array) -> bool:
+    """Is a reading the same from the first sample to the last?"""
+    known = values[np.isfinite(values)]
+    return len(known) >= ENOUGH and bool((known == known[0]).all())
+
+
+def last_digit(value: float) -> float:
+    """The step in which a number is written, by its digits: 1.80 may be one of 1.8, 900 of 900.
+
+    >>> last_digit(1.8), round(last_digit(1.82466), 9), last_digit(900.0), last_digit(0.0)
+    (0.1, 1e-05, 100.0, 1.0)
+    """
+    for power in range(6, -12, -1):
+        step = 10.0**power
+        if value and abs(value / step - round(value / step)) < 1e-6 and round(value / step):
+            return float(f"1e{power}")
+    return 1.0
+
+
+def _noise(values: Array, order: int) -> float:
+    """Standard deviation of white noise; differences of an order sum squares of binomials."""
+    size = float(np.sqrt(comb(2 * order, order)))
+    return 1.4826 * float(np.median(np.abs(np.diff(values, order)))) / size
+
+
+def _least_step(values: Array) -> float:
+    steps = np.diff(np.unique(values))
+    return float(np.quantile(steps, FINEST)) if len(steps) else np.inf
+
+
+def runs_of_equals(values: Array) -> list[tuple[int, int]]:
+    """Spans of equal readings, first and behind last."""
+    with np.errstate(invalid="ignore"):
+        changes = np.flatnonzero(np.diff(values) != 0) + 1
+    edges = np.concatenate([[0], changes, [len(values)]])
+    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))

@@ -1,0 +1,78 @@
+"""Fewer and cleaner samples: neighbours averaged, gaps of given readings filled, glitches out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import SignalSpec
+
+FAR = 8.0
+"""A single reading that is so many times the usual step away from both neighbours is none."""
+
+
+def glitches_in(values: Array) -> np.ndarray:
+    """Flags of single readings that neither neighbour bears out, shape (n,)."""
+    step = np.abs(np.diff(values))
+    usual = 1.4826 * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
+    usual = max(usual, 1e-12 + 0.02 * float(np.nanstd(values)))
+    odd = np.zeros(len(values), dtype=bool)
+    before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+    with np.errstate(invalid="ignore"):
+        odd[1:-1] = (before * after > 0) & (np.minimum(abs(before), abs(after)) > FAR * usual)
+    return odd
+
+
+def without_glitches(values: Array) -> tuple[Array, int]:
+    """Readings without such, and how many those were."""
+    odd = glitches_in(values)
+    return np.where(odd, np.nan, values), int(odd.sum())
+
+
+def thinned(
+    time: Array, inputs: Mapping[str, Array], measured: Mapping[str, Array], factor: int
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Neighbours averaged: inputs over the time for which they hold, readings around its start."""
+    if factor == 1:
+        return time, dict(inputs), dict(measured)
+    count = len(time) // factor
+    used = count * factor
+    shift = factor // 2
+
+    def mean(values: Array) -> Array:
+        table = values[:used].reshape(count, factor)
+        known = np.isfinite(table)
+        total = np.where(known, table, 0.0).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            result: Array = np.where(known.any(axis=1), total / known.sum(axis=1), np.nan)
+        return result
+
+    def around(values: Array) -> Array:
+        return mean(np.concatenate([np.full(shift, np.nan), values])[: len(values)])
+
+    thin = time[:used].reshape(count, factor)[:, 0]
+    return (
+        np.ascontiguousarray(thin),
+        {n: mean(v) for n, v in inputs.items()},
+        {n: around(v) for n, v in measured.items()},
+    )
+
+
+def filled(values: Array) -> Array:
+    """Gaps hold the last value; before the first one stands the first."""
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    first = int(np.argmax(known))
+    result: Array = values[np.maximum(last, first)]
+    return result
+
+
+def resolution(values: Array, signal: SignalSpec) -> float:
+    """Smallest step between readings over root 12, or a thousandth of what they span."""
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    steps = steps[steps > 1e-9 * (abs(signal.factor) + np.ptp(values[np.isfinite(values)]))]
+    smallest = float(np.quantile(steps, 0.05)) if len(steps) else abs(signal.factor)
+    span = float(np.nanstd(values))
+    return float(max(min(smallest / np.sqrt(12.0), 0.05 * span), 1e-4 * span, 1e-300))

@@ -1,0 +1,83 @@
+"""The time column of a recording: seconds in any unit of time, or dates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import UnitSpec
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+
+NAMES = ("time", "datetime", "timestamp", "date", "t", "zeit")
+"""Names of the time column, in lower case."""
+
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
+
+
+def read_times(
+    path: Path, cells: Sequence[str], title: str, unit: str, units: Mapping[str, UnitSpec]
+) -> tuple[Array, Array | None]:
+    """Seconds, NaN where there is no time; second, where they are dates (since 1970): their zones
+    as seconds ahead of UTC, NaN where a date names none."""
+    numbers = _plain_times(cells)
+    if np.isfinite(numbers).any():
+        return numbers * _factor(path, title, unit, units), None
+    table = np.array([_date(cell) for cell in cells]).reshape(-1, 2)
+    dates, zones = table[:, 0], table[:, 1]
+    if not np.isfinite(dates).any():
+        raise RecordingRefused(
+            f"{path}: the time column '{title}' holds '{cells[0].strip()[:30]}'; expected seconds, "
+            "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
+        )
+    return dates, zones
+
+
+def _plain_times(cells: Sequence[str]) -> Array:
+    try:
+        return np.array(cells, dtype=float)
+    except ValueError:
+        pass
+    result = np.full(len(cells), np.nan)
+    for i, cell in enumerate(cells):
+        try:
+            result[i] = float(cell.replace(",", "."))
+        except ValueError:
+            continue
+    return result
+
+
+def _factor(path: Path, title: str, text: str, units: Mapping[str, UnitSpec]) -> float:
+    """Seconds per unit of the time column."""
+    unit, second = parse_unit(text or "s", units), units["s"]
+    if unit is None or unit.dimension != second.dimension:
+        known = ", ".join(fitting(second, units))
+        raise RecordingRefused(
+            f"{path}: the time column '{title}' is in '{text[:40]}'; expected {known}, or dates"
+        )
+    return unit.factor
+
+
+def _date(cell: str) -> tuple[float, float]:
+    """Seconds since 1970, and the zone's seconds ahead of UTC, NaN without one.
+
+    A date without a zone counts as UTC, so no hour is lost or doubled.
+    """
+    text = cell.strip()
+    day_first = _DAY_FIRST.match(text)
+    if day_first:
+        day, month, year = day_first.groups()
+        text = f"{year}-{month:0>2}-{day:0>2}" + text[day_first.end() :]
+    try:
+        date = datetime.fromisoformat(text)
+        zone = date.utcoffset()
+        date = date if date.tzinfo else date.replace(tzinfo=UTC)
+        seconds = date.astimezone(UTC).timestamp()
+    except (ValueError, OverflowError):  # no date, or in UTC one that no calendar has
+        return float("nan"), float("nan")
+    return seconds, float("nan") if zone is None else zone.total_seconds()

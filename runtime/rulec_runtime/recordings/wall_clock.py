@@ -1,0 +1,98 @@
+"""Wall-clock time: what a second of a recording is on the clock of the plant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+
+MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+
+
+@dataclass(frozen=True)
+class Calendar:
+    """Dates of a recording.
+
+    `start` is the date of time 0 in seconds since 1970. `offsets` are those of local time from
+    UTC, s, each from a time of the recording on, s, in order; empty where the file names no zone:
+    its stamps are then shown as they are.
+    """
+
+    start: float
+    offsets: tuple[tuple[float, float], ...] = ()
+
+    def at(self, time: float) -> datetime:
+        """The date of a time of the recording, in its own zone."""
+        utc = datetime.fromtimestamp(self.start, UTC) + timedelta(seconds=time)
+        offset = None
+        for since, seconds in self.offsets:
+            if offset is None or time >= since:
+                offset = seconds
+        if offset is None:
+            return utc.replace(tzinfo=None)
+        return utc.astimezone(timezone(timedelta(seconds=offset)))
+
+    def iso(self, time: float) -> str:
+        """ISO 8601, with the zone where the recording names one."""
+        date = self.at(time)
+        whole = date.microsecond == 0
+        return date.isoformat(timespec="seconds" if whole else "milliseconds")
+
+    def zone(self) -> str:
+        """Zone in which times are told."""
+        if not self.offsets:
+            return "the recording names no zone"
+        names = dict.fromkeys(_offset(seconds) for _, seconds in self.offsets)
+        return " and ".join(names)
+
+    def clock(self, time: float, before: float | None = None) -> str:
+        """Date and time of day; of a date that `before` has named already the time alone."""
+        date = self.at(time)
+        day = (
+            ""
+            if before is not None and self.at(before).date() == date.date()
+            else f"{date:%Y-%m-%d} "
+        )
+        fine = f".{date.microsecond // 100_000}" if date.microsecond >= 100_000 else ""
+        return f"{day}{date:%H:%M:%S}{fine}"
+
+
+def _offset(seconds: float) -> str:
+    if seconds == 0:
+        return "UTC"
+    sign = "+" if seconds > 0 else "-"
+    minutes = round(abs(seconds) / MINUTE)
+    return f"UTC{sign}{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def calendar_of(time: Array, start: float, offset: Array) -> Calendar:
+    """Calendar of samples, `time` in order, s from `start` on; `offset` NaN without a zone."""
+    if not np.isfinite(offset).any():
+        return Calendar(start)
+    known = np.isfinite(offset)
+    when, shown = time[known], offset[known]
+    first = np.concatenate([[0], np.flatnonzero(np.diff(shown) != 0) + 1])
+    return Calendar(start, tuple((float(when[i]), float(shown[i])) for i in first.tolist()))
+
+
+def duration(seconds: float) -> str:
+    """How long something lasts, for people.
+
+    >>> duration(8.0), duration(90.0), duration(7260.0), duration(200000.0)
+    ('8 s', '1 min 30 s', '2 h 1 min', '2 d 7 h')
+    """
+    if seconds < MINUTE:
+        return f"{seconds:.3g} s"
+    whole = round(seconds)
+    for big, name, small, second in (
+        (DAY, "d", HOUR, "h"),
+        (HOUR, "h", MINUTE, "min"),
+        (MINUTE, "min", 1.0, "s"),
+    ):
+        if whole >= big:
+            rest = int(whole % big // small)
+            return f"{int(whole // big)} {name}" + (f" {rest} {second}" if rest else "")
+    return f"{whole} s"

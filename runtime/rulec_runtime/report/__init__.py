@@ -1,0 +1,1 @@
+"""A diagnosis for people and machines: terminal, JSON, one self-contained HTML file."""

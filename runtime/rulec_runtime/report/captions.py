@@ -1,0 +1,169 @@
+"""One sentence below each picture: what it shows, in words and numbers computed from the data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.report.series import Curves, persistent, sides_of
+from rulec_runtime.report.text import bounds, counted, degree, listed, number, percent, period
+from rulec_runtime.report.truth import Cases
+from rulec_runtime.report.wording import worst_first
+
+NAMED = 4
+"""Names in one sentence."""
+
+
+def say_estimates(curves: Curves) -> str:
+    """Which two estimates of the module disagree most, by how much and when.
+
+    The picture shows the plain flows, so the distance is theirs. What counts as too much is
+    decided against the baseline, so the limit is that of what differs from it.
+    """
+    module = curves.sides[0].module
+    names = [
+        side.short
+        for side, flow in zip(curves.sides, curves.flows, strict=True)
+        if np.isfinite(flow[curves.judged]).any()
+    ]
+    if not curves.judged.any():
+        return f"No sample was judged; the estimates of {module} are drawn where they exist."
+    if len(names) < 2:
+        only = f"only the {names[0]} estimate of {module}" if names else f"no estimate of {module}"
+        return f"Where samples were judged, {only} could be formed; there is nothing to compare."
+    compared = [sides_of(r) for r in curves.residuals]
+    own = [
+        (i, runs)
+        for i, runs in persistent(curves)
+        if len(compared[i]) == 2 and set(compared[i]) <= set(curves.sides)
+    ]
+    if not own:
+        judged = counted(int(curves.judged.sum()), "judged sample")
+        return f"The estimates of {module} ({listed(names)}) agree within their limits in {judged}."
+    strongest = [(i, *curves.main_run(i, runs), len(runs)) for i, runs in own]
+    i, first, last, times = max(strongest, key=lambda row: _excess(curves, *row[:3]))
+    one, other = compared[i]
+    run = slice(first, last + 1)
+    apart = float(np.mean(curves.apart(one, other)[run]))
+    side = "above" if apart > 0 else "below"
+    when = period(curves.time[first], curves.time[last])
+    again = f"; {counted(times - 1, 'other period')} shown lie beyond it" if times > 1 else ""
+    return (
+        f"The {one.short} estimate of {module} stands {number(abs(apart))} l/h {side} the "
+        f"{other.short} estimate {when}, {_compared(curves, i, run, apart)}{again}."
+    )
+
+
+def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
+    """What of a distance the baseline leaves, and the limit of that."""
+    seen, limit = (float(np.mean(table[row, run])) for table in (curves.values, curves.limits))
+    beyond = f"beyond the limit of {number(limit, 2)} l/h"
+    if np.isclose(seen, apart, rtol=1e-9):
+        return beyond
+    way = "up" if seen > 0 else "down"
+    usual = "what was taken for fault-free"
+    return f"{way} by {number(abs(seen))} l/h against {usual}, {beyond}"
+
+
+def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
+    """Size of a residual over its limit, mean over the run where that is largest."""
+    return max(_excess(curves, row, first, last) for first, last in runs)
+
+
+def _excess(curves: Curves, row: int, first: int, last: int) -> float:
+    ratio = np.abs(curves.values[row, first : last + 1]) / curves.limits[row, first : last + 1]
+    return float(np.mean(ratio))
+
+
+def say_residuals(curves: Curves) -> str:
+    """Which residuals leave their limits, and how far."""
+    formed = int(curves.formed().sum())
+    if not curves.judged.any():
+        return "No sample was judged, so no residual counts as fired."
+    found = sorted(
+        ((excess(curves, i, runs), curves.residuals[i].id) for i, runs in persistent(curves)),
+        reverse=True,
+    )
+    lost = [r.id for r, ok in zip(curves.residuals, curves.formed(), strict=True) if not ok]
+    absent = f"; {_some(lost)} could not be formed" if lost else ""
+    if not found:
+        if not formed:
+            return "No residual could be formed."
+        none = (
+            f"None of the {formed} residuals leaves" if formed > 1 else "The residual never leaves"
+        )
+        return f"{none} its limit for three samples in a row{absent}."
+    names = _some([f"{name} ({number(times, 2)} times its limit)" for times, name in found])
+    rest = formed - len(found)
+    brief = " but for one or two samples" if curves.fired().any(axis=1).sum() > len(found) else ""
+    stay = f"; the other {rest} stay{'s' * (rest == 1)} inside{brief}" if rest else ""
+    return f"{names} leave{'s' * (len(found) == 1)} the shaded zero band{stay}{absent}."
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first of some names, and how many there are besides."""
+    more = [counted(len(names) - NAMED, "other")] if len(names) > NAMED else []
+    return listed([*names[:NAMED], *more])
+
+
+def say_degrees(diagnosis: Diagnosis, missed: Sequence[str] = ()) -> str:
+    """How large each diagnosed fault becomes, and when; `missed` were there and not named."""
+    findings, worst = diagnosis.findings, worst_first(diagnosis.findings)
+    if not diagnosis.judged:
+        return "Nothing was judged, so no degree is known."
+    if not worst:
+        absent = f", although {_some(missed)} was there" if missed else ""
+        return f"No fault was diagnosed{absent}."
+    parts = []
+    for finding in worst:
+        times = sum(f.fault.id == finding.fault.id for f in findings)
+        often = f", the largest of {times} findings" if times > 1 else ""
+        parts.append(
+            f"{finding.fault.id} reaches {degree(finding.degree, finding.fault.unit)} "
+            f"({bounds(finding.lower, finding.upper)}) "
+            f"{period(finding.since, finding.until)}{often}"
+        )
+    if missed:
+        parts.append(f"truly present but never named: {_some(missed)}")
+    return "; ".join(parts) + "."
+
+
+def say_cases(cases: Cases) -> str:
+    """How often the right fault was named, and how far its degree is off."""
+    faulty, right = cases.fault >= 0, cases.named
+    healthy = ~faulty
+    parts = []
+    if faulty.any():
+        hit = faulty & right
+        parts.append(
+            f"The right fault is named in {hit.sum()} of {counted(int(faulty.sum()), 'sample')} "
+            "with a fault"
+        )
+        if hit.any():
+            off = np.abs(cases.discrepancy[hit])
+            covered = (cases.lower <= cases.true) & (cases.true <= cases.upper)
+            parts[-1] += (
+                f"; there its degree is off by {number(off.mean(), 2)} on average and "
+                f"{number(off.max(), 2)} at most, and the bounds hold the truth in "
+                f"{percent(float(covered[hit].mean()))}"
+            )
+    if healthy.any():
+        alarms = int((healthy & ~right).sum())
+        said = "nothing is reported" if not alarms else f"{alarms} are false alarms"
+        parts.append(f"on {counted(int(healthy.sum()), 'sample')} without a fault {said}")
+    text = "; ".join(parts)
+    return text[:1].upper() + text[1:] + "."
+
+
+def say_shares(cases: Cases, table: np.ndarray) -> str:
+    """How many cases lie close to the truth."""
+    middle = len(table) // 2
+    near, next_to = table[middle].sum(), table[middle - 1 : middle + 2].sum()
+    off = float(np.abs(cases.discrepancy).mean())
+    return (
+        f"{percent(float(near))} of {counted(len(cases), 'case')} lie within 0.05 of the true "
+        f"degree and {percent(float(next_to))} within 0.15; the mean absolute discrepancy is "
+        f"{number(off, 2)}."
+    )

@@ -1,0 +1,211 @@
+"""What happened over time: Figures 7 to 9 of the seed paper, made from one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.isolate import COVERAGE
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.report.captions import excess, say_degrees, say_estimates, say_residuals
+from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
+from rulec_runtime.report.compare import draw_cases, draw_shares
+from rulec_runtime.report.figure import Figure, plot
+from rulec_runtime.report.series import NOT_JUDGED, Curves, detail, persistent
+from rulec_runtime.report.text import counted, number
+from rulec_runtime.report.text import degree as degree_text
+from rulec_runtime.report.thin_curves import COLUMNS, thin_band, thin_marks, thin_series
+from rulec_runtime.report.truth import Cases, Truth, names_at
+from rulec_runtime.report.wording import worst_first
+
+MARKS = 90
+"""Marks across a panel at most, so that they stay apart."""
+
+
+LABELLED = 6
+"""Findings of one fault whose degrees are written into the picture."""
+
+
+def figures_of(
+    diagnosis: Diagnosis, curves: Curves, trace: Trace, truth: Truth | None, cases: Cases | None
+) -> Iterator[Figure]:
+    """All figures that the data allow, in the order of the paper."""
+    if curves.sides:
+        yield draw_estimates(curves)
+    if curves.residuals:
+        yield draw_residuals(curves)
+    yield draw_degrees(diagnosis, trace, truth)
+    if cases is not None and len(cases):
+        yield draw_cases(cases)
+        yield draw_shares(cases)
+
+
+def draw_estimates(whole: Curves) -> Figure:
+    """Flow estimates of one module with their 95 % bands; of long recordings a part."""
+    curves = detail(whole)
+    spread = COVERAGE * curves.flows_u
+    low, high = curves.flows - spread, curves.flows + spread
+    panel = Panel(_time(curves.time), _range(curves, low, high), 260)
+    bands, lines, ends = [], [], []
+    for i, flow in enumerate(curves.flows):
+        bands.append(panel.band(*thin_band(curves.time, low[i], high[i]), f"s{i % 6}"))
+        lines.append(panel.curve(*thin_series(curves.time, flow), f"s{i % 6}"))
+        finite = flow[np.isfinite(flow)]
+        ends.append(float(np.clip(finite[-1], panel.y.low, panel.y.high)) if len(finite) else None)
+    names = labels_apart(panel, ends, [side.short for side in curves.sides])
+    module = curves.sides[0].module
+    drawn = [_unjudged(panel, curves.time, curves.judged), *bands, *lines]
+    svg = panel.drawn(f"flow estimates of {module}", "flow [l/h]", drawn, [names], True)
+    body = plot(svg, True) if np.isfinite(curves.flows).any() else ""
+    key = ["band: 95 % uncertainty"]
+    key += [f"{s.short} = {' + '.join(s.observers)}" for s in curves.sides if s.is_sum]
+    key += [_part(curves)] if len(curves.time) < len(whole.time) else []
+    key += _grey(curves.time, curves.judged)
+    title = f"Flow estimates of {module}"
+    return Figure("estimates", title, "; ".join(key), body, say_estimates(curves))
+
+
+def draw_residuals(curves: Curves) -> Figure:
+    """Residuals over time, one panel each, with the zero band and marks where they fire."""
+    lasting = dict(persistent(curves))
+    drawable = np.flatnonzero(np.isfinite(curves.values).any(axis=1))
+    parts = []
+    for i in map(int, drawable):
+        times = excess(curves, i, lasting[i]) if i in lasting else 0.0
+        parts.append(_residual_panel(curves, i, times, i == drawable[-1]))
+    key = ["shaded: zero within its limit", "▲ fired upwards, ▼ downwards"]
+    key += ["zero: what was taken for fault-free"] if curves.learned else []
+    key += ["only judged samples are drawn"] if _is_long(curves) else []
+    key += _grey(curves.time, curves.judged)
+    body, caption = "".join(parts), say_residuals(curves)
+    return Figure("residuals", "Residuals", "; ".join(key), body, caption, tall=True)
+
+
+def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
+    """One residual; `times` is its size over its limit where it lasts, 0 if it never does."""
+    value, limit = curves.values[row], curves.limits[row]
+    if _is_long(curves):
+        # Transients are much larger than faults: over a long time they would hide everything.
+        value, limit = (np.where(curves.judged, part, np.nan) for part in (value, limit))
+    panel = Panel(
+        _time(curves.time), _range(curves, np.fmin(value, -limit), np.fmax(value, limit), 3), 76
+    )
+    drawn = [
+        _unjudged(panel, curves.time, curves.judged),
+        panel.band(*thin_band(curves.time, -limit, limit), "zero"),
+        panel.curve(*thin_series(curves.time, value), "plain"),
+    ]
+    fired = curves.fired()[row]
+    state = "brief" if fired.any() else "inside"
+    state = state if curves.formed()[row] else "not judged"
+    fixed = [panel.beside(f"{number(times, 2)} × limit" if times else state, bool(times))]
+    for symbol, chosen in (("up", fired & (value > 0)), ("down", fired & (value < 0))):
+        index = thin_marks(curves.time, np.abs(value), chosen, MARKS)
+        fixed.append(panel.marks(curves.time[index], value[index], symbol, "fired"))
+    name = curves.residuals[row].id
+    return plot(panel.drawn(name, f"{name} [l/h]", drawn, fixed, last), last)
+
+
+def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Figure:
+    """Degree of each diagnosed fault with 95 % bounds; dashed the truth."""
+    names = [f.fault.id for f in worst_first(diagnosis.findings)]
+    missed: list[str] = []
+    if truth is not None:
+        present = np.nan_to_num(truth.degree).max(axis=1) > 0
+        true = [name for name, p in zip(truth.faults, present, strict=True) if p]
+        said = {name for here in names_at(trace) for name in here}
+        said |= {f.fault.id for f in diagnosis.findings}
+        missed = [name for name in true if name not in said]
+        names += [name for name in true if name not in names]
+    parts = [
+        _degree_panel(diagnosis, trace, truth, name, i == len(names) - 1)
+        for i, name in enumerate(names)
+    ]
+    key = ["● named as the cause", "band: 95 % bounds"] if names else []
+    key += ["dashed: truth"] if names and truth is not None else []
+    key += _grey(trace.time, _with_degree(trace)) if names else []
+    caption = say_degrees(diagnosis, missed)
+    title = "Degree of the diagnosed faults"
+    return Figure("degrees", title, "; ".join(key), "".join(parts), caption)
+
+
+def _degree_panel(
+    diagnosis: Diagnosis, trace: Trace, truth: Truth | None, name: str, last: bool
+) -> str:
+    row = [f.id for f in diagnosis.ruleset.faults].index(name)
+    judged = _with_degree(trace)
+    degree, low, high = (
+        np.where(judged, table[row], np.nan) for table in (trace.degree, trace.lower, trace.upper)
+    )
+    true = np.full(len(degree), np.nan)
+    unit = diagnosis.ruleset.fault_by_id[name].unit
+    if truth is not None and name in truth.faults:
+        true = truth.degree[truth.faults.index(name)]
+    top = float(np.nanmax([np.fmax(high, true)], initial=0.05))
+    panel = Panel(_time(trace.time), axis(0.0, 1.1 * top, 4), 150)
+    drawn = [
+        _unjudged(panel, trace.time, judged),
+        panel.band(*thin_band(trace.time, low, high), "s0"),
+        panel.curve(*thin_series(trace.time, degree), "s0"),
+        panel.curve(*thin_series(trace.time, true), "truth"),
+    ]
+    here = np.array([name in names for names in names_at(trace)], dtype=bool)
+    index = thin_marks(trace.time, degree, here, MARKS)
+    fixed = [panel.marks(trace.time[index], degree[index], "disc", "s0")]
+    found = [f for f in diagnosis.findings if f.fault.id == name]
+    for f in found if len(found) <= LABELLED else ():
+        fixed.append(
+            panel.text(
+                (f.since + f.until) / 2, f.upper, degree_text(f.degree, f.fault.unit), "value", -5
+            )
+        )
+    return plot(panel.drawn(name, f"{name}, degree [{unit or 1}]", drawn, fixed, last), last)
+
+
+def _with_degree(trace: Trace) -> np.ndarray:
+    """Samples at which a degree, if only 0, was found."""
+    words = np.array(trace.verdict)
+    result: np.ndarray = ~np.isin(words, (*NOT_JUDGED, "unknown"))
+    return result
+
+
+def _is_long(curves: Curves) -> bool:
+    return len(curves.time) > 2 * COLUMNS
+
+
+def _part(curves: Curves) -> str:
+    where = "around the largest finding" if curves.focus else "at the beginning"
+    return f"{counted(len(curves.time), 'sample')} {where}, the whole recording is below"
+
+
+def _range(curves: Curves, low: Array, high: Array, ticks: int = 5) -> Axis:
+    """Vertical axis that holds what was judged; of long recordings all but the wildest."""
+    seen = curves.judged if curves.judged.any() else np.ones(len(curves.time), dtype=bool)
+    lows, highs = low[..., seen], high[..., seen]
+    lows, highs = lows[np.isfinite(lows)], highs[np.isfinite(highs)]
+    if not len(lows):
+        return axis(0.0, 1.0, ticks)
+    cut = 0.5 if len(curves.time) > 2 * COLUMNS else 0.0
+    return axis(float(np.percentile(lows, cut)), float(np.percentile(highs, 100 - cut)), ticks)
+
+
+def _unjudged(panel: Panel, time: Array, judged: np.ndarray) -> str:
+    """Grey where nothing was judged; left out of long recordings, where it would be a blur."""
+    if len(time) > 2 * COLUMNS or len(time) < 2:
+        return ""
+    return panel.spans(time, ~judged, "unjudged")
+
+
+def _grey(time: Array, judged: np.ndarray) -> list[str]:
+    drawn = len(time) <= 2 * COLUMNS and not judged.all()
+    return ["grey: not settled, or not judged"] if drawn else []
+
+
+def _time(time: Array) -> Axis:
+    low, high = float(time[0]), float(time[-1])
+    if low == high:
+        low, high = low - 1.0, high + 1.0
+    return axis(low, high, 9, tight=True)

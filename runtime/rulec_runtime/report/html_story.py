@@ -1,0 +1,284 @@
+"""The findings of a diagnosis as HTML: first what is wrong, then why that is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
+from rulec_runtime.diagnosis.steady.findings import Evidence, Finding, Period
+from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.recordings.when import course, span
+from rulec_runtime.report.text import bounds, counted, degree, listed, percent, period, safe
+from rulec_runtime.report.wording import (
+    EITHER,
+    KEPT,
+    LEFT_OUT,
+    STATUS,
+    FlowUnit,
+    actions,
+    advice,
+    agreement,
+    causes,
+    context,
+    estimates,
+    headline,
+    l_per_h,
+    readings_of,
+    titled,
+    told_residual,
+    worst_first,
+)
+
+LITRES = FlowUnit("l/h", 3.6e6)
+"""Unit of flows in a report."""
+
+LISTED = 12
+"""Findings listed one by one; of more, one row a fault."""
+
+ROWS = 12
+"""Residuals in the evidence of a finding."""
+
+REMARKS = 8
+"""Different remarks shown."""
+
+UNSEEN = "Not judged, or only in part"
+
+SPANS = 4
+"""Periods named for one remark."""
+
+
+def badge(letter: str, small: bool = False) -> str:
+    """Symbol and letter of NE 107."""
+    style = "badge small" if small else "badge"
+    return f'<span class="{style} is-{letter}">{STATUS[letter][0]} {letter}</span>'
+
+
+def told(diagnosis: Diagnosis) -> str:
+    """Status of the whole, and each fault with what to do about it."""
+    letter = diagnosis.status
+    parts = [
+        f'<div class="status">{badge(letter)}<p><strong>{safe(_lead(diagnosis))}</strong>'
+        f'<span class="soft">{safe(_meaning(diagnosis))}</span></p></div>'
+    ]
+    parts += [_sensor(diagnosis, found) for found in diagnosis.sensors]
+    parts += [_card(diagnosis, finding) for finding in worst_first(diagnosis.findings)]
+    if len(diagnosis.findings) > 1:
+        parts.append(_summary(diagnosis))
+    if diagnosis.not_judged and not diagnosis.findings:
+        parts.append(
+            f'<div class="finding is-C"><h3>{UNSEEN}</h3>'
+            f"{remarks(diagnosis.not_judged, diagnosis.calendar)}</div>"
+        )
+    if diagnosis.unknown:
+        parts.append(
+            '<div class="finding is-S"><h3>Deviations that nothing known explains</h3>'
+            f"{remarks(diagnosis.unknown, diagnosis.calendar)}</div>"
+        )
+    return "".join(parts)
+
+
+def _lead(diagnosis: Diagnosis) -> str:
+    worst = worst_first(diagnosis.findings)
+    if diagnosis.sensors:
+        first = diagnosis.sensors[0]
+        more = len(diagnosis.sensors) - 1 + len({f.fault.id for f in diagnosis.findings})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        return f"{first.condition.title}: {first.signal or 'time'}{also}"
+    if worst:
+        either = [name for name, p in worst[0].alternatives if p > EITHER]
+        faults = diagnosis.ruleset.fault_by_id
+        title = " or ".join(titled(f) for f in (worst[0].fault, *(faults[n] for n in either)))
+        more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})
+        also = f", and {counted(more, 'other finding')}" if more else ""
+        return title[:1].upper() + title[1:] + also
+    if not diagnosis.judged:
+        return "Nothing could be judged"
+    if diagnosis.unknown:
+        return "Something is wrong, but nothing known explains it"
+    return "No fault found"
+
+
+def _meaning(diagnosis: Diagnosis) -> str:
+    share = diagnosis.judged / max(diagnosis.samples, 1)
+    meaning = STATUS[diagnosis.status][1]
+    return f"{meaning[:1].upper()}{meaning[1:]}; {percent(share)} of the recording was judged"
+
+
+def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
+    """A reading that is none: what, since when, what to do."""
+    letter = found.condition.status
+    rows = [
+        ("When", course(diagnosis.calendar, found.since, found.until, found.behind)),
+        ("What to do", found.condition.action),
+        ("Note", LEFT_OUT if found.signal else KEPT),
+    ]
+    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{letter}"><h3>{badge(letter, True)} '
+        f"{safe(found.text)}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _card(diagnosis: Diagnosis, finding: Finding) -> str:
+    """One fault: what, how large, when, how sure, what to do."""
+    fault, ruleset = finding.fault, diagnosis.ruleset
+    rows = [
+        (
+            "Degree",
+            f'<span class="degree">{safe(degree(finding.degree, fault.unit))}</span> '
+            f"({safe(bounds(finding.lower, finding.upper, fault.unit))}), {safe(fault.meaning)}",
+        ),
+        ("When", safe(_when(diagnosis, finding))),
+        ("How sure", safe(_sure(diagnosis, finding))),
+        ("What to do", safe(actions(ruleset, finding))),
+    ]
+    if finding.alternatives:
+        others = [
+            f"{titled(ruleset.fault_by_id[name])} ({percent(p)})"
+            for name, p in finding.alternatives
+        ]
+        rows.append(("Could also be", safe(listed(others))))
+        apart = "; ".join(advice(ruleset, finding))
+        rows.append(("To tell them apart", safe(apart or "no single reading is known to do so")))
+    if finding.remote:
+        rows.append(("Less likely", safe(causes(finding.remote))))
+    rows += [("Note", safe(text)) for text in context(ruleset, finding)]
+    body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
+    return (
+        f'<section class="finding is-{fault.status}"><h3>{badge(fault.status, True)} '
+        f"{safe(headline(ruleset, finding))}</h3><dl>{body}</dl></section>"
+    )
+
+
+def _when(diagnosis: Diagnosis, finding: Finding) -> str:
+    """Period of a finding, and how it stands among others of the same fault."""
+    same = [f for f in diagnosis.findings if f.fault.id == finding.fault.id]
+    text = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
+    if len(same) == 1:
+        return text
+    last = max(same, key=lambda f: f.until)
+    whole = course(diagnosis.calendar, same[0].since, last.until, last.behind)
+    return f"{text}, the largest of {len(same)} findings {whole}"
+
+
+def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
+    if diagnosis.mode == "paper":
+        return "not said: paper mode names the fault with the largest degree and weighs no other"
+    text = f"{percent(finding.probability)} among the known faults"
+    return text if finding.alternatives or finding.remote else f"{text}; no other one fits"
+
+
+def _summary(diagnosis: Diagnosis) -> str:
+    """All findings in a table; of many, one row a fault."""
+    findings, weighed = diagnosis.findings, diagnosis.mode != "paper"
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(finding.fault.id, []).append(finding)
+    rows = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
+    body = "".join(_summary_row(diagnosis, members, weighed) for members in rows)
+    return (
+        '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
+        '<th class="num">95 % bounds</th><th class="num">when</th><th class="num">sure</th>'
+        f"</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def _summary_row(diagnosis: Diagnosis, members: Sequence[Finding], weighed: bool) -> str:
+    first, degrees = members[0], [f.degree for f in members]
+    lower, upper = min(f.lower for f in members), max(f.upper for f in members)
+    often = f"{len(members)} times, " if len(members) > 1 else ""
+    last = max(members, key=lambda f: f.until)
+    when = often + course(diagnosis.calendar, first.since, last.until, last.behind, short=True)
+    mean = sum(f.probability for f in members) / len(members)
+    sure = percent(mean) if weighed else "–"
+    found, around = (min(degrees), max(degrees)), (lower, upper)
+    cells = (_between(first.fault, *found), _between(first.fault, *around), when, sure)
+    numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
+    return (
+        f"<tr><td>{badge(first.fault.status, True)}</td><td>{safe(first.fault.id)}</td>"
+        f"{numbers}</tr>"
+    )
+
+
+def _between(fault: FaultSpec, low: float, high: float) -> str:
+    if high - low < 5e-4 * fault.scale:
+        return degree(low, fault.unit)
+    return f"{degree(low, fault.unit)}–{degree(high, fault.unit)}"
+
+
+def evidence(diagnosis: Diagnosis) -> Iterator[str]:
+    """Per fault: residuals against their limits, and the estimates behind them."""
+    for finding in worst_first(diagnosis.findings):
+        title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
+        residuals = _residuals(diagnosis.ruleset, finding)
+        flows = (
+            _estimates(diagnosis.ruleset, finding)
+            if finding.flows
+            else _read(diagnosis.ruleset, finding)
+        )
+        yield f'<div class="evidence"><h3>{safe(title)}</h3>{residuals}{flows}</div>'
+
+
+def _read(ruleset: Ruleset, finding: Finding) -> str:
+    """Readings where there are no estimates of flows."""
+    return f'<p class="soft">typical readings there: {safe(readings_of(ruleset, finding))}</p>'
+
+
+def _residuals(ruleset: Ruleset, finding: Finding) -> str:
+    ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
+    body = "".join(_residual_row(ruleset, finding, e) for e in ordered[:ROWS])
+    left = len(ordered) - ROWS
+    more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
+    what, unit = "estimates that should agree", " [l/h]"
+    if ruleset.dynamics is not None:
+        what, unit = "readings that balances foretell", ""
+    return (
+        f'<div class="scroll"><table><thead><tr><th>{what}</th>'
+        f'<th class="num">differ by{unit}</th><th class="num">limit{unit}</th>'
+        '<th class="mid">fired</th><th class="mid">expected</th><th></th></tr></thead>'
+        f"<tbody>{body}</tbody></table></div>{more}"
+    )
+
+
+def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> str:
+    kind, words = agreement(ruleset, finding, e)
+    row = told_residual(ruleset, e, LITRES)
+    value, limit = row.value.replace("-", "−"), row.limit
+    fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
+    return (
+        f'<tr><td>{safe(e.residual)}</td><td class="num">{value}</td><td class="num">{limit}</td>'
+        f'<td class="mid">{safe(fired)}</td><td class="mid">{safe(expected)}</td>'
+        f'<td class="{kind}">{safe(words)}</td></tr>'
+    )
+
+
+def _estimates(ruleset: Ruleset, finding: Finding) -> str:
+    body = "".join(
+        f"<tr><td>{safe(e.equation)}</td>"
+        f'<td class="num">{l_per_h(e.flow):.1f} ± {l_per_h(e.half):.1f}</td>'
+        f"<td>{safe(', '.join(e.readings))}</td></tr>"
+        for e in estimates(ruleset, finding)
+    )
+    return (
+        '<div class="scroll"><table><thead><tr><th>estimate</th><th class="num">flow [l/h]</th>'
+        f"<th>from these readings</th></tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def remarks(periods: Sequence[Period], calendar: Calendar | None) -> str:
+    """Remarks with the periods they hold for."""
+    return f'<dl class="remarks">{"".join(_remarks(periods, calendar))}</dl>'
+
+
+def _remarks(periods: Sequence[Period], calendar: Calendar | None) -> Iterator[str]:
+    kinds: dict[str, list[Period]] = {}
+    for item in periods:
+        kinds.setdefault(item.text, []).append(item)
+    for text, members in list(kinds.items())[:REMARKS]:
+        spans = ", ".join(span(calendar, p.since, p.until) for p in members[:SPANS])
+        more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
+        yield f"<dt>{safe(spans + more)}</dt><dd>{safe(text)}</dd>"
+    if len(kinds) > REMARKS:
+        yield f"<dt></dt><dd>and {counted(len(kinds) - REMARKS, 'other remark')}</dd>"

@@ -1,0 +1,122 @@
+"""A diagnosis as data: JSON, and one CSV row per sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.output.csv_cell import row_of
+from rulec_runtime.recordings.wall_clock import Calendar
+
+
+def diagnosis_form(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The diagnosis as JSON data; flows in m3/s, times in s."""
+    return {
+        "plant": diagnosis.ruleset.plant,
+        "ruleset": diagnosis.ruleset.sources,
+        "mode": diagnosis.mode,
+        "samples": diagnosis.samples,
+        "judged": diagnosis.judged,
+        "status": diagnosis.status,
+        "findings": [
+            *(_sensor(f, diagnosis.calendar) for f in diagnosis.sensors),
+            *(_finding(f, diagnosis.calendar) for f in diagnosis.findings),
+        ],
+        "unknown": [_period(p, "text", diagnosis.calendar) for p in diagnosis.unknown],
+        "not_judged": [_period(p, "because", diagnosis.calendar) for p in diagnosis.not_judged],
+        "notes": list(diagnosis.notes),
+    }
+
+
+def _sensor(found: SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
+    """In the form of a finding: a reading that is none has no degree but 1, and no rivals."""
+    return {
+        "kind": "sensor",
+        "fault": found.id,
+        "module": found.module,
+        "status": found.condition.status,
+        "degree": 1.0,
+        "lower": 1.0,
+        "upper": 1.0,
+        "probability": found.probability,
+        **_times(found, calendar),
+        "alternatives": [],
+        "remote": [],
+        "together": [],
+        "evidence": [],
+        "text": found.text,
+        "action": found.condition.action,
+    }
+
+
+def _times(found: Finding | SensorFinding, calendar: Calendar | None) -> dict[str, Any]:
+    """Times of a finding, s, with dates where the recording has them."""
+    return {
+        "since": found.since,
+        "until": found.until,
+        "duration": found.until - found.since,
+        "active": found.active,
+        "behind": found.behind,
+        **_dates(found.since, found.until, calendar),
+    }
+
+
+def _dates(since: float, until: float, calendar: Calendar | None) -> dict[str, str]:
+    if calendar is None:
+        return {}
+    return {"since_time": calendar.iso(since), "until_time": calendar.iso(until)}
+
+
+def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
+    return {
+        "kind": "fault",
+        "fault": finding.fault.id,
+        "module": finding.fault.module,
+        "status": finding.fault.status,
+        "degree": finding.degree,
+        "lower": finding.lower,
+        "upper": finding.upper,
+        **({"unit": finding.fault.unit} if finding.fault.unit else {}),
+        "probability": finding.probability,
+        **_times(finding, calendar),
+        "alternatives": [{"fault": name, "probability": p} for name, p in finding.alternatives],
+        "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
+        "together": list(finding.together),
+        "evidence": [
+            {
+                "residual": e.residual,
+                "value": e.value,
+                "u": e.u,
+                "u_systematic": e.u_systematic,
+                "threshold": e.threshold,
+                "verdict": e.verdict,
+                "expected": e.expected,
+            }
+            for e in finding.evidence
+        ],
+        "text": finding.text,
+        "action": finding.fault.action,
+    }
+
+
+def _period(period: Period, key: str, calendar: Calendar | None) -> dict[str, Any]:
+    dates = _dates(period.since, period.until, calendar)
+    return {"since": period.since, "until": period.until, **dates, key: period.text}
+
+
+def trace_csv(trace: Trace, ruleset: Ruleset) -> str:
+    """One row per sample: time, verdict, and per fault degree, lower and upper bound."""
+    header = ["time [s]", "verdict"]
+    for fault in ruleset.faults:
+        header += [fault.id, f"{fault.id} lower", f"{fault.id} upper"]
+    lines = [row_of(header)]
+    for i, (time, verdict) in enumerate(zip(trace.time, trace.verdict, strict=True)):
+        row = [f"{time:.10g}", verdict]
+        for j in range(len(ruleset.faults)):
+            row += [f"{v[j, i]:.5g}" for v in (trace.degree, trace.lower, trace.upper)]
+        lines.append(",".join(row))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,247 @@
+"""Estimates and residuals per sample: what the pictures show of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import THRESHOLD, ResidualSpec, Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.seen import Seen, residuals_seen, see_samples, see_stretches
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import SHORTEST, settle
+from rulec_runtime.report.thin_curves import COLUMNS
+from rulec_runtime.report.wording import l_per_h, worst_first
+
+MOST = 12
+"""Residuals drawn."""
+
+WINDOW = 600
+"""Samples of a long recording that are drawn one by one."""
+
+ASIDE = 150
+"""Samples drawn before and behind a finding."""
+
+NOT_JUDGED = ("moving", "cannot judge")
+"""Words of a trace for samples that were not judged."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """An estimate of the flow through a module: an observer, or the sum of some."""
+
+    module: str
+    observers: tuple[str, ...]
+
+    @property
+    def is_sum(self) -> bool:
+        """Whether several observers make the estimate up."""
+        return len(self.observers) > 1
+
+    @property
+    def short(self) -> str:
+        """Name on a curve: what the observers have in common, behind a sign of sum."""
+        names = {o.partition(".")[2] or o for o in self.observers}
+        if not self.is_sum:
+            own = self.observers[0].partition(".")
+            return own[2] if own[0] == self.module else self.observers[0]
+        return f"Σ {names.pop()}" if len(names) == 1 else " + ".join(self.observers)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Estimates of one module and some residuals over all samples of a recording.
+
+    Attributes
+    ----------
+    time : shape (n,), s.
+    judged : shape (n,), samples of settled stretches that could be judged.
+    flows, flows_u : shape (sides, n), l/h, as read; NaN where an estimate cannot be used.
+    values, limits : shape (residuals, n), l/h, seen against the baseline; a residual fires
+        beyond its limit.
+    focus : period of the largest finding, s.
+    learned : whether there is a baseline at all.
+    """
+
+    time: Array
+    judged: np.ndarray
+    sides: tuple[Side, ...]
+    flows: Array
+    flows_u: Array
+    residuals: tuple[ResidualSpec, ...]
+    values: Array
+    limits: Array
+    focus: tuple[float, float] | None
+    learned: bool
+
+    def at(self, chosen: slice) -> Curves:
+        """Some of the samples, one behind the other."""
+        tables = (t[:, chosen] for t in (self.flows, self.flows_u, self.values, self.limits))
+        flows, flows_u, values, limits = tables
+        return replace(
+            self,
+            time=self.time[chosen],
+            judged=self.judged[chosen],
+            flows=flows,
+            flows_u=flows_u,
+            values=values,
+            limits=limits,
+        )
+
+    def apart(self, one: Side, other: Side) -> Array:
+        """How far an estimate stands above another one, as read, shape (n,), l/h."""
+        distance: Array = self.flows[self.sides.index(one)] - self.flows[self.sides.index(other)]
+        return distance
+
+    def main_run(self, row: int, runs: Sequence[tuple[int, int]]) -> tuple[int, int]:
+        """The run with the largest mean size; if some lie in the focus, of those."""
+        if self.focus is not None:
+            since, until = np.searchsorted(self.time, self.focus)
+            inside = [(max(a, since), min(b, until)) for a, b in runs]
+            runs = [(a, b) for a, b in inside if a < b] or runs
+        value = self.values[row]
+        return max(runs, key=lambda run: abs(float(np.mean(value[run[0] : run[1] + 1]))))
+
+    def formed(self) -> np.ndarray:
+        """Residuals that exist on some judged sample, shape (residuals,)."""
+        return np.array([np.isfinite(row[self.judged]).any() for row in self.values], dtype=bool)
+
+    def fired(self) -> np.ndarray:
+        """Where each residual fires on a judged sample, shape (residuals, n)."""
+        with np.errstate(invalid="ignore"):
+            result: np.ndarray = self.judged & (np.abs(self.values) > self.limits)
+        return result
+
+
+def sides_of(residual: ResidualSpec) -> tuple[Side, ...]:
+    """What a residual compares: the sum of its positive terms with that of its negative ones."""
+    signs = (1, -1)
+    parts = (tuple(t.observer for t in residual.terms if t.sign == s) for s in signs)
+    return tuple(Side(residual.module, part) for part in parts if part)
+
+
+def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curves:
+    """Evaluate what is to be drawn, in blocks."""
+    ruleset = diagnosis.ruleset
+    judged = np.array([word not in NOT_JUDGED for word in trace.verdict], dtype=bool)
+    residuals = _shown(diagnosis)
+    module = _module(diagnosis)
+    sides = tuple(
+        dict.fromkeys(s for r in ruleset.residuals if r.module == module for s in sides_of(r))
+    )
+    n = len(recording)
+    flows, flows_u = np.full((len(sides), n), np.nan), np.full((len(sides), n), np.nan)
+    values, limits = np.full((len(residuals), n), np.nan), np.full((len(residuals), n), np.nan)
+    index = ruleset.observer_index
+    rows = [ruleset.residuals.index(r) for r in residuals]
+    learned = False
+    for here, seen in _batches(recording, diagnosis):
+        learned |= any(len(part.baselines.states) > 1 for part in seen)
+        valid = np.any([part.observed.valid for part in seen], axis=0)
+        for i, side in enumerate(sides):
+            members = [index[o] for o in side.observers]
+            flows[i, here], flows_u[i, here] = _sum(seen[0].plain, valid, members)
+        found, u = residuals_seen(ruleset, seen)
+        for i, residual in enumerate(residuals):
+            sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
+            values[i, here] = np.where(sound, found[rows[i]], np.nan)
+            limits[i, here] = np.where(sound, THRESHOLD * u[rows[i]], np.nan)
+    factor = l_per_h(1.0)
+    return Curves(
+        recording.time,
+        judged,
+        sides,
+        factor * flows,
+        factor * flows_u,
+        residuals,
+        factor * values,
+        factor * limits,
+        _focus(diagnosis),
+        learned,
+    )
+
+
+def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
+    """The period that the pictures are about: the largest finding, else what is unexplained."""
+    spans = [(f.since, f.until) for f in worst_first(diagnosis.findings)]
+    spans += [(p.since, p.until) for p in diagnosis.unknown]
+    return spans[0] if spans else None
+
+
+def _batches(recording: Recording, diagnosis: Diagnosis) -> Iterator[tuple[np.ndarray, list[Seen]]]:
+    """All samples, seen as the diagnosis saw their stretches."""
+    ruleset = diagnosis.ruleset
+    stretches, noise = settle(recording, ruleset)
+    if len(stretches):
+        known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode)
+        every = np.arange(len(recording))
+        yield from see_samples(recording, ruleset, noise, stretches, known, every)
+
+
+def _sum(observed: Observed, valid: np.ndarray, members: list[int]) -> tuple[Array, Array]:
+    """Sum of observers with its standard uncertainty; shared readings are counted once."""
+    sound = valid[members].all(axis=0)
+    own = observed.covariance[:, members][:, :, members]
+    spread = np.sqrt(np.maximum(own.sum(axis=(1, 2)), 0.0))
+    total = observed.flows[members].sum(axis=0)
+    return np.where(sound, total, np.nan), np.where(sound, spread, np.nan)
+
+
+def _shown(diagnosis: Diagnosis) -> tuple[ResidualSpec, ...]:
+    """Residuals to draw: all of a small plant, else those that the findings rest on."""
+    every = diagnosis.ruleset.residuals
+    if len(every) <= MOST:
+        return every
+    rank: dict[str, float] = {}
+    for finding in worst_first(diagnosis.findings):
+        for e in finding.evidence:
+            size = abs(e.value) / e.threshold if e.threshold else 0.0
+            rank[e.residual] = max(rank.get(e.residual, 0.0), size + 1e3 * (e.expected != "0"))
+    module = _module(diagnosis)
+    best = sorted(every, key=lambda r: (-rank.get(r.id, 0.0), r.module != module))[:MOST]
+    return tuple(r for r in every if r in best)
+
+
+def _module(diagnosis: Diagnosis) -> str:
+    """The module whose estimates are drawn: that of the largest finding, else the first."""
+    ruleset: Ruleset = diagnosis.ruleset
+    compared = list(dict.fromkeys(r.module for r in ruleset.residuals))
+    for finding in worst_first(diagnosis.findings):
+        fired = [e.residual for e in finding.evidence if e.verdict in ("+", "-")]
+        named = [r.module for r in ruleset.residuals if r.id in fired]
+        for name in (finding.fault.module, *named):
+            if name in compared:
+                return name
+    return compared[0] if compared else ""
+
+
+def runs_of_firing(fired: np.ndarray) -> list[tuple[int, int]]:
+    """Runs of at least three judged samples that fire, as (first, last) sample.
+
+    `fired`, shape (n,), is False on samples that were not judged, which therefore end a run.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], fired.astype(int), [0]])))
+    pairs = edges.reshape(-1, 2)
+    return [(int(a), int(b) - 1) for a, b in pairs if b - a >= SHORTEST]
+
+
+def detail(curves: Curves) -> Curves:
+    """Of a long recording the part around its focus, else its beginning; short ones whole."""
+    if len(curves.time) <= 2 * COLUMNS:
+        return curves
+    since, until = np.searchsorted(curves.time, curves.focus or curves.time[:2])
+    first = max(int(since) - ASIDE, 0)
+    return curves.at(slice(first, min(int(until) + ASIDE, first + WINDOW)))
+
+
+def persistent(curves: Curves) -> Iterator[tuple[int, list[tuple[int, int]]]]:
+    """Residuals that fire for three samples in a row, with their runs."""
+    for i, row in enumerate(curves.fired()):
+        runs = runs_of_firing(row)
+        if runs:
+            yield i, runs

@@ -1,0 +1,200 @@
+"""What was truly wrong, where somebody knows it: read it, and hold a diagnosis against it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady.traced import Trace
+from rulec_runtime.recordings.csv_table import RecordingRefused, read_table
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.time_column import NAMES, read_times
+from rulec_runtime.report.series import NOT_JUDGED
+
+ROWS = (-0.5, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.5)
+"""Centres of the bins of discrepancy, as in Figure 11 of the seed paper."""
+
+ROW_EDGES = (-0.4, -0.25, -0.15, -0.05, 0.05, 0.15, 0.25, 0.4)
+"""Edges midway between the centres; the outer bins are open."""
+
+DEGREES = ("0", "0.2", "0.4", "0.6", "0.8 and more")
+DEGREE_EDGES = (0.1, 0.3, 0.5, 0.7)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True degrees at the samples of a recording, shape (faults, n); NaN where unknown."""
+
+    name: str
+    faults: tuple[str, ...]
+    degree: Array
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Judged samples whose truth is known, n of them.
+
+    Attributes
+    ----------
+    fault : shape (n,), the true fault as index into `names`; -1 where there is none.
+    true, degree, lower, upper : shape (n,): true degree, and the diagnosed one of the true fault,
+        0 if another fault or none was named. Without a true fault: of whatever was named.
+    named : shape (n,), whether the right thing was said: the true fault, or that there is none.
+    """
+
+    names: tuple[str, ...]
+    fault: np.ndarray
+    true: Array
+    degree: Array
+    lower: Array
+    upper: Array
+    named: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.true)
+
+    @property
+    def discrepancy(self) -> Array:
+        """Diagnosed minus true degree, shape (n,)."""
+        return self.degree - self.true
+
+
+def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
+    """Read ``time [s]`` and ``<fault id> [1]`` columns; other columns are left alone.
+
+    Raises `RecordingRefused` where nothing in the file can be held against the recording.
+    """
+    header = _Header()
+    table = read_table(path, lambda titles: header.assign(path, titles, ruleset))
+    time, zones = read_times(path, table.text, *header.time, ruleset.units)
+    if zones is not None:
+        raise RecordingRefused(
+            f"{path}: the times are dates; write seconds since the first sample of the recording"
+        )
+    degree = np.array([column.numbers() for column in table.columns])
+    if (degree < 0).any():
+        raise RecordingRefused(f"{path}: a true degree is negative; degrees are shares from 0 on")
+    matched = _at(time, degree, recording.time)
+    unknown = int(np.isnan(matched).all(axis=0).sum())
+    if unknown == len(recording):
+        raise RecordingRefused(
+            f"{path}: no time of it lies at a sample of the recording, which runs from "
+            f"{recording.time[0]:g} s to {recording.time[-1]:g} s"
+        )
+    notes = header.notes
+    if table.left_out:
+        notes.append(f"{path.name}: {table.left_out} rows are broken and left out")
+    if unknown:
+        notes.append(f"{path.name}: {unknown} of {len(recording)} samples have no truth")
+    return Truth(path.name, tuple(header.faults), matched, tuple(notes))
+
+
+@dataclass
+class _Header:
+    """What the columns of a truth file are; `time` is the title and the unit of its time."""
+
+    time: tuple[str, str] = ("", "")
+    faults: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def assign(self, path: Path, titles: Sequence[str], ruleset: Ruleset) -> tuple[int, list[int]]:
+        """Indexes of the time column and of those that hold degrees of known faults."""
+        time_index, chosen = -1, []
+        for i, title in enumerate(t.strip() for t in titles):
+            name, _, unit = (part.strip(" ]") for part in title.partition("["))
+            if time_index < 0 and name.lower() in NAMES:
+                time_index, self.time = i, (title, unit)
+            elif name in ruleset.fault_by_id:
+                self._check(path, title, ruleset.fault_by_id[name], unit)
+                self.faults.append(name)
+                chosen.append(i)
+            elif unit == "1":
+                self.notes.append(_stranger(path, title, name, ruleset))
+        if time_index < 0:
+            raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
+        if not chosen:
+            hint = f" ({self.notes[0].partition(': ')[2]})" if self.notes else ""
+            known = ruleset.faults[0].id if ruleset.faults else "<fault>"
+            raise RecordingRefused(
+                f"{path}: no column is a fault of this plant{hint}; expected columns such as "
+                f"'{known} [1]'"
+            )
+        return time_index, chosen
+
+    def _check(self, path: Path, title: str, fault: FaultSpec, unit: str) -> None:
+        name, wanted = fault.id, fault.unit or "1"
+        if unit not in ("", wanted):
+            what = f"its degree is in {wanted}" if fault.unit else "degrees are shares"
+            raise RecordingRefused(f"{path}: column '{title}': {what}; write '{name} [{wanted}]'")
+        if name in self.faults:
+            raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
+
+
+def _stranger(path: Path, title: str, name: str, ruleset: Ruleset) -> str:
+    close = get_close_matches(name, ruleset.fault_by_id, 1)
+    hint = f"; did you mean '{close[0]}'?" if close else ""
+    return f"{path.name}: '{title}' is no fault of this plant and is left out{hint}"
+
+
+def _at(time: Array, degree: Array, wanted: Array) -> Array:
+    """Values of the nearest time, NaN beyond half a sampling interval; shape (faults, wanted)."""
+    sound = np.flatnonzero(np.isfinite(time))
+    order = sound[np.argsort(time[sound], kind="stable")]
+    time, degree = time[order], degree[:, order]
+    steps = [float(np.median(np.diff(t))) for t in (time, wanted) if len(t) > 1]
+    reach = 0.5 * max(steps, default=1.0) * (1 + 1e-9)
+    right = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
+    left = right - 1
+    right = np.minimum(right, len(time) - 1)
+    nearest = np.where(wanted - time[left] <= time[right] - wanted, left, right)
+    return np.where(np.abs(time[nearest] - wanted) <= reach, degree[:, nearest], np.nan)
+
+
+def names_at(trace: Trace) -> list[list[str]]:
+    """Everything that the trace says of each sample; of some it names several faults."""
+    return [word.split(" + ") for word in trace.verdict]
+
+
+def cases_of(truth: Truth, trace: Trace, ruleset: Ruleset) -> Cases:
+    """Hold the trace against the truth, sample by sample; the largest true fault counts.
+
+    It counts as named only where nothing is named beside it that is not there.
+    """
+    words = np.array(trace.verdict)
+    known = ~np.isnan(truth.degree).all(axis=0)
+    index = np.flatnonzero(known & ~np.isin(words, NOT_JUDGED))
+    degrees = np.nan_to_num(truth.degree[:, index])
+    fault = np.argmax(degrees, axis=0)
+    true = degrees[fault, np.arange(len(index))]
+    fault = np.where(true > 0, fault, -1)
+    row = {f.id: i for i, f in enumerate(ruleset.faults)}
+    names = names_at(trace)
+    meant = np.array([row[name] for name in truth.faults])[fault]
+    first = np.array([row.get(names[i][0], -1) for i in index], dtype=int)
+    named = words[index] == "ok"
+    for case in np.flatnonzero(fault >= 0):
+        there = {name for name, x in zip(truth.faults, degrees[:, case], strict=True) if x > 0}
+        said_here = names[index[case]]
+        named[case] = truth.faults[fault[case]] in said_here and there.issuperset(said_here)
+    said = np.where(fault < 0, first, meant)
+    counts = (said >= 0) & (named | (fault < 0))
+    degree, lower, upper = (
+        np.where(counts, t[said, index], 0.0) for t in (trace.degree, trace.lower, trace.upper)
+    )
+    return Cases(truth.faults, fault, true, degree, lower, upper, named)
+
+
+def shares(cases: Cases) -> Array:
+    """Share of cases by bin of discrepancy and bin of true degree, shape (9, 5); sums to 1."""
+    row = np.searchsorted(ROW_EDGES, cases.discrepancy)
+    column = np.searchsorted(DEGREE_EDGES, cases.true)
+    table = np.zeros((len(ROWS), len(DEGREES)))
+    np.add.at(table, (row, column), 1.0)
+    return table / max(len(cases), 1)

@@ -1,0 +1,215 @@
+"""Words that the terminal and the report share: one diagnosis, told the same way twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.steady.findings import Evidence, Finding
+
+STATUS = {
+    "F": ("✖", "failure"),
+    "C": ("▼", "check function: check what was recorded first"),
+    "S": ("▲", "out of specification"),
+    "M": ("◆", "maintenance required"),
+    "ok": ("✓", "nothing found"),
+}
+"""Letter of NE 107 to symbol and meaning; each symbol has its own shape."""
+
+LEFT_OUT = "its readings there are taken out of the evidence; the rest is judged without them"
+KEPT = "rows stay in the order in which they stand; times behind it are moved on"
+"""What is done about a reading, and about a clock, that is none."""
+
+EITHER = 0.2
+"""Alternatives more probable than this stand in the headline."""
+
+LARGE = 5e-3
+"""Typical flow, m3/s, from which on l/h would have too many digits."""
+
+SHOWN = 5
+"""Faults told in full."""
+
+
+def l_per_h(flow: float) -> float:
+    """Flow in l/h from m3/s."""
+    return flow * 3.6e6
+
+
+@dataclass(frozen=True)
+class FlowUnit:
+    """Unit in which a plant's flows are told; shown = SI * factor."""
+
+    name: str
+    factor: float
+
+
+def flow_unit(ruleset: Ruleset) -> FlowUnit:
+    """l/h for a rig, m3/h for a station."""
+    flows = sorted(abs(o.reference) for o in ruleset.observers)
+    large = bool(flows) and flows[len(flows) // 2] > LARGE
+    return FlowUnit("m3/h", 3600.0) if large else FlowUnit("l/h", 3.6e6)
+
+
+@dataclass(frozen=True)
+class Told:
+    """A residual as it is told: its value and limit in `unit`; "–" where it is not available."""
+
+    unit: str
+    value: str
+    limit: str
+
+
+def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> Told:
+    """A residual of flows in a unit of flows, that of a reading in the reading's own unit."""
+    signal = ruleset.signal_by_id.get(evidence.residual)
+    unit = signal.unit if signal else flow.name
+    if evidence.verdict == "invalid":
+        return Told(unit, "–", "–")
+    if signal is None:
+        value, limit = flow.factor * evidence.value, flow.factor * evidence.threshold
+        return Told(unit, f"{value:.1f}", f"±{limit:.1f}")
+    value, limit = evidence.value / signal.factor, evidence.threshold / signal.factor
+    return Told(unit, f"{value:.3g} {unit}", f"±{limit:.2g} {unit}")
+
+
+def ground(ruleset: Ruleset) -> str:
+    """What a finding rests on."""
+    if ruleset.dynamics is not None:
+        return "these readings are not what the balances foretell"
+    return "these estimates of the same flow disagree"
+
+
+def part_judged(ruleset: Ruleset) -> str:
+    """In what kind of part of a recording a diagnosis looks."""
+    return "in windows" if ruleset.dynamics is not None else "in settled stretches"
+
+
+def worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    """The largest finding of each fault, at most five: enough to see why."""
+    largest: dict[str, Finding] = {}
+    for finding in findings:
+        known = largest.get(finding.fault.id)
+        if known is None or finding.degree > known.degree:
+            largest[finding.fault.id] = finding
+    return sorted(largest.values(), key=lambda f: -f.degree)[:SHOWN]
+
+
+def headline(ruleset: Ruleset, finding: Finding) -> str:
+    """What is wrong, and what else it may be if that is nearly as probable."""
+    text = finding.text
+    for name, probability in _as_probable(finding):
+        text += f"; or {titled(ruleset.fault_by_id[name])} ({100 * probability:.0f} %)"
+    return text
+
+
+def actions(ruleset: Ruleset, finding: Finding) -> str:
+    """What to do: for the fault, and for what is nearly as probable."""
+    others = (ruleset.fault_by_id[name].action for name, _ in _as_probable(finding))
+    return "; or ".join(dict.fromkeys((finding.fault.action, *others)))
+
+
+def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
+    """Alternatives that stand beside the fault wherever it is told."""
+    for name, probability in finding.alternatives:
+        if probability > EITHER or probability >= finding.probability:
+            yield name, probability
+
+
+def titled(fault: FaultSpec) -> str:
+    """A fault with its module, as a phrase."""
+    if fault.title.startswith(f"{fault.module}."):
+        return fault.title
+    return f"{fault.title.lower()} in {fault.module}"
+
+
+def agreement(ruleset: Ruleset, finding: Finding, evidence: Evidence) -> tuple[str, str]:
+    """Whether a residual speaks for a finding.
+
+    Returns a kind (``agrees``, ``contradicts``, ``weaker``, ``hidden``, ``shared``, ``absent``) and
+    words.
+    """
+    if evidence.verdict == "invalid":
+        return "absent", "not available"
+    if evidence.verdict == evidence.expected:
+        return "agrees", "✓ agrees"
+    for other in finding.together:
+        if any(c.residual == evidence.residual for c in ruleset.cells_of_fault[other]):
+            return "shared", f"moved by {other} too"
+    cells = {c.residual: c for c in ruleset.cells_of_fault[finding.fault.id]}
+    cell = cells.get(evidence.residual)
+    if evidence.verdict == "0" and cell is not None and cell.detectable > finding.degree:
+        return "hidden", f"seen from {cell.detectable:.2g} on"
+    if evidence.verdict == "0":
+        return "weaker", "~ weaker than expected"
+    return "contradicts", "✗ contradicts"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An observer at the strongest point: equation, flow and 95 % half width in m3/s, readings."""
+
+    equation: str
+    flow: float
+    half: float
+    readings: tuple[str, ...]
+
+
+def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
+    """The observers that a finding rests on, with the readings behind them."""
+    readings = dict(finding.readings)
+    terms = {r.id: r.terms for r in ruleset.residuals}
+    cells = ruleset.cells_of_fault[finding.fault.id]
+    near = {t.observer for c in cells for t in terms.get(c.residual, ())}
+    for name, flow, u in finding.flows:
+        if name not in near:
+            continue
+        spec = ruleset.observer_by_id[name]
+        parts = []
+        for signal_id in spec.signals:
+            signal = ruleset.signal_by_id[signal_id]
+            if signal_id in readings:
+                shown = (readings[signal_id] - signal.offset) / signal.factor
+                parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
+        yield Estimate(spec.equation, flow, 2 * u, tuple(parts))
+
+
+def readings_of(ruleset: Ruleset, finding: Finding) -> str:
+    """Readings that a finding rests on, each in its unit."""
+    parts = []
+    for name, value in finding.readings:
+        signal = ruleset.signal_by_id[name]
+        parts.append(f"{name} {(value - signal.offset) / signal.factor:.4g} {signal.unit}")
+    return ", ".join(parts)
+
+
+def context(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
+    """What the residuals are compared with, and what else was found with the finding."""
+    if finding.baseline:
+        stored = ruleset.dynamics is not None
+        plural = ("s" if stored else "es") * (finding.baseline > 1)
+        part = "window" if stored else "stretch"
+        yield (
+            f"compared with {finding.baseline} fault-free {part}{plural} of this recording: what "
+            "was off there as well counts as an error of sensors or calibration"
+        )
+    elif finding.evidence and all(e.verdict == "0" for e in finding.evidence if e.expected != "0"):
+        yield (
+            "no operating point shows it alone; all of them together do: an error within the "
+            "sensors' bounds would be the same at each"
+        )
+    for name in finding.together:
+        yield f"only together with {name} does this explain the readings"
+
+
+def causes(found: Iterable[tuple[str, float]]) -> str:
+    """Some causes with their probabilities."""
+    return ", ".join(f"{name} ({100 * p:.0f} %)" for name, p in list(found)[:SHOWN])
+
+
+def advice(ruleset: Ruleset, finding: Finding) -> Iterator[str]:
+    """What would tell a finding from its alternatives."""
+    others = {name for name, _ in finding.alternatives}
+    for group in ruleset.ambiguous:
+        if finding.fault.id in group.faults and others & set(group.faults):
+            yield f"{' / '.join(group.faults)}: {group.advice}"

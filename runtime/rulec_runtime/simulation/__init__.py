@@ -1,0 +1,1 @@
+"""What readings a plant should give: equations solved, balances integrated."""

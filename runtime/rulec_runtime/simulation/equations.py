@@ -1,0 +1,155 @@
+"""The equations of a plant as its ruleset holds them: what its readings and flows must obey.
+
+Each observer, its faults undone, gives the flow of its module; flows balance at junctions. The
+compiler has ordered them into steps and eliminated the flows (rulec/passes/order_equations.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec, SimulationStep
+
+DEGREE = "x:"
+"""Mark of a fault's degree among the inputs of a plan."""
+
+
+class SimulationRefused(Exception):
+    """The plant cannot be simulated as asked; the message is for the user."""
+
+
+def equations_of(ruleset: Ruleset) -> Equations:
+    """The equations of a plant; raises `SimulationRefused` where it can be diagnosed only."""
+    if ruleset.simulation.refused:
+        raise SimulationRefused(ruleset.simulation.refused)
+    return Equations(ruleset)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """As many independent equations as unknowns, in steps."""
+
+    ruleset: Ruleset
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Signals that are inputs, or that no equation determines."""
+        return self.ruleset.simulation.given
+
+    @cached_property
+    def predicted(self) -> tuple[str, ...]:
+        """Signals that follow from the others, in the order of the plant."""
+        found = {name for step in self.ruleset.simulation.steps for name in step.readings}
+        return tuple(s.id for s in self.ruleset.signals if s.id in found)
+
+    @cached_property
+    def flows(self) -> tuple[str, ...]:
+        """Modules whose flow is found: those with observers."""
+        return tuple(m for m in self.ruleset.modules if m in self.flow_scales)
+
+    @cached_property
+    def given_signals(self) -> tuple[SignalSpec, ...]:
+        return tuple(self.ruleset.signal_by_id[name] for name in self.given)
+
+    @cached_property
+    def flow_scales(self) -> Mapping[str, float]:
+        """Size of each flow, m3/s: the mean of its estimates at the reference point."""
+        sizes: dict[str, list[float]] = {}
+        for observer in self.ruleset.observers:
+            sizes.setdefault(observer.module, []).append(abs(observer.reference))
+        means = {name: float(np.mean(s)) for name, s in sizes.items()}
+        largest = max(means.values(), default=0.0) or 1.0
+        return {name: mean or largest for name, mean in means.items()}
+
+    @cached_property
+    def reference(self) -> Mapping[str, float]:
+        """Readings, SI, and flows, m3/s, at the reference point."""
+        return {s.id: s.reference for s in self.ruleset.signals} | dict(self.flow_scales)
+
+    @cached_property
+    def steps(self) -> tuple[StepEquations, ...]:
+        """One behind the other, each with what it needs of those before."""
+        return tuple(self._step(step) for step in self.ruleset.simulation.steps)
+
+    def _step(self, step: SimulationStep) -> StepEquations:
+        sums = (*step.zeros, *step.flows.values())
+        terms = dict.fromkeys(name for part in sums for name in part)
+        observers = tuple(name for name in terms if name in self.ruleset.observer_by_id)
+        known = tuple(name for name in terms if name not in observers)
+        plan = self.ruleset.undo.select(f"q:{name}" for name in observers).narrowed()
+        order = (*observers, *known)
+        size = {name: self.flow_scales[self._module(name)] for name in order}
+        zeros = _rows(step.zeros, order)
+        # Each sum in units of the largest flow in it.
+        zeros /= (np.abs(zeros) * [size[name] for name in order]).max(axis=1, initial=0.0)[:, None]
+        signals = [self.ruleset.signal_by_id[name] for name in step.readings]
+        scales = np.array([abs(s.reference - s.offset) or s.full_scale or 1.0 for s in signals])
+        return StepEquations(
+            step.readings,
+            tuple(step.flows),
+            observers,
+            plan,
+            known,
+            tuple(n for n in plan.inputs if n not in step.readings and not n.startswith(DEGREE)),
+            zeros,
+            _rows(tuple(step.flows.values()), order),
+            scales,
+            np.array([s.reference for s in signals]) / scales,
+            np.array([self.flow_scales[name] for name in step.flows]),
+        )
+
+    def _module(self, name: str) -> str:
+        observer = self.ruleset.observer_by_id.get(name)
+        return observer.module if observer is not None else name
+
+
+@dataclass(frozen=True)
+class StepEquations:
+    """Equations that are solved together.
+
+    Attributes
+    ----------
+    readings, flows : what is found.
+    observers, plan : estimates that are needed, and how they follow from readings and degrees.
+    known_flows, known_readings : what earlier steps found, or the user gives.
+    zeros : shape (readings, observers + known flows); what vanishes as sums of these.
+    sums : shape (flows, observers + known flows); the flows as sums of these.
+    scales : size of each reading, SI: what its sensor shows at the reference point.
+    start : the reference point in units of the scales.
+    flow_scales : size of each flow, m3/s.
+    """
+
+    readings: tuple[str, ...]
+    flows: tuple[str, ...]
+    observers: tuple[str, ...]
+    plan: Plan
+    known_flows: tuple[str, ...]
+    known_readings: tuple[str, ...]
+    zeros: Array
+    sums: Array
+    scales: Array
+    start: Array
+    flow_scales: Array
+
+    @cached_property
+    def terms(self) -> tuple[tuple[int, int, float], ...]:
+        """Row, observer and factor of every estimate in `zeros`."""
+        rows, places = np.nonzero(self.zeros[:, : len(self.observers)])
+        factors = self.zeros[rows, places]
+        return tuple(zip(rows.tolist(), places.tolist(), factors.tolist(), strict=True))
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """Faults that change some estimate."""
+        names = (name for name in self.plan.inputs if name.startswith(DEGREE))
+        return tuple(name.removeprefix(DEGREE) for name in names)
+
+
+def _rows(sums: tuple[Mapping[str, float], ...], order: tuple[str, ...]) -> Array:
+    rows = [[part.get(name, 0.0) for name in order] for part in sums]
+    return np.array(rows).reshape(len(sums), len(order))

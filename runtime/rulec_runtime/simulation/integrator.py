@@ -1,0 +1,564 @@
+"""The integrator: an interpreter of plans that numba compiles once, for all plants.
+
+A plan is data (see `contract.plan`), so no code is made for a plant, and an analysis may try
+hundreds of variants of a model without compiling any. Derivatives by chosen parameters are carried
+along exactly (forward mode).
+
+Source: Runge and Kutta's method of fourth order with a fixed step per sample, cut in a few pieces
+where the fastest mode that the stages show asks for it (Hairer, Noersett, Wanner 1993, IV.2); where
+that would not do, as at a rim that liquid runs over, the linearly implicit method of second order
+with one Jacobian a step, ROS2 (Verwer, Spee, Blom, Hundsdorfer 1999), which is stable for any step;
+its steps are cut until the method of first order within it agrees.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rulec_runtime.simulation.code_cache import can_be_kept
+
+try:
+    KEPT = can_be_kept(__file__)
+    from numba import njit as compiled
+except ImportError:  # an operator's station may do without numba: slow, but the same numbers
+
+    def compiled(**_: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:  # type: ignore[no-redef]
+        """Leave the function as it is."""
+        return lambda function: function
+
+
+LIVELY = 1.0
+"""Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
+up to 2.8."""
+
+EXACT = 1e-7
+"""Error of a step, as a share of each state's largest value so far, beyond which it is cut."""
+
+PIECES = 4
+"""Pieces of a sample's step at most; what is faster still is stepped implicitly."""
+
+GROWN = 256
+"""Pieces at most where a state grows by itself."""
+
+ROUGH = 3e-4
+"""How far the two orders of the implicit method may be apart, as a share of each state's largest
+value so far; a step on whose way a rim begins is cut until they agree."""
+
+SMOOTH = 3.0
+"""Times the bend in the middle of a step by which the last stage may bend without a rim."""
+
+FINEST = 256
+"""Pieces of a sample's step at most, stepped implicitly."""
+
+GAMMA = 1.0 - math.sqrt(0.5)
+"""Parameter of the implicit method at which it damps the fastest modes altogether."""
+
+TINY = 1e-14
+"""Roots and logarithms see at least this: a tank that runs empty has no infinite slope."""
+
+HUGE = 1e150
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def evaluate(
+    first: int,
+    codes: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    begin: int,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    width: int,
+) -> None:
+    """Run the operations from number `begin` on, values and their slopes, in place.
+
+    `codes` are places in `contract.plan.OPERATIONS`. What has no value (a root below zero, a
+    division by zero) counts as if at the edge.
+    """
+    for i in range(begin, codes.shape[0]):
+        code, a, b, out = codes[i], left[i], right[i], first + i
+        x = values[a]
+        y = values[b]
+        da = 0.0
+        db = 0.0
+        if code == 0:
+            v, da, db = x + y, 1.0, 1.0
+        elif code == 1:
+            v, da, db = x - y, 1.0, -1.0
+        elif code == 2:
+            v, da, db = x * y, y, x
+        elif code == 3:
+            if y == 0.0:
+                y = TINY
+            v = x / y
+            da, db = 1.0 / y, -v / y
+        elif code == 4:
+            base = max(x, 0.0)
+            if base == 0.0:
+                v = 0.0 if y > 0.0 else 1.0
+                da = y if y == 1.0 else 0.0
+            else:
+                v = base**y
+                da, db = y * v / base, v * math.log(base)
+        elif code == 5:
+            if x <= y:
+                v, da = x, 1.0
+            else:
+                v, db = y, 1.0
+        elif code == 6:
+            if x >= y:
+                v, da = x, 1.0
+            else:
+                v, db = y, 1.0
+        elif code == 7:
+            v, da = -x, -1.0
+        elif code == 8:
+            if x > TINY:
+                v = math.sqrt(x)
+                da = 0.5 / v
+            else:
+                v = 0.0
+        elif code == 9:
+            v = abs(x)
+            da = 1.0 if x >= 0.0 else -1.0
+        elif code == 10:
+            v = 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
+        elif code == 11:
+            v = math.exp(min(x, 300.0))
+            da = v
+        elif code == 12:
+            v = math.log(max(x, TINY))
+            da = 1.0 / max(x, TINY)
+        else:
+            v = math.tanh(x)
+            da = 1.0 - v * v
+        values[out] = v
+        if code < 7:
+            for k in range(width):
+                slopes[out, k] = da * slopes[a, k] + db * slopes[b, k]
+        else:
+            for k in range(width):
+                slopes[out, k] = da * slopes[a, k]
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
+    """Solve a small system for all columns, both in place (Gauss, with pivots)."""
+    n, width = right_side.shape
+    for i in range(n):
+        pivot = i
+        for j in range(i + 1, n):
+            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+                pivot = j
+        if pivot != i:
+            for c in range(n):
+                matrix[i, c], matrix[pivot, c] = matrix[pivot, c], matrix[i, c]
+            for c in range(width):
+                swapped = right_side[i, c]
+                right_side[i, c] = right_side[pivot, c]
+                right_side[pivot, c] = swapped
+        lead = matrix[i, i]
+        if lead == 0.0:
+            lead = TINY
+        for j in range(i + 1, n):
+            share = matrix[j, i] / lead
+            if share != 0.0:
+                for c in range(i, n):
+                    matrix[j, c] -= share * matrix[i, c]
+                for c in range(width):
+                    right_side[j, c] -= share * right_side[i, c]
+    for i in range(n - 1, -1, -1):
+        lead = matrix[i, i] if matrix[i, i] != 0.0 else TINY
+        for c in range(width):
+            total = right_side[i, c]
+            for j in range(i + 1, n):
+                total -= matrix[i, j] * right_side[j, c]
+            right_side[i, c] = total / lead
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def _give(
+    values: np.ndarray,
+    slots: np.ndarray,
+    held: np.ndarray,
+    inputs: np.ndarray,
+    sample: int,
+    share: float,
+) -> None:
+    """Inputs at a share of the way from one sample to the next."""
+    for j in range(slots.shape[0]):
+        u = inputs[sample, j]
+        if not held[j]:
+            u += share * (inputs[sample + 1, j] - u)
+        values[slots[j]] = u
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def _follow(
+    values: np.ndarray,
+    slopes: np.ndarray,
+    late: np.ndarray,
+    slots: np.ndarray,
+    after_slots: np.ndarray,
+    when: float,
+    nodes: np.ndarray,
+    count: int,
+    past: np.ndarray,
+    past_slopes: np.ndarray,
+) -> None:
+    """States with a dead time are what they followed so much earlier, in a line between nodes.
+
+    `late` numbers them. The first `count` of `nodes` (times, s) are known; before the first and
+    behind the last the past stands still.
+    """
+    for j in range(late.shape[0]):
+        slot, delay = slots[late[j]], after_slots[late[j]]
+        then = when - max(values[delay], 0.0)
+        low, high = 0, count - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if nodes[middle] <= then:
+                low = middle
+            else:
+                high = middle
+        share, steep = 0.0, 0.0
+        if high > low:
+            share = (then - nodes[low]) / (nodes[high] - nodes[low])
+            if 0.0 <= share <= 1.0:
+                steep = (past[high, j] - past[low, j]) / (nodes[high] - nodes[low])
+            share = min(max(share, 0.0), 1.0)
+        values[slot] = past[low, j] + share * (past[high, j] - past[low, j])
+        for c in range(slopes.shape[1]):
+            moved = past_slopes[high, j, c] - past_slopes[low, j, c]
+            followed = past_slopes[low, j, c] + share * moved
+            slopes[slot, c] = followed - steep * slopes[delay, c]
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def _aim(
+    values: np.ndarray,
+    slopes: np.ndarray,
+    late: np.ndarray,
+    slots: np.ndarray,
+    rate_slots: np.ndarray,
+    after_slots: np.ndarray,
+    weight: float,
+    past: np.ndarray,
+    past_slopes: np.ndarray,
+    node: int,
+) -> None:
+    """Add what states with a dead time follow now, as a lag would, to a node of the past."""
+    for j in range(late.shape[0]):
+        slot, rate, after = slots[late[j]], rate_slots[late[j]], after_slots[late[j]]
+        time_constant = max(values[after], TINY)
+        past[node, j] += weight * (values[slot] + time_constant * values[rate])
+        for c in range(slopes.shape[1]):
+            moved = slopes[slot, c] + time_constant * slopes[rate, c]
+            past_slopes[node, j, c] += weight * (moved + slopes[after, c] * values[rate])
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def integrate(
+    first: int,
+    codes: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    begin: int,
+    values: np.ndarray,
+    slopes: np.ndarray,
+    clock: int,
+    state_slots: np.ndarray,
+    start_slots: np.ndarray,
+    rate_slots: np.ndarray,
+    low_slots: np.ndarray,
+    high_slots: np.ndarray,
+    after_slots: np.ndarray,
+    input_slots: np.ndarray,
+    held: np.ndarray,
+    output_slots: np.ndarray,
+    time: np.ndarray,
+    inputs: np.ndarray,
+    outputs: np.ndarray,
+    output_slopes: np.ndarray,
+    states: np.ndarray,
+) -> int:
+    """Integrate over all samples; the number of steps taken, or -1 where a number ran away.
+
+    Parameters
+    ----------
+    values, slopes : one row per value of the plan, parameters, constants and what follows from
+        them alone (operations before `begin`) filled in; (values,) and (values, width).
+    clock : the slot of time, or -1.
+    start_slots, rate_slots, low_slots, high_slots, after_slots : outputs of the plan per state;
+        limits and dead times may be -1.
+    inputs : shape (n, inputs); a `held` one keeps its value up to the next sample, others are
+        interpolated.
+    outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
+    """
+    n, count, width = time.shape[0], state_slots.shape[0], slopes.shape[1]
+    x, dx = np.zeros(count), np.zeros((count, width))
+    matrix, work = np.zeros((count, count)), np.zeros((count, count))
+    right_side = np.zeros((count, 1 + width))
+    jacobian = np.zeros((values.shape[0], count))
+    peak = np.zeros(count)
+    for i in range(count):
+        jacobian[state_slots[i], i] = 1.0
+    k, dk = np.zeros((4, count)), np.zeros((4, count, width))
+    old, d_old = np.zeros(count), np.zeros((count, width))
+    half = np.array([0.0, 0.5, 0.5, 1.0])
+    weight = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
+    taken, pieces, stiff = 0, 1, False
+    for j in range(input_slots.shape[0]):
+        values[input_slots[j]] = inputs[0, j]
+    if clock >= 0:
+        values[clock] = time[0]
+    # A state may start where another one's start puts it.
+    for _ in range(count):
+        for i in range(count):
+            values[state_slots[i]] = x[i]
+            for c in range(width):
+                slopes[state_slots[i], c] = dx[i, c]
+        evaluate(first, codes, left, right, begin, values, slopes, width)
+        for i in range(count):
+            x[i] = values[start_slots[i]]
+            for c in range(width):
+                dx[i, c] = slopes[start_slots[i], c]
+    # The past of what has a dead time: as it began, then one mean per step, in its middle, where
+    # the mean of what is held from sample to sample lies.
+    late = np.flatnonzero(after_slots >= 0)
+    lates = late.shape[0]
+    nodes = np.zeros(n + 1 if lates else 1)
+    past = np.zeros((nodes.shape[0], lates))
+    past_slopes = np.zeros((nodes.shape[0], lates, width))
+    mean, mean_slopes = np.zeros((1, lates)), np.zeros((1, lates, width))
+    nodes[0] = time[0]
+    for j in range(lates):
+        past[0, j] = x[late[j]]
+        for c in range(width):
+            past_slopes[0, j, c] = dx[late[j], c]
+    for s in range(n):
+        # What is shown at this sample, states within their limits.
+        for j in range(input_slots.shape[0]):
+            values[input_slots[j]] = inputs[s, j]
+        if clock >= 0:
+            values[clock] = time[s]
+        for _ in range(2):
+            for i in range(count):
+                values[state_slots[i]] = x[i]
+                for c in range(width):
+                    slopes[state_slots[i], c] = dx[i, c]
+            evaluate(first, codes, left, right, begin, values, slopes, width)
+            moved = False
+            if lates and s < n - 1:
+                # Before the step is done, what is followed now stands for its mean.
+                nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
+                past[s + 1] = 0.0
+                past_slopes[s + 1] = 0.0
+                _aim(
+                    values, slopes, late, state_slots, rate_slots, after_slots, 1.0, past,
+                    past_slopes, s + 1,
+                )  # fmt: skip
+            if lates and s > 0:
+                _follow(
+                    values, slopes, late, state_slots, after_slots, time[s], nodes,
+                    min(s + 2, n), past, past_slopes,
+                )  # fmt: skip
+                for j in range(lates):
+                    slot = state_slots[late[j]]
+                    moved = moved or abs(values[slot] - x[late[j]]) > 0.0
+                    x[late[j]] = values[slot]
+                    for c in range(width):
+                        dx[late[j], c] = slopes[slot, c]
+            for i in range(count):
+                for side in range(2):
+                    slot = low_slots[i] if side == 0 else high_slots[i]
+                    if slot < 0:
+                        continue
+                    limit = values[slot]
+                    if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
+                        x[i] = limit
+                        moved = True
+                        for c in range(width):
+                            dx[i, c] = slopes[slot, c]
+            if not moved:
+                break
+        for i in range(count):
+            states[s, i] = x[i]
+        for j in range(output_slots.shape[0]):
+            outputs[s, j] = values[output_slots[j]]
+            for c in range(width):
+                output_slopes[s, j, c] = slopes[output_slots[j], c]
+        if s == n - 1:
+            break
+        length = time[s + 1] - time[s]
+        for i in range(count):
+            peak[i] = max(peak[i], abs(x[i]))
+            old[i] = x[i]
+            for c in range(width):
+                d_old[i, c] = dx[i, c]
+        while True:
+            mean[:] = 0.0
+            mean_slopes[:] = 0.0
+            step = length / pieces
+            rate, error, bent, growing = 0.0, 0.0, 0.0, False
+            for p in range(pieces):
+                if stiff:
+                    for stage in range(2):
+                        for i in range(count):
+                            values[state_slots[i]] = x[i] + stage * step * k[0, i]
+                            for c in range(width):
+                                moved_slope = dx[i, c] + stage * step * dk[0, i, c]
+                                slopes[state_slots[i], c] = moved_slope
+                        at = (p + stage) / pieces
+                        _give(values, input_slots, held, inputs, s, at)
+                        if clock >= 0:
+                            values[clock] = time[s] + at * length
+                        if lates:
+                            _follow(
+                                values, slopes, late, state_slots, after_slots,
+                                time[s] + at * length, nodes, s + 2, past, past_slopes,
+                            )  # fmt: skip
+                        if stage == 0:
+                            evaluate(first, codes, left, right, begin, values, jacobian, count)
+                            for i in range(count):
+                                for c in range(count):
+                                    matrix[i, c] = -GAMMA * step * jacobian[rate_slots[i], c]
+                                matrix[i, i] += 1.0
+                                if after_slots[i] >= 0:
+                                    matrix[i, :] = 0.0
+                                    matrix[i, i] = 1.0
+                                    continue
+                                total = 0.0
+                                for c in range(count):
+                                    total += abs(jacobian[rate_slots[i], c])
+                                rate = max(rate, total)
+                        evaluate(first, codes, left, right, begin, values, slopes, width)
+                        if lates and ((p == 0 and stage == 0) or (p == pieces - 1 and stage == 1)):
+                            _aim(
+                                values, slopes, late, state_slots, rate_slots, after_slots, 0.5,
+                                mean, mean_slopes, 0,
+                            )  # fmt: skip
+                        for i in range(count):
+                            right_side[i, 0] = values[rate_slots[i]] - 2.0 * stage * k[0, i]
+                            for c in range(width):
+                                moved_slope = slopes[rate_slots[i], c] - 2.0 * stage * dk[0, i, c]
+                                right_side[i, 1 + c] = moved_slope
+                        for j in range(lates):
+                            right_side[late[j], :] = 0.0
+                        work[:, :] = matrix
+                        _solve(work, right_side)
+                        for i in range(count):
+                            k[stage, i] = right_side[i, 0]
+                            for c in range(width):
+                                dk[stage, i, c] = right_side[i, 1 + c]
+                    for i in range(count):
+                        apart = abs(0.5 * step * (k[0, i] + k[1, i]))
+                        error = max(error, apart / peak[i] if peak[i] > 0.0 else 0.0)
+                        x[i] += step * (1.5 * k[0, i] + 0.5 * k[1, i])
+                        for c in range(width):
+                            dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
+                else:
+                    for stage in range(4):
+                        before = stage - 1 if stage > 0 else 0
+                        scale = half[stage] * step if stage > 0 else 0.0
+                        for i in range(count):
+                            values[state_slots[i]] = x[i] + scale * k[before, i]
+                            for c in range(width):
+                                slopes[state_slots[i], c] = dx[i, c] + scale * dk[before, i, c]
+                        at = (p + half[stage]) / pieces
+                        _give(values, input_slots, held, inputs, s, at)
+                        if clock >= 0:
+                            values[clock] = time[s] + at * length
+                        if lates:
+                            _follow(
+                                values, slopes, late, state_slots, after_slots,
+                                time[s] + at * length, nodes, s + 2, past, past_slopes,
+                            )  # fmt: skip
+                        evaluate(first, codes, left, right, begin, values, slopes, width)
+                        if lates and ((p == 0 and stage == 0) or (p == pieces - 1 and stage == 3)):
+                            _aim(
+                                values, slopes, late, state_slots, rate_slots, after_slots, 0.5,
+                                mean, mean_slopes, 0,
+                            )  # fmt: skip
+                        for i in range(count):
+                            k[stage, i] = values[rate_slots[i]]
+                            for c in range(width):
+                                dk[stage, i, c] = slopes[rate_slots[i], c]
+                        for j in range(lates):
+                            k[stage, late[j]] = 0.0
+                            dk[stage, late[j], :] = 0.0
+                    # The rate of the fastest mode, from two slopes at the same time.
+                    above, below, turn = 0.0, 0.0, 0.0
+                    for i in range(count):
+                        share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
+                        if share > 0.0:
+                            above += ((k[2, i] - k[1, i]) / share) ** 2
+                            below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
+                            turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
+                    # Where nothing moves, rounding would look like a fast mode.
+                    if below > 1e-18:
+                        rate = max(rate, math.sqrt(above / below))
+                        growing = growing or (turn > 0.0 and rate * step > LIVELY)
+                    # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
+                    # z**5/120 of it.
+                    error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
+                    for i in range(count):
+                        # Where a rim begins within a step, the last stage may be the first to see
+                        # it; a smooth mode bends there as much as between the two in the middle.
+                        bend = abs(k[0, i] - k[1, i] - k[2, i] + k[3, i])
+                        bend = step / 3.0 * (bend - SMOOTH * abs(k[2, i] - k[1, i]))
+                        bent = max(bent, bend / peak[i] if peak[i] > 0.0 else 0.0)
+                        for stage in range(4):
+                            x[i] += step * weight[stage] * k[stage, i]
+                            for c in range(width):
+                                dx[i, c] += step * weight[stage] * dk[stage, i, c]
+                taken += 1
+                for i in range(count):
+                    # Fixed limits hold within a step too; moving ones are seen at the next sample.
+                    for side in range(2):
+                        slot = low_slots[i] if side == 0 else high_slots[i]
+                        if slot < 0 or slot >= first + begin:
+                            continue
+                        limit = values[slot]
+                        if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
+                            x[i] = limit
+                            for c in range(width):
+                                dx[i, c] = slopes[slot, c]
+            lively = rate * step > LIVELY
+            # What grows by itself must not be damped: it is followed until it runs away.
+            most = GROWN if growing else PIECES
+            switch = (lively or bent > ROUGH) and not growing and pieces >= PIECES
+            more = (lively and pieces < most) or (
+                (error > EXACT or bent > ROUGH) and pieces < PIECES
+            )
+            finer = stiff and error > ROUGH and pieces < FINEST
+            if finer or (not stiff and (switch or more)):
+                stiff = stiff or switch
+                pieces = 2 * pieces if finer else min(PIECES if switch else 2 * pieces, most)
+                for i in range(count):
+                    x[i] = old[i]
+                    for c in range(width):
+                        dx[i, c] = d_old[i, c]
+                continue
+            if stiff:
+                if error < ROUGH / 8.0 and pieces > PIECES:
+                    pieces //= 2
+                stiff = rate * length > 0.5 * LIVELY * PIECES
+                pieces = pieces if stiff else PIECES
+            elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
+                pieces //= 2
+            if lates:
+                past[s + 1] = mean[0]
+                past_slopes[s + 1] = mean_slopes[0]
+            break
+        for i in range(count):
+            if not abs(x[i]) < HUGE:
+                return -1
+            for c in range(width):
+                if not abs(dx[i, c]) < HUGE:
+                    return -1
+    return taken

@@ -1,0 +1,166 @@
+"""Newton's method for many small systems of equations at once, straight or along a path.
+
+A system near a known solution is solved straight from there. Where the steps do not shrink as they
+do near a solution, it is reached by continuation: a share of the way is solved first, from the
+last solution found; the share of a system that fails is halved, of one that succeeds doubled. So
+of several solutions the one is found that the known one turns into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec_runtime.contract.plan import Array
+
+Index = NDArray[np.intp]
+
+STEPS = 30
+"""Newton steps at most; a step that leads away is halved, and counts."""
+
+CONVERGED = 1e-7
+"""Last step, in units of the unknowns' scales. Newton squares it, so the result is better."""
+
+LONGEST = 0.5
+"""No damped step moves an unknown by more than this share of its scale: laws may end nearby."""
+
+SHRINKS = 0.5
+"""Each step over the one before, at most, where a solution is near.
+
+Source: natural monotonicity test, Deuflhard 2004, Newton Methods for Nonlinear Problems, sec. 3.3.
+"""
+
+FIRST, SHORTEST = 0.25, 1.0 / 65536.0
+"""Share of the way that is tried first, and below which the way counts as ended."""
+
+ROWS, ENTRIES = 4096, 2_000_000
+"""Systems at a time, of which more leave the cache; entries of their matrices, likewise."""
+
+
+class Systems(Protocol):
+    """n systems of m equations with m unknowns near one, on the way from share 0 to share 1."""
+
+    def linearised(self, at: Array, share: Array, index: Index) -> tuple[Array, Array]:
+        """Residuals of the systems `index`, shape (k, m), and their derivatives (k, m, m).
+
+        NaN where a law does not hold.
+        """
+
+
+def follow(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
+    """Solve the systems `index` from one starting point.
+
+    Parameters
+    ----------
+    start : shape (k, m), near the solutions at share 0.
+
+    Returns
+    -------
+    Solutions, shape (k, m), and the share that was reached, shape (k,): 1 where the system is
+    solved, -1 where not even share 0 is. Short of 1 the solution is the last on the way.
+    """
+    at, solved = start.copy(), np.zeros(len(start), dtype=bool)
+    for part in _parts(np.arange(len(start)), start, ROWS):
+        at[part], solved[part] = straight(systems, start[part], np.ones(len(part)), index[part])
+    reached = np.ones(len(at))
+    # Few are far away, and the way takes many small calls: all of them go it together.
+    for part in _parts(np.flatnonzero(~solved), start):
+        at[part], reached[part] = _along_the_way(systems, start[part], index[part])
+    return at, reached
+
+
+def _parts(numbers: Index, start: Array, most: int = ENTRIES) -> Iterator[Index]:
+    """As many systems at a time as memory allows."""
+    size = max(1, min(most, ENTRIES // max(1, start.shape[1]) ** 2))
+    for low in range(0, len(numbers), size):
+        yield numbers[low : low + size]
+
+
+def straight(
+    systems: Systems, start: Array, share: Array, index: Index
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Full Newton steps, as long as they shrink; returns where, and which converged."""
+    at, solved = start.copy(), np.zeros(len(start), dtype=bool)
+    live, bound = np.arange(len(start)), np.full(len(start), np.inf)
+    while live.size:
+        left, slopes = systems.linearised(at[live], share[live], index[live])
+        step = _solve_each(slopes, -left)
+        longest = np.abs(step).max(axis=1)
+        near = longest <= np.maximum(bound[live], CONVERGED)
+        live, step, longest = live[near], step[near], longest[near]
+        at[live] += step
+        bound[live] = SHRINKS * longest
+        done = longest < CONVERGED
+        solved[live[done]] = True
+        live = live[~done]
+    return at, solved
+
+
+def _along_the_way(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
+    """As `follow`, always from share 0."""
+    n = len(start)
+    at, solved = straight(systems, start, np.zeros(n), index)
+    reached, stride = np.where(solved, 0.0, -1.0), np.full(n, FIRST)
+    while True:
+        live = np.flatnonzero((reached >= 0.0) & (reached < 1.0) & (stride >= SHORTEST))
+        if not live.size:
+            return at, reached
+        share = np.minimum(reached[live] + stride[live], 1.0)
+        found, solved = straight(systems, at[live], share, index[live])
+        at[live[solved]] = found[solved]
+        reached[live] = np.where(solved, share, reached[live])
+        stride[live] *= np.where(solved, 2.0, 0.5)
+
+
+def newton(
+    systems: Systems, start: Array, share: Array, index: Index
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Damped Newton steps; returns where they led, shape (k, m), and which systems converged."""
+    at = start.copy()
+    left, slopes = systems.linearised(at, share, index)
+    size = _length(left)
+    damping, done = np.ones(len(at)), np.zeros(len(at), dtype=bool)
+    for _ in range(STEPS):
+        live = np.flatnonzero(~done & np.isfinite(size))
+        if not live.size:
+            break
+        step = _solve_each(slopes[live], -left[live])
+        longest = np.abs(step).max(axis=1)
+        factor = damping[live] * LONGEST / np.maximum(longest, LONGEST)
+        trial = at[live] + factor[:, None] * step
+        trial_left, trial_slopes = systems.linearised(trial, share[live], index[live])
+        trial_size = _length(trial_left)
+        # At the end only rounding is left, which need not fall any further.
+        last: NDArray[np.bool_] = (longest < CONVERGED) & np.isfinite(trial_size)
+        better: NDArray[np.bool_] = (trial_size < size[live]) | last
+        moved = live[better]
+        at[moved], left[moved], size[moved] = trial[better], trial_left[better], trial_size[better]
+        slopes[moved] = trial_slopes[better]
+        damping[live] = np.where(better, np.minimum(2.0 * damping[live], 1.0), 0.5 * damping[live])
+        done[live] = last
+    return at, done
+
+
+def _length(vectors: Array) -> Array:
+    length: Array = np.sqrt(np.einsum("km,km->k", vectors, vectors))
+    return length
+
+
+def _solve_each(matrices: Array, right: Array) -> Array:
+    """Solve k linear systems, shape (k, m); NaN where a matrix is singular or not finite."""
+    sound = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    safe = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
+    result: Array
+    try:
+        result = np.asarray(np.linalg.solve(safe, right[:, :, None]), dtype=float)[:, :, 0]
+    except np.linalg.LinAlgError:
+        # numpy gives up on all for one; alone each is solved as it would be in any company.
+        result = np.full_like(right, np.nan)
+        if len(right) > 1:
+            parts = [slice(i, i + 1) for i in range(len(right))]
+            result = np.concatenate([_solve_each(safe[p], right[p]) for p in parts])
+    result[~sound] = np.nan
+    return result

@@ -1,0 +1,82 @@
+"""Whether a plant could stand at another operating point as well: a search from other starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.simulation.equations import Equations
+from rulec_runtime.simulation.newton import Index, Systems, newton
+from rulec_runtime.simulation.simulate import Simulated, simulate_with
+
+SAMPLE = 24
+"""Rows that are tried, spread over the recording."""
+
+FACTORS = (0.25, 0.5, 2.0, 4.0)
+"""Starts, as factors of the readings found."""
+
+APART = 1e-3
+"""Share of a reading by which another operating point differs."""
+
+
+@dataclass(frozen=True)
+class OtherPoint:
+    """A row in which a signal, predicted as one value, could also have another; SI."""
+
+    row: int
+    signal: str
+    predicted: float
+    also: float
+
+
+def other_point(
+    equations: Equations,
+    given: Mapping[str, Array],
+    degrees: Mapping[str, Array | float],
+    simulated: Simulated,
+) -> OtherPoint | None:
+    """The first other operating point found; None is no proof that there is none."""
+    rows = np.flatnonzero(simulated.solved)
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
+    if not rows.size or not equations.predicted:
+        return None
+    found = {name: simulated.values[name][rows] for name in equations.predicted}
+    some = [
+        {name: np.broadcast_to(v, simulated.solved.shape)[rows] for name, v in table.items()}
+        for table in (given, degrees)
+    ]
+    for factor in FACTORS:
+        start = {}
+        for name, values in found.items():
+            zero = equations.ruleset.signal_by_id[name].offset
+            start[name] = zero + factor * (values - zero)
+        other = simulate_with(equations, some[0], some[1], solve=_from_there, start=start)
+        for i in np.flatnonzero(_possible(equations, other)):
+            gaps = {
+                name: abs(other.values[name][i] / values[i] - 1.0) for name, values in found.items()
+            }
+            name = max(gaps, key=lambda n: gaps[n])
+            if gaps[name] > APART:
+                also = float(other.values[name][i])
+                return OtherPoint(int(rows[i]), name, float(found[name][i]), also)
+    return None
+
+
+def _from_there(systems: Systems, start: Array, index: Index) -> tuple[Array, Array]:
+    at, solved = newton(systems, start, np.ones(len(start)), index)
+    return at, np.where(solved, 1.0, 0.0)
+
+
+def _possible(equations: Equations, points: Simulated) -> np.ndarray:
+    """Solved, with readings that the sensors can show and the equations hold for."""
+    possible = points.solved.copy()
+    for name in equations.predicted:
+        signal, values = equations.ruleset.signal_by_id[name], points.values[name]
+        with np.errstate(invalid="ignore"):
+            for low in (signal.lowest, signal.minimum):
+                possible &= True if low is None else values >= low
+            possible &= True if signal.highest is None else values <= signal.highest
+    return possible

@@ -1,0 +1,177 @@
+"""Readings at the operating points of a plant that stores nothing: each row by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.simulation.equations import Equations, SimulationRefused
+from rulec_runtime.simulation.other_points import other_point
+from rulec_runtime.simulation.prediction import Exact, Injected, recorded_of, rows
+from rulec_runtime.simulation.shut_off import nearly_shut, without_flow
+from rulec_runtime.simulation.simulate import Simulated, simulate_with
+
+NOTHING: Mapping[str, Array] = {}
+
+
+def predict_settled(
+    equations: Equations,
+    files: Sequence[RecordingFile],
+    injected: Sequence[Injected] = (),
+    known: Mapping[str, Array] = NOTHING,
+) -> Exact:
+    """Predict what follows from the readings of the same row.
+
+    Parameters
+    ----------
+    known : readings that count instead of recorded ones, shape (n,), SI.
+
+    Raises
+    ------
+    SimulationRefused
+        A given reading has no column, or a fault is none of this plant.
+    """
+    time = times_of(files)
+    asked = [name for name in equations.given if name not in known]
+    recorded = {**known, **recorded_of(equations.ruleset, files, asked)}
+    running = {s.id: _running(s, recorded[s.id]) for s in equations.given_signals}
+    given = {
+        s.id: nearly_shut(s, running[s.id], equations.ruleset) for s in equations.given_signals
+    }
+    degrees = degrees_of(injected, time)
+    simulated = simulate_with(equations, given, degrees)
+    values = {name: simulated.values[name] for name in equations.predicted}
+    notes = [
+        *_left_out(equations, recorded, given, simulated),
+        *_shut_off(equations, running, simulated),
+        *_without_solution(simulated),
+        *_beyond_sensors(equations, values),
+        *_more_than_one(equations, given, degrees, simulated),
+    ]
+    gains = _gains(equations, given, degrees, simulated)
+    return Exact(equations.given, values, simulated.solved, tuple(notes), gains)
+
+
+def times_of(files: Sequence[RecordingFile]) -> Array:
+    """Times of all rows, s; dates count from the first one."""
+    time = np.concatenate([file.time for file in files])
+    if any(file.dated for file in files) and np.isfinite(time).any():
+        time = time - np.nanmin(time)
+    return time
+
+
+def _running(signal: SignalSpec, recorded: Array) -> Array:
+    """Readings, NaN where the equations do not hold, as the module stands."""
+    if signal.minimum is None:
+        return recorded
+    return np.where(recorded < signal.minimum, np.nan, recorded)
+
+
+def degrees_of(injected: Sequence[Injected], time: Array) -> dict[str, Array | float]:
+    """Degree of each fault; of several that overlap the last one counts."""
+    degrees: dict[str, Array | float] = {}
+    for part in injected:
+        acts = np.isfinite(time) & (time >= part.since) & (time <= part.until)
+        acts |= np.isinf(part.since) & np.isinf(part.until)
+        if not acts.any():
+            raise SimulationRefused(
+                f"{part.fault} from {part.since:g} s to {part.until:g} s: the recording runs from "
+                f"{np.nanmin(time):g} s to {np.nanmax(time):g} s"
+            )
+        degrees[part.fault] = np.where(acts, part.degree, degrees.get(part.fault, 0.0))
+    return degrees
+
+
+def _gains(
+    equations: Equations,
+    given: Mapping[str, Array],
+    degrees: Mapping[str, Array | float],
+    faulty: Simulated,
+) -> dict[str, Array]:
+    """Factors that faults in sensors put on predicted readings, errors and all."""
+    known = equations.ruleset.fault_by_id
+    # What is added to a reading leaves the errors of its sensor as they are.
+    scaling = (n for n in degrees if known[n].in_sensor and not known[n].unit)
+    sensors = {n: known[n].scales[0] for n in scaling}
+    if not sensors:
+        return {}
+    others = {name: degree for name, degree in degrees.items() if name not in sensors}
+    healthy = simulate_with(equations, given, others)
+    wrong = set(sensors.values()) & set(equations.predicted)
+    return {name: faulty.values[name] / healthy.values[name] for name in sorted(wrong)}
+
+
+def _left_out(
+    equations: Equations,
+    recorded: Mapping[str, Array],
+    given: Mapping[str, Array],
+    simulated: Simulated,
+) -> Iterator[str]:
+    """Rows that are not predicted as something stands, or was not recorded."""
+    for signal in equations.given_signals:
+        blank = ~np.isfinite(recorded[signal.id])
+        if blank.any():
+            yield f"{rows(blank)}: {signal.id} has no reading{_hangs(blank, simulated)}"
+        stands = ~np.isfinite(given[signal.id]) & ~blank
+        if stands.any() and signal.minimum is not None:
+            limit = (signal.minimum - signal.offset) / signal.factor
+            what = f"{signal.id} is below {limit:.3g} {signal.unit}"
+            yield f"{rows(stands)}: {what}{_hangs(stands, simulated)}"
+
+
+def _hangs(rows: np.ndarray, simulated: Simulated) -> str:
+    """What is not predicted in rows that lack something."""
+    predicted = [v for name, v in simulated.flows.items() if np.isfinite(v[rows]).any()]
+    return "; what hangs on it is not predicted" if predicted else "; they are not predicted"
+
+
+def _shut_off(
+    equations: Equations, running: Mapping[str, Array], simulated: Simulated
+) -> Iterator[str]:
+    """Rows in which a meter shows no flow."""
+    for signal in equations.given_signals:
+        shut = without_flow(signal, running[signal.id], equations.ruleset) & simulated.solved
+        if shut.any():
+            yield f"{rows(shut)}: {signal.id} shows no flow; predicted at next to none"
+
+
+def _without_solution(simulated: Simulated) -> Iterator[str]:
+    failed = simulated.failed >= 0
+    if failed.any():
+        yield f"{rows(failed)} have no solution: {simulated.why(int(np.argmax(failed)))}"
+
+
+def _beyond_sensors(equations: Equations, values: Mapping[str, Array]) -> Iterator[str]:
+    """Predicted readings that the sensor cannot show, or that diagnosis would not trust."""
+    for name in equations.predicted:
+        signal = equations.ruleset.signal_by_id[name]
+        for limit, beyond, word in (
+            (signal.lowest, values[name] < (signal.lowest or 0.0), "below its sensor's range"),
+            (signal.highest, values[name] > (signal.highest or 0.0), "above its sensor's range"),
+            (signal.minimum, values[name] < (signal.minimum or 0.0), "below its minimum"),
+        ):
+            if limit is not None and beyond.any():
+                yield f"{rows(beyond)}: {name} is predicted {word}"
+
+
+def _more_than_one(
+    equations: Equations,
+    given: Mapping[str, Array],
+    degrees: Mapping[str, Array | float],
+    simulated: Simulated,
+) -> Iterator[str]:
+    other = other_point(equations, given, degrees, simulated)
+    if other is not None:
+        signal = equations.ruleset.signal_by_id[other.signal]
+        here, there = (
+            f"{(value - signal.offset) / signal.factor:.4g} {signal.unit}"
+            for value in (other.predicted, other.also)
+        )
+        yield (
+            f"more than one solution, as in data row {other.row + 1}: {signal.id} is predicted as "
+            f"{here}, which follows from the reference point, but {there} would fit as well"
+        )

@@ -1,0 +1,176 @@
+"""Readings of a plant that stores: its balances integrated over a recording.
+
+Each file is a run of its own and begins at the start values of the ruleset. Readings that follow
+from those of the same row are predicted as in plants that store nothing: before the balances where
+these need them, else behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Dynamics, Ruleset
+from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.simulation.balances import Balances, RanAway
+from rulec_runtime.simulation.equations import Equations, SimulationRefused, equations_of
+from rulec_runtime.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
+from rulec_runtime.simulation.prediction import Exact, Injected, recorded_of, rows, within_range
+from rulec_runtime.simulation.run import Run, course, run_of
+
+SHOWN = "shown:"
+DEGREE = "x."
+"""Before the id of a fault: its degree as an input of the balances."""
+
+
+def predict_stored(
+    ruleset: Ruleset,
+    dynamics: Dynamics,
+    files: Sequence[RecordingFile],
+    injected: Sequence[Injected] = (),
+) -> Exact:
+    """Predict all readings of a plant that stores.
+
+    Raises
+    ------
+    SimulationRefused
+        A given reading has no column, a state grows without bound, or a fault is none of this
+        plant, or none that its balances know.
+    """
+    _check_faults(ruleset, dynamics, injected)
+    settled = _settled_equations(ruleset)
+    if settled is None:
+        note = (ruleset.simulation.refused,) if ruleset.simulation.refused else ()
+        return _stored(ruleset, dynamics, files, injected, NOTHING, note)
+    before = sorted(set(dynamics.inputs).intersection(settled.predicted))
+    behind = sorted(set(settled.given).intersection(dynamics.outputs))
+    if before and behind:
+        raise SimulationRefused(
+            f"{ruleset.plant} cannot be simulated: its balances need {', '.join(before)}, which "
+            f"follows from {', '.join(behind)} at the same moment, and that from the balances"
+        )
+    # Faults that act on what is stored alone are none of the settled equations.
+    at_once = [part for part in injected if ruleset.fault_by_id[part.fault].affects]
+    if before:
+        first = predict_settled(settled, files, at_once)
+        known = {name: first.values[name] for name in before}
+        return _together(first, _stored(ruleset, dynamics, files, injected, known))
+    first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind)
+    known = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
+    return _together(first, predict_settled(settled, files, at_once, known))
+
+
+def _settled_equations(ruleset: Ruleset) -> Equations | None:
+    """Equations of readings that follow from others of the same row; None without any."""
+    if ruleset.simulation.refused:
+        return None
+    equations = equations_of(ruleset)
+    return equations if equations.predicted else None
+
+
+def _check_faults(ruleset: Ruleset, dynamics: Dynamics, injected: Sequence[Injected]) -> None:
+    """Refuse faults that are none of this plant, and those that balances would have to know."""
+    for name in (part.fault for part in injected):
+        fault = ruleset.fault_by_id.get(name)
+        if fault is None:
+            known = ", ".join(ruleset.fault_by_id) or "none"
+            raise SimulationRefused(f"{ruleset.plant} has no fault '{name}'; it has {known}")
+        read = {s for o in fault.affects for s in ruleset.observer_by_id[o].signals}
+        if read.intersection(dynamics.inputs) and name not in dynamics.faults:
+            raise SimulationRefused(
+                f"{name} changes what flows into what stores; balances with it are not known"
+            )
+
+
+def _together(first: Exact, second: Exact) -> Exact:
+    values = {**first.values, **second.values}
+    given = dict.fromkeys((*first.given, *second.given))
+    return Exact(
+        tuple(name for name in given if name not in values),
+        values,
+        np.asarray(np.isfinite(list(values.values())).all(axis=0)),
+        (*first.notes, *second.notes),
+        {**first.gains, **second.gains},
+        (*first.limited, *second.limited),
+    )
+
+
+def _stored(
+    ruleset: Ruleset,
+    dynamics: Dynamics,
+    files: Sequence[RecordingFile],
+    injected: Sequence[Injected],
+    known: Mapping[str, Array],
+    notes: tuple[str, ...] = (),
+    all_of: Sequence[str] = (),
+) -> Exact:
+    """What sensors of states show; `known` are inputs that other equations predict."""
+    names = tuple(n for n in dynamics.outputs if n in (*all_of, *_asked(ruleset, dynamics, files)))
+    faulty = [part for part in injected if part.fault in dynamics.faults]
+    courses = degrees_of(faulty, times_of(files)) if faulty else {}
+    degrees = {f"{DEGREE}{name}": np.asarray(course) for name, course in courses.items()}
+    every = (*dynamics.inputs, *degrees)
+    balances = Balances(
+        dynamics.plan,
+        tuple(state.id for state in dynamics.states),
+        every,
+        tuple(f"{SHOWN}{name}" for name in names),
+    )
+    given = [name for name in dynamics.inputs if name not in known]
+    inputs = {**recorded_of(ruleset, files, given), **known, **degrees}
+    signals = ruleset.signal_by_id
+    held = np.array([n in degrees or signals[n].between == "hold" for n in every], bool)
+    found, told, first = [], list(notes), 0
+    for file in files:
+        last = first + len(file.time)
+        run = run_of(file, {n: inputs[n][first:last] for n in every}, held, told)
+        found.append(_integrated(ruleset, dynamics, balances, file, run))
+        first = last
+    shown = np.concatenate(found)
+    values = {name: shown[:, i] for i, name in enumerate(names)}
+    told += _beyond_sensors(ruleset, values)
+    whole = np.asarray(np.isfinite(shown).all(axis=1))
+    return Exact(tuple(given), values, whole, tuple(told), limited=names)
+
+
+def _integrated(
+    ruleset: Ruleset, dynamics: Dynamics, balances: Balances, file: RecordingFile, run: Run
+) -> Array:
+    """What is shown in the rows of a file, shape (rows, outputs)."""
+    try:
+        return course(balances, run, dynamics.values)
+    except RanAway:
+        raise SimulationRefused(
+            f"{file.path}: a state of {ruleset.plant} grows beyond all bounds; check the values "
+            "of its modules, and the unit of the given columns"
+        ) from None
+
+
+def _asked(ruleset: Ruleset, dynamics: Dynamics, files: Sequence[RecordingFile]) -> set[str]:
+    """Readings to predict: those that some file has or the column map knows.
+
+    A module type may have more sensors than were fitted; only a column map tells. Without one, or
+    where it has no reading of a state, all are predicted.
+    """
+    there = {name for file in files for name in file.values}
+    fitted = there.union(column.signal for column in ruleset.columns)
+    asked = fitted.intersection(dynamics.outputs)
+    return asked if ruleset.columns and asked else set(dynamics.outputs)
+
+
+def _beyond_sensors(ruleset: Ruleset, values: Mapping[str, Array]) -> Iterator[str]:
+    """Readings that their sensors show as an end of their range."""
+    for name, value in values.items():
+        signal = ruleset.signal_by_id[name]
+        for limit, beyond, word in (
+            (signal.lowest, value < (signal.lowest or 0.0), "below"),
+            (signal.highest, value > (signal.highest or 0.0), "above"),
+        ):
+            if limit is not None and beyond.any():
+                end = (limit - signal.offset) / signal.factor
+                yield (
+                    f"{rows(beyond)}: {name} would be {word} its sensor's range, which then shows "
+                    f"{end:.4g} {signal.unit}"
+                )

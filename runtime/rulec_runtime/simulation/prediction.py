@@ -1,0 +1,86 @@
+"""What is said of a recording before sensors err, and of the rows in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.recordings.rewrite import column_of
+from rulec_runtime.simulation.equations import SimulationRefused
+
+
+@dataclass(frozen=True)
+class Injected:
+    """A fault that acts from one time of the recording to another, s."""
+
+    fault: str
+    degree: float
+    since: float = -np.inf
+    until: float = np.inf
+
+
+@dataclass(frozen=True)
+class Exact:
+    """What perfect sensors would show in n rows.
+
+    Attributes
+    ----------
+    given : signals that are taken from the recording.
+    values : per predicted signal an array, shape (n,), SI; NaN where it is not predicted.
+    whole : shape (n,), rows in which everything is predicted.
+    notes : what the user should know.
+    gains : factors that faults in sensors put on predicted readings, errors and all, shape (n,).
+    limited : signals that are shown no further than to the ends of their sensors' ranges.
+    """
+
+    given: tuple[str, ...]
+    values: Mapping[str, Array]
+    whole: np.ndarray
+    notes: tuple[str, ...]
+    gains: Mapping[str, Array] = field(default_factory=dict)
+    limited: tuple[str, ...] = ()
+
+
+def recorded_of(
+    ruleset: Ruleset, files: Sequence[RecordingFile], names: Iterable[str]
+) -> dict[str, Array]:
+    """Readings as recorded, shape (n,); raises `SimulationRefused` where a file lacks a column."""
+    wanted = list(names)
+    for file in files:
+        missing = [name for name in wanted if name not in file.values]
+        if missing:
+            titles = [f"'{column_of(name, ruleset)[0]}'" for name in missing]
+            what = "columns" if len(titles) > 1 else "column"
+            raise SimulationRefused(
+                f"{file.path}: to predict the other readings of {ruleset.plant}, it "
+                f"needs the {what} {', '.join(titles)}"
+            )
+    return {n: np.concatenate([file.values[n] for file in files]) for n in wanted}
+
+
+def within_range(
+    ruleset: Ruleset, values: Mapping[str, Array], names: Iterable[str]
+) -> dict[str, Array]:
+    """Readings, those of some signals no further than their sensors can show."""
+    result = dict(values)
+    for name in names:
+        signal = ruleset.signal_by_id[name]
+        result[name] = np.clip(
+            result[name],
+            -np.inf if signal.lowest is None else signal.lowest,
+            np.inf if signal.highest is None else signal.highest,
+        )
+    return result
+
+
+def rows(flags: np.ndarray) -> str:
+    """How many rows something holds for, and which is the first."""
+    count, first = int(flags.sum()), int(np.argmax(flags)) + 1
+    if count == len(flags):
+        return f"all {count} rows"
+    return f"{count} of {len(flags)} rows (the first is data row {first})"

@@ -1,0 +1,232 @@
+"""Readings of a plant with given faults, from its ruleset alone.
+
+The ruleset's `undo` plan gives every estimate of a flow with faults undone. The readings of a
+plant are those at which all estimates of a module agree on one flow and the flows balance at the
+junctions, so the equations that diagnose also simulate. They are solved step by step, in the order
+that the compiler found. Errors of sensors are not in here, see `sensing.py`.
+
+Source: own derivation; Newton's method along a path of easier problems (`newton.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.simulation.equations import (
+    Equations,
+    SimulationRefused,
+    StepEquations,
+    equations_of,
+)
+from rulec_runtime.simulation.newton import Index, Systems, follow
+from rulec_runtime.simulation.operating_points import OperatingPoints
+
+__all__ = ["Simulated", "SimulationRefused", "simulate", "simulate_with"]
+
+Given = Mapping[str, Array | float]
+
+Solver = Callable[[Systems, Array, Index], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Operating points, n of them.
+
+    Attributes
+    ----------
+    values : per signal that some observer reads an array, shape (n,), SI, without sensor errors.
+        Given ones as given; NaN where one is not predicted.
+    flows : per module with observers an array, shape (n,), m3/s; NaN where it is not found.
+    solved : shape (n,); whether all is found.
+    failed : shape (n,); number of the first step that has no solution, -1 where none failed.
+        A step that lacks something given is not found, but has not failed.
+    """
+
+    values: Mapping[str, Array]
+    flows: Mapping[str, Array]
+    solved: NDArray[np.bool_]
+    failed: NDArray[np.intp]
+    _course: _Course
+
+    def why(self, sample: int) -> str:
+        """What stands against an operating point; empty where nothing does."""
+        return self._course.why(sample) if self.failed[sample] >= 0 else ""
+
+
+def simulate(
+    ruleset: Ruleset, given: Given, degrees: Given, offsets: Given | None = None
+) -> Simulated:
+    """Find the readings of a plant.
+
+    Parameters
+    ----------
+    given : per input (and per reading that no observer determines) an array, shape (n,), or a
+        number; SI. Absent ones stay at the reference point. A given reading is what its sensor
+        shows, also where a fault makes it wrong. Where it is NaN, what hangs on it is not found.
+    degrees : per fault id its degree, shape (n,) or a number. Several faults may act at once.
+    offsets : per observer id how far its law is off the truth, m3/s.
+
+    Raises
+    ------
+    SimulationRefused
+        The plant cannot be simulated, or a name or number is not one of this plant.
+    """
+    return simulate_with(equations_of(ruleset), given, degrees, offsets)
+
+
+def simulate_with(
+    equations: Equations,
+    given: Given,
+    degrees: Given,
+    offsets: Given | None = None,
+    solve: Solver = follow,
+    start: Given | None = None,
+) -> Simulated:
+    """As `simulate`, where the equations of the plant are known already.
+
+    `solve` is `newton.follow` or behaves alike; it starts from the reference point, or from
+    readings in `start`, shape (n,).
+    """
+    offsets = offsets or {}
+    _check(equations, given, degrees, offsets)
+    course = _begun(equations, given, degrees, offsets)
+    for number, step in enumerate(equations.steps):
+        course.take(number, step, solve, start or {})
+    known = course.known
+    found = [known[name] for name in (*equations.predicted, *equations.flows)]
+    return Simulated(
+        {s.id: known[s.id] for s in equations.ruleset.signals if s.id in known},
+        {m: known[m] for m in equations.flows},
+        np.isfinite(found).all(axis=0) & np.ones(len(course.failed), dtype=bool),
+        course.failed,
+        course,
+    )
+
+
+def _begun(equations: Equations, given: Given, degrees: Given, offsets: Given) -> _Course:
+    """Nothing found yet."""
+    asked = [*given.values(), *degrees.values(), *offsets.values()]
+    (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in asked))
+    return _Course(
+        equations,
+        {s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals},
+        {name: _spread(degree, n) for name, degree in degrees.items()},
+        {name: _spread(offset, n) for name, offset in offsets.items()},
+        np.full(n, -1),
+        np.ones(n),
+        np.full((n, 2), -1.0),
+    )
+
+
+def _spread(value: Array | float, n: int) -> Array:
+    return np.broadcast_to(np.asarray(value, dtype=float), (n,))
+
+
+@dataclass(frozen=True)
+class _Course:
+    """Steps taken so far: what is known (readings, SI, and flows), and where which step ended.
+
+    `failed`, `reached` : shape (n,), of the first step without solution its number, and the share
+    of the way on which it has one. `worst` : shape (n, 2), its smallest flow: number, and share of
+    its scale.
+    """
+
+    equations: Equations
+    known: dict[str, Array]
+    degrees: Mapping[str, Array]
+    offsets: Mapping[str, Array]
+    failed: NDArray[np.intp]
+    reached: Array
+    worst: Array
+
+    def take(self, number: int, step: StepEquations, solve: Solver, start: Given) -> None:
+        """Find the readings and flows of a step, where all that it needs is there."""
+        n = len(self.failed)
+        needed = [self.known[name] for name in (*step.known_readings, *step.known_flows)]
+        index = np.flatnonzero(np.isfinite(needed).all(axis=0) & np.ones(n, dtype=bool))
+        points = OperatingPoints(
+            step, self.known, self.equations.reference, self.degrees, self.offsets
+        )
+        begin = np.tile(step.start, (n, 1))
+        for j, name in enumerate(step.readings):
+            if name in start:
+                begin[:, j] = start[name] / step.scales[j]
+        names = (*step.readings, *step.flows)
+        self.known.update({name: np.full(n, np.nan) for name in names})
+        if not index.size:
+            return
+        at, reached = begin[index], np.ones(len(index))
+        if step.readings:
+            at, reached = solve(points, at, index)
+        self._keep(number, points, index, at, reached)
+
+    def _keep(
+        self, number: int, points: OperatingPoints, index: Index, at: Array, reached: Array
+    ) -> None:
+        """Keep what was found; a flow that is not positive is no operating point."""
+        step = points.step
+        flows = points.flows(at, np.maximum(reached, 0.0), index)
+        found = (reached == 1.0) & (flows > 0).all(axis=1)
+        for j, name in enumerate(step.readings):
+            self.known[name][index[found]] = at[found, j] * step.scales[j]
+        for j, name in enumerate(step.flows):
+            self.known[name][index[found]] = flows[found, j] * step.flow_scales[j]
+        first = ~found & (self.failed[index] < 0)
+        lost = index[first]
+        self.failed[lost], self.reached[lost] = number, reached[first]
+        if step.flows and lost.size:
+            smallest = np.argmin(flows[first], axis=1)
+            self.worst[lost] = np.column_stack(
+                [smallest, flows[first][np.arange(len(lost)), smallest]]
+            )
+
+    def why(self, sample: int) -> str:
+        """What stands against the step that failed."""
+        step, reached = self.equations.steps[self.failed[sample]], float(self.reached[sample])
+        what = [f"{name} {degree[sample]:g}" for name, degree in self.degrees.items()]
+        for signal in self.equations.given_signals:
+            shown = (self.known[signal.id][sample] - signal.offset) / signal.factor
+            what.append(f"{signal.id} {shown:.4g} {signal.unit}")
+        text = f"no operating point at {', '.join(what)}: "
+        if reached < 0:
+            return text + "not even the reference point solves these equations"
+        ending = f"nothing satisfies {', '.join(step.observers)}"
+        if step.flows:
+            number, part = self.worst[sample]
+            flow = step.flows[int(number)]
+            ending = f"{flow} carries {100.0 * part:.2g} % of its reference flow"
+        if reached == 1.0:
+            return text + ending
+        way = f"the way there from the reference point ends at {100.0 * reached:.4g} %"
+        return f"{text}{way}, where {ending}"
+
+
+def _check(equations: Equations, given: Given, degrees: Given, offsets: Given) -> None:
+    """Refuse names and numbers that are none of this plant."""
+    ruleset = equations.ruleset
+    kinds = (
+        ("input", given, equations.given),
+        ("fault", degrees, ruleset.fault_by_id),
+        ("observer", offsets, ruleset.observer_by_id),
+    )
+    for kind, table, known in kinds:
+        for name, value in table.items():
+            if name not in known:
+                raise SimulationRefused(
+                    f"{ruleset.plant} has no {kind} '{name}'; it has {', '.join(known)}"
+                )
+            if np.any(np.isinf(value)) or (kind != "input" and np.any(np.isnan(value))):
+                raise SimulationRefused(f"{name}: not every value is a number")
+    for name, value in degrees.items():
+        fault = ruleset.fault_by_id[name]
+        if np.any(np.asarray(value) < fault.lowest) or np.any(np.asarray(value) > fault.highest):
+            raise SimulationRefused(
+                f"{name}: its degree lies between {fault.lowest:g} and {fault.highest:g}"
+                f"{' ' if fault.unit else ''}{fault.unit}"
+            )
