@@ -11,11 +11,11 @@ import pytest
 import yaml
 
 from rulec.cli import main
+from rulec.prove.truth import NOISE_FREE, abc, calibration_run, record, write_csv
 from tests.conftest import ROOT
-from tests.truth import NOISE_FREE, abc, calibration_run, record, write_csv
 
 TRUTH = {"C0": 6.0, "C2": 2.0, "P0": 25.0, "P1": 0.095, "eta": 0.70, "k0": 0.05, "k2": 5.2e-6}
-"""Parameters of the truth's dosing module, docs of tests/truth, in the units of the kb."""
+"""Parameters of the truth's dosing module, docs of rulec/prove/truth, in the units of the kb."""
 
 
 def _calibrate(recording: Path, folder: Path) -> dict[str, Any]:

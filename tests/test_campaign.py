@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.truth import (
+from rulec.prove.truth import (
     INERTIA,
     INSIDE,
     NOISE_FREE,

@@ -21,6 +21,7 @@ FILES = sorted(
     path.relative_to(ROOT).as_posix()
     for package in ("rulec", "runtime")
     for path in (ROOT / package).rglob("*.py")
+    if "prove" not in path.parts  # plants the effects that the tool must find
 )
 WORD = re.compile(r"[A-Za-z][A-Za-z0-9]*(?:[-_][A-Za-z0-9]+)*")
 

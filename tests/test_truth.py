@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from tests.truth import (
+from rulec.prove.truth import (
     NOISE_FREE,
     RIGS,
     TABLE_1,
@@ -29,8 +29,9 @@ from tests.truth import (
     warm_run,
     write_csv,
 )
-from tests.truth.__main__ import main
-from tests.truth.units import RPM
+from rulec.prove.truth.__main__ import main
+from rulec.prove.truth.units import RPM
+from tests.conftest import ROOT
 
 PLANTS = Path(__file__).parents[1] / "plants"
 FIXED = Sensing(statistical=0.0)
@@ -275,8 +276,8 @@ def test_shipped_examples_are_those_the_command_makes(name: str, tmp_path: Path)
 
 def test_shares_no_code_with_what_it_tests() -> None:
     """No source of the simulator imports rulec or runtime."""
-    for path in (Path(__file__).parent / "truth").glob("*.py"):
+    for path in (ROOT / "rulec" / "prove" / "truth").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in getattr(node, "names", []) if hasattr(alias, "name")]
             names.append(getattr(node, "module", None) or "")
-            assert not {name.partition(".")[0] for name in names} & {"rulec", "runtime"}
+            assert not {name.partition(".")[0] for name in names} & {"rulec", "rulec_runtime"}

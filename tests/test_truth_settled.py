@@ -10,19 +10,19 @@ import pytest
 import yaml
 
 from rulec.cli import main as rulec
+from rulec.prove.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
+from rulec.prove.truth.plant import Plant
+from rulec.prove.truth.sealed import Request
+from rulec.prove.truth.settled.effects import EFFECTS, key
+from rulec.prove.truth.settled.plan import Planned, SettledCase
+from rulec.prove.truth.settled.pumps import PUMPS
+from rulec.prove.truth.settled.rig import Rig, solve
+from rulec.prove.truth.settled.rigs import dosing_rig
+from rulec.prove.truth.settled.scene import scene, stream
+from rulec.prove.truth.settled.suite import FULL, QUICK, planned
+from rulec.prove.truth.settled.visible import sight
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT
-from tests.truth import NOISE_FREE, abc, healthy_run, mixing_rig, record
-from tests.truth.plant import Plant
-from tests.truth.sealed import Request
-from tests.truth.settled.effects import EFFECTS, key
-from tests.truth.settled.plan import Planned, SettledCase
-from tests.truth.settled.pumps import PUMPS
-from tests.truth.settled.rig import Rig, solve
-from tests.truth.settled.rigs import dosing_rig
-from tests.truth.settled.scene import scene, stream
-from tests.truth.settled.suite import FULL, QUICK, planned
-from tests.truth.settled.visible import sight
-from tests.truth.units import BAR, LITRE_PER_HOUR
 
 KB = ROOT / "kb"
 

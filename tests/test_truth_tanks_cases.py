@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.conftest import ROOT
-from tests.truth.tanks import (
+from rulec.prove.truth.tanks import (
     CASCADED,
     GROUPS,
     ROW,
@@ -22,11 +21,12 @@ from tests.truth.tanks import (
     plant_folder,
     possible_effects,
 )
-from tests.truth.tanks.__main__ import main
-from tests.truth.tanks.build import UNITS
-from tests.truth.tanks.case import FURTHER, HIDES
-from tests.truth.tanks.describe import parameters
-from tests.truth.tanks.size import ACCEPTED
+from rulec.prove.truth.tanks.__main__ import main
+from rulec.prove.truth.tanks.build import UNITS
+from rulec.prove.truth.tanks.case import FURTHER, HIDES
+from rulec.prove.truth.tanks.describe import parameters
+from rulec.prove.truth.tanks.size import ACCEPTED
+from tests.conftest import ROOT
 
 SHORT = 120
 """Samples of a case that is made for one test."""

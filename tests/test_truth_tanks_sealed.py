@@ -13,17 +13,17 @@ import yaml
 
 from rulec.cli import main as rulec
 from rulec.effects.model_builder import open_builder
+from rulec.prove.truth import sealed
+from rulec.prove.truth.limit import Rival, expected_gain, margin
+from rulec.prove.truth.tanks import CASCADED, ROW, case, possible_effects
+from rulec.prove.truth.tanks.effects import EFFECTS
+from rulec.prove.truth.tanks.folder import write_plant
+from rulec.prove.truth.tanks.key import FILE, right
+from rulec.prove.truth.tanks.model import noise_of
+from rulec.prove.truth.tanks.rows import row
+from rulec.prove.truth.tanks.sealed import SealedCase
+from rulec.prove.truth.tanks.suite import CONCEALED, RARELY, STRONGEST, WEAKEST, cases
 from tests.conftest import ROOT
-from tests.truth import sealed
-from tests.truth.limit import Rival, expected_gain, margin
-from tests.truth.tanks import CASCADED, ROW, case, possible_effects
-from tests.truth.tanks.effects import EFFECTS
-from tests.truth.tanks.folder import write_plant
-from tests.truth.tanks.key import FILE, right
-from tests.truth.tanks.model import noise_of
-from tests.truth.tanks.rows import row
-from tests.truth.tanks.sealed import SealedCase
-from tests.truth.tanks.suite import CONCEALED, RARELY, STRONGEST, WEAKEST, cases
 
 SHORT = 90
 RANDOM = np.random.default_rng(5)

@@ -1,39 +1,23 @@
-"""`rulec prove`: the suite of concealed effects, which lives with the independent truth in `tests`.
-
-The truth that makes the cases shares no code with this package, so it is started as a process.
-"""
+"""`rulec prove`: the suite of concealed effects, in a process of its own."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
-from rulec_runtime.output.terminal import say_aside
-
-SOURCE = Path(__file__).parents[2]
-SUITE = "tests.prove"
+SUITE = "rulec.prove"
 
 
 def run(options: argparse.Namespace) -> int:
     """Start the suite with the same options."""
-    if not (SOURCE / "tests" / "prove" / "__main__.py").exists():
-        say_aside(
-            "rulec prove: the suite is part of the project's source tree, not of the installed "
-            "package; clone the project and run it there"
-        )
-        return 1
-    path = os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))
-    asked = [sys.executable, "-m", SUITE, "--lifeline", *words_of(options)]
-    return _waited_for(asked, {**os.environ, "PYTHONPATH": path})
+    return _waited_for([sys.executable, "-m", SUITE, "--lifeline", *words_of(options)])
 
 
-def _waited_for(asked: Sequence[str], environment: Mapping[str, str]) -> int:
+def _waited_for(asked: Sequence[str]) -> int:
     """Exit code of the suite.
 
     It is a session of its own, so an interrupt reaches this process alone. The pipe to it is its
@@ -41,9 +25,7 @@ def _waited_for(asked: Sequence[str], environment: Mapping[str, str]) -> int:
     because this process was killed.
     """
     with (
-        subprocess.Popen(
-            asked, env=environment, stdin=subprocess.PIPE, start_new_session=True
-        ) as suite,
+        subprocess.Popen(asked, stdin=subprocess.PIPE, start_new_session=True) as suite,
         _ended_by(signal.SIGTERM),
     ):
         try:

@@ -21,11 +21,11 @@ from rulec_runtime.simulation.equations import equations_of
 from rulec_runtime.simulation.simulate import simulate_with
 
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import RIGS, fault_replay, healthy_run, record, write_csv
 from tests.bench.conftest import Results
 from tests.bench.rigs import side_by_side
 from tests.bench.test_plan import BLOCK, block, by_lambdify, in_blocks, nanoseconds
 from tests.conftest import compiled
-from tests.truth import RIGS, fault_replay, healthy_run, record, write_csv
 
 MILLION = 1_000_000
 LONG = 100_000

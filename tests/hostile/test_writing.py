@@ -15,7 +15,12 @@ from tests.conftest import ROOT
 
 WRITER = "runtime/rulec_runtime/output/write_file.py"
 SPEAKER = "runtime/rulec_runtime/output/terminal.py"
-SOURCES = sorted(f for p in ("rulec", "runtime") for f in (ROOT / p).rglob("*.py"))
+SOURCES = sorted(
+    f
+    for package in ("rulec", "runtime")
+    for f in (ROOT / package).rglob("*.py")
+    if "truth" not in f.parts  # shares no code with the tool
+)
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError, OSError(errno.ENOSPC, "full")])
@@ -113,5 +118,5 @@ def test_one_module_speaks_and_one_writes(file: Path) -> None:
         if name != WRITER:
             assert last not in ("write_bytes", "mkstemp", "NamedTemporaryFile"), called
             assert called.endswith("write_text") <= (called == "write_text"), called
-        if called == "styled":
+        if called == "styled" and not isinstance(node.args[0], ast.Subscript):
             assert isinstance(node.args[0], ast.Constant | ast.Name), ast.unparse(node)

@@ -17,8 +17,8 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import RIGS, fault_replay, record, write_csv
 from tests.conftest import ROOT
-from tests.truth import RIGS, fault_replay, record, write_csv
 
 FOLDER = Path(__file__).parent / "faults"
 PUMPS = {

@@ -20,11 +20,11 @@ from rulec.knowledge.check_plant import check
 from rulec.knowledge.read import read_plant
 from rulec.passes.differentiate import TypeModel, type_model
 from rulec.passes.pipeline import compile_plant
-from tests import truth
+from rulec.prove import truth
+from rulec.prove.truth.plant import DosingModule, Line, Mixer
+from rulec.prove.truth.pumps import centrifugal
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
 from tests.conftest import ROOT
-from tests.truth.plant import DosingModule, Line, Mixer
-from tests.truth.pumps import centrifugal
-from tests.truth.units import BAR, LITRE_PER_HOUR, RPM
 
 HERE = Path(__file__).parent
 PLANTS = HERE / "plants"

@@ -20,8 +20,8 @@ from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 
+from rulec.prove.truth import TABLE_1, healthy_run, record
 from tests.method.readings import built, noise_free, points, recording, ruleset
-from tests.truth import TABLE_1, healthy_run, record
 
 NAN = float("nan")
 EDGES = {

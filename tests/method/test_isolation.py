@@ -12,8 +12,8 @@ from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
+from rulec.prove.truth import TABLE_1, healthy_run, record
 from tests.method.readings import PUMPS, built, noise_free, noisy, points, recording, ruleset
-from tests.truth import TABLE_1, healthy_run, record
 
 SEEDS = 30
 MENTION = 0.02

@@ -15,8 +15,8 @@ from rulec_runtime.diagnosis.steady.observe import observe
 
 from rulec.commands.matrix import machine_form
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth.loops import OUTSIDE, Branch, DosingBranch, Resistance, readings
 from tests.method.readings import PLANTS, evaluate, points, row_of, ruleset, signs, to_si
-from tests.truth.loops import OUTSIDE, Branch, DosingBranch, Resistance, readings
 
 NARROW, DN15, HEADER = 9.0e-7, 3.5e-7, 2.0e-7
 BRANCHES: dict[str, dict[str, Branch]] = {

@@ -13,9 +13,9 @@ from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import TABLE_1, Run, operating_points, record, visiting_run
 from tests.conftest import ROOT
 from tests.method.readings import built, recording, ruleset
-from tests.truth import TABLE_1, Run, operating_points, record, visiting_run
 
 SEEDS = range(5)
 

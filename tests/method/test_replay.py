@@ -13,8 +13,8 @@ from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.recordings.stationary import noise_of
 
+from rulec.prove.truth import TABLE_1, leakage_replay, record
 from tests.method.readings import built, recording, ruleset
-from tests.truth import TABLE_1, leakage_replay, record
 
 SEEDS = range(1, 21)
 FAULT = "A.leakage"

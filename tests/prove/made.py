@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.prove.results import Heldout, Judged, Run
-from tests.truth.sealed import CONCEALMENTS
+from rulec.prove.results import Heldout, Judged, Run
+from rulec.prove.truth.sealed import CONCEALMENTS
 
 NAN = float("nan")
 

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.prove.analyst import FORM
-from tests.prove.campaign import Told, asked, owned
-from tests.prove.kept import CASES
+from rulec.prove.analyst import FORM
+from rulec.prove.campaign import Told, asked, owned
+from rulec.prove.kept import CASES
+from tests.conftest import recordings_folder as recordings_folder
 from tests.rig.mismatch import esp, hsy, zema
 from tests.rig.mismatch.case import Case, copy_plant, copy_rows
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.text import counted, listed, number
 
 from tests.prove.real import Answer
@@ -34,18 +34,20 @@ def tell_real(out: Console, answers: Sequence[Answer], skipped: Sequence[str]) -
     for title in ("shipped", "recal.", "repaired", "noise", "left"):
         shown.add_column(title, justify="right", no_wrap=True)
     for answer in answers:
-        title = f"{escape(answer.case)}\n[dim]{escape(answer.plant)}[/]"
-        verdict = f"[bold]{escape(str(answer.form.get('verdict', 'no answer')))}[/]"
-        found = "\n".join(escape(f"• {line}") for line in found_lines(answer.form))
+        words = (answer.case, answer.plant, answer.form.get("verdict", "no answer"))
+        title = styled("{}\n[dim]{}[/]\n[bold]{}[/]", *words)
+        found = "\n".join(f"• {line}" for line in found_lines(answer.form))
         columns = zip(*map(fit_cells, answer.form.get("fits") or ()), strict=True)
-        cells = (escape("\n".join(column)) for column in columns)
-        shown.add_row(f"{title}\n{verdict}", found, *cells)
+        cells = ("\n".join(column) for column in columns)
+        shown.add_row(title, found, *cells)
     seconds = sum(a.form["seconds"] for a in answers)
-    out.print(f"[bold]{counted(len(answers), 'real recording')}, {number(seconds, 2)} s[/]")
-    out.print(
-        f"[dim]U = {COVERAGE:g} u, about 95 %; errors: root mean square on held-out samples;\n"
-        f"left: repaired over noise, {WORSE} where the repair did harm[/]\n"
+    asked = counted(len(answers), "real recording")
+    out.print(styled("[bold]{}, {} s[/]", asked, number(seconds, 2)))
+    legend = (
+        f"U = {COVERAGE:g} u, about 95 %; errors: root mean square on held-out samples; "
+        f"left: repaired over noise, {WORSE} where the repair did harm"
     )
+    out.print(styled("[dim]{}[/]\n", legend))
     out.print(shown)
     for line in skipped:
         out.print(f"skipped: {line}", style="dim", markup=False, soft_wrap=True)

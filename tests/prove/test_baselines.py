@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.prove.aligned import (
+from rulec.prove.aligned import (
     Array,
     Course,
     at_times,
@@ -16,9 +16,9 @@ from tests.prove.aligned import (
     drivers_of,
     lagged,
 )
-from tests.prove.baselines import Baselines, dynamic_baselines, one_thread, stationary_baselines
-from tests.prove.sparse import mended_by_law, mended_by_map
-from tests.prove.trees import mended_by_trees
+from rulec.prove.baselines import Baselines, dynamic_baselines, one_thread, stationary_baselines
+from rulec.prove.sparse import mended_by_law, mended_by_map
+from rulec.prove.trees import mended_by_trees
 
 N = 600
 HELDOUT = (np.arange(N) * 25 // N) % 5 == 2

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from rulec.cli import main as rulec
-from tests.prove import campaign
-from tests.prove.analyst import FORM, analyse
-from tests.prove.campaign import Changed, analysed, digest_of, judged, sealed
-from tests.prove.partition import Partition, register
-from tests.prove.results import run_from_json
+from rulec.prove import campaign
+from rulec.prove.analyst import FORM, analyse
+from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from rulec.prove.partition import Partition, register
+from rulec.prove.results import run_from_json
 
 FEW = Partition("development", 1, quick=True, only="stationary-1-clean--1")
 """A few clean cases."""

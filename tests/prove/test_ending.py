@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
+from rulec.prove import __main__ as prove
+from rulec.prove.campaign import Changed, owned
+from rulec.prove.command import main
+from rulec.prove.kept import CASES, SEALS, unusable
 from tests.conftest import ROOT
-from tests.prove import __main__ as prove
-from tests.prove.campaign import Changed, owned
-from tests.prove.command import main
-from tests.prove.kept import CASES, SEALS, unusable
 
 FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")
 PATIENCE = 60.0
@@ -88,7 +88,7 @@ def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
 
 SWALLOWING = """
 import time
-from tests.prove.ending import interruptible
+from rulec.prove.ending import interruptible
 try:
     with interruptible(lifeline=True):
         try:
@@ -202,5 +202,5 @@ def test_without_the_packages_of_the_suite(
     monkeypatch.setattr(prove, "NEEDS", ("pytest", "absent_package"))
     assert 1 == prove.main()
     said = capsys.readouterr().err
-    assert said.startswith("rulec prove: absent_package not installed here; `make test` installs")
+    assert said.startswith("rulec prove: absent_package not installed here; the suite needs")
     assert 1 == said.count("\n")

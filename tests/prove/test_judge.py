@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.prove.judge import judge
-from tests.prove.results import Judged
-from tests.truth.sealed import Answer, Planted
+from rulec.prove.judge import judge
+from rulec.prove.results import Judged
+from rulec.prove.truth.sealed import Answer, Planted
 
 LOW = Planted(
     "dp-low", "reads low", "sensor", "B", "sensor", ("slope",), ("B.dp",), {}, 90.0, 3.0, ""

@@ -13,12 +13,12 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.compete import Contestant, contest
 from rulec.mismatch.search.weigh import gain_in_sample, needed
-from tests.prove.aligned import driver_of, driver_told, likeness
-from tests.prove.campaign import DRIVER
-from tests.prove.nameless import at_its_place, course_at
+from rulec.prove.aligned import driver_of, driver_told, likeness
+from rulec.prove.campaign import DRIVER
+from rulec.prove.nameless import at_its_place, course_at
+from rulec.prove.truth.sealed import Request
+from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
-from tests.truth.sealed import Request
-from tests.truth.settled.plan import Planned
 
 
 def plain_of(folder: Path) -> Contestant:

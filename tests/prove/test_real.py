@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.prove.campaign import Changed
+from rulec.prove.command import main
 from tests.conftest import recordings_folder
-from tests.prove.campaign import Changed
-from tests.prove.command import main
 from tests.prove.real import SOURCES, Answer, answers
 from tests.prove.tell_real import tell_real
 from tests.rig.esp import FOLDER
@@ -27,7 +26,7 @@ def quiet(what: str, done: int, all_: int) -> None:
 
 def told(form: dict[str, Any]) -> str:
     """The table of one answer, as a terminal shows it."""
-    out = Console(width=WIDTH, highlight=False, color_system=None)
+    out = Terminal(width=WIDTH, color_system=None)
     with out.capture() as shown:
         tell_real(out, [Answer("rig", "abc", form)], [])
     return shown.get()

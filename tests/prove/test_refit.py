@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.prove.analyst import FORM
-from tests.prove.campaign import OPENED, judged, sealed
-from tests.prove.kept import CASES
-from tests.prove.partition import Partition
-from tests.prove.refit import Refitted, lost_in, refitted
+from rulec.prove.analyst import FORM
+from rulec.prove.campaign import OPENED, judged, sealed
+from rulec.prove.kept import CASES
+from rulec.prove.partition import Partition
+from rulec.prove.refit import Refitted, lost_in, refitted
 
 WARM = Partition("development", 1, quick=True, only="slip-warm")
 """A pump that slips more when it is warm."""

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from tests.prove.attainable import CLAIMED, LOOKED_AT, at_best
+from rulec.prove.attainable import CLAIMED, LOOKED_AT, at_best
+from rulec.prove.mistakes import confusion, worst
+from rulec.prove.page import headline, page
+from rulec.prove.results import Heldout, Judged, Run, run_from_json
+from rulec.prove.scores import by, by_concealment, curve, table, wilson
+from rulec.prove.tell import text
 from tests.prove.made import judged, planted, run
-from tests.prove.mistakes import confusion, worst
-from tests.prove.page import headline, page
-from tests.prove.results import Heldout, Judged, Run, run_from_json
-from tests.prove.scores import by, by_concealment, curve, table, wilson
-from tests.prove.tell import text
 from tests.runtime.reports import tree
 
 HOSTILE = "<b>x</b><script src='//x'>"

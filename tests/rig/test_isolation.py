@@ -9,11 +9,11 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from rulec.prove.truth import RIGS, Plant, drawn
 from tests.rig.isolation.__main__ import main
 from tests.rig.isolation.count import counted
 from tests.rig.isolation.tables import TABLES, Scale, sound
 from tests.rig.mixing_rig.judge import Answer, Named
-from tests.truth import RIGS, Plant, drawn
 
 
 def answer(fault: str, *named: Named) -> Answer:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from rulec.prove.truth import RIGS, published_faults
 from tests.rig.mixing_rig.cases import EXPERIMENTS, FULL, PUMPS, QUICK
 from tests.rig.mixing_rig.goals import GOALS
 from tests.rig.mixing_rig.judge import Answer, Judged, Named
@@ -25,7 +26,6 @@ from tests.rig.mixing_rig.measure import (
 )
 from tests.rig.mixing_rig.run import run
 from tests.rig.mixing_rig.show import SHOW, show_goals
-from tests.truth import RIGS, published_faults
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe, points_of_
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 
+from rulec.prove.truth import TABLE_1, Run, Sensing, healthy_run, record
 from tests.method.readings import built, recording, ruleset
-from tests.truth import TABLE_1, Run, Sensing, healthy_run, record
 
 LEAD = 20
 SAMPLES = 40

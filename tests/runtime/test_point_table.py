@@ -11,9 +11,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording, read_recording
 
+from rulec.prove.truth import abc as abc_rig
+from rulec.prove.truth import calibration_run, record, write_csv
 from tests.conftest import ROOT, compiled
-from tests.truth import abc as abc_rig
-from tests.truth import calibration_run, record, write_csv
 
 HELD = 6
 """Rows for which a recording stays at a point, where a table has one."""

@@ -21,9 +21,9 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, standing_still
 
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import RIGS, TABLE_1, operating_points, record, visiting_run
 from tests.conftest import ROOT
 from tests.runtime import tanks
-from tests.truth import RIGS, TABLE_1, operating_points, record, visiting_run
 
 PLANTS = {
     "abc": "plants/abc",

@@ -17,7 +17,7 @@ from rulec_runtime.simulation.simulate import simulate, simulate_with
 from rulec.algebra.eliminate import independent_without, solved_for
 from rulec.algebra.matching import match, surplus
 from rulec.passes.pipeline import compile_plant
-from tests import truth
+from rulec.prove import truth
 from tests.conftest import ROOT, compiled
 from tests.method.readings import built, evaluate, ruleset, to_si
 

@@ -13,7 +13,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 
 from rulec.cli import main
-from tests import truth
+from rulec.prove import truth
 from tests.conftest import ROOT, compiled, recordings_folder
 from tests.rig.zema import read_cycles, write_cycles
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 
+from rulec.prove.truth import INSIDE, TABLE_1, Sensing, operating_points, record, visiting_run
 from tests.method.readings import built, recording, ruleset
-from tests.truth import INSIDE, TABLE_1, Sensing, operating_points, record, visiting_run
 
 POINTS = 5
 HOLD = 20

@@ -13,8 +13,8 @@ from rulec_runtime.diagnosis.steady.seen import see_stretches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, settle
 
+from rulec.prove.truth import INSIDE, healthy_run, operating_points, record, visiting_run
 from tests.method.readings import built, recording, ruleset
-from tests.truth import INSIDE, healthy_run, operating_points, record, visiting_run
 
 FLOW = "A.Q"
 SAMPLES = 40

@@ -57,7 +57,7 @@ def main() -> None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.rig.isolation", description=__doc__)
     parser.add_argument("tables", nargs="*", metavar="TABLE", help=", ".join(ASKED))
-    parser.add_argument("--plant", default="abc", help="of tests.truth.RIGS (default abc)")
+    parser.add_argument("--plant", default="abc", help="of rulec.prove.truth.RIGS (default abc)")
     parser.add_argument("--degrees", default="0.1,0.2,0.3", help="default 0.1,0.2,0.3")
     parser.add_argument("--repetitions", type=int, default=10, help="of each case (default 10)")
     parser.add_argument("--draws", type=int, default=61, help="calibrations (default 61)")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from rulec.prove.truth import INSIDE, RIGS, TABLE_1, campaign, operating_points, single_faults
+from rulec.prove.truth.runs import HOLD, Speeds
 from tests.rig.mixing_rig.cases import ALARM_HOLD, TOUR, Task
-from tests.truth import INSIDE, RIGS, TABLE_1, campaign, operating_points, single_faults
-from tests.truth.runs import HOLD, Speeds
 
 MODE = ("default",)
 STRIDE = 1_003

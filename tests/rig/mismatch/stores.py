@@ -9,8 +9,8 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.analyse import analyse
+from rulec.prove.truth.tanks import CASCADED, named
 from tests.conftest import ROOT
-from tests.truth.tanks import CASCADED, named
 
 
 def verdicts(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from tests.truth import (
+from rulec.prove.truth import (
     INSIDE,
     RIGS,
     TABLE_1,
@@ -19,8 +19,8 @@ from tests.truth import (
     settling,
     single_faults,
 )
-from tests.truth.runs import DEGREES as PLATEAUS
-from tests.truth.runs import HOLD, Speeds
+from rulec.prove.truth.runs import DEGREES as PLATEAUS
+from rulec.prove.truth.runs import HOLD, Speeds
 
 BOTH = ("default", "paper")
 PUMPS = {

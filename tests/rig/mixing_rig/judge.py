@@ -20,7 +20,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
 from rulec_runtime.report.json_form import diagnosis_form
 
-from tests import truth
+from rulec.prove import truth
 from tests.method.readings import recording
 from tests.rig.mixing_rig.cases import Task
 from tests.rig.mixing_rig.commission import key_of, ruleset_of

@@ -19,8 +19,8 @@ from rulec.mismatch.evidence.steady.predict import predictors_for
 from rulec.mismatch.evidence.steady.prepare import HELDOUT, prepare
 from rulec.mismatch.evidence.steady.system import System
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import write_csv
 from tests.runtime.mismatch.made import USUAL, alone, recorded, tour, warming
-from tests.truth import write_csv
 
 SAMPLES = 240
 

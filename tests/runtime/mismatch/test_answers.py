@@ -1,7 +1,7 @@
 """From a recording to the answer: what was planted is told, where, and how large.
 
-Recordings that ship with the project are by the independent truth in tests/truth; the others are
-made from the plant's own equations with a candidate built in.
+Recordings that ship with the project are by the independent truth in rulec/prove/truth; the
+others are made from the plant's own equations with a candidate built in.
 """
 
 from __future__ import annotations

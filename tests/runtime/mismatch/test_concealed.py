@@ -12,8 +12,8 @@ from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer_types.result import Mismatch
 from rulec.mismatch.search.rivals import SURE
 from rulec.mismatch.search.search import search
+from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.runtime.mismatch.made import rows_at
-from tests.truth.settled.plan import Planned, SettledCase
 
 
 def case(effect: str, aim: float = 3000.0) -> SettledCase:

@@ -25,10 +25,10 @@ from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.inference.settle import _ranges
 from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.passes.pipeline import compile_plant
+from rulec.prove.truth import write_csv
 from tests.conftest import ROOT
 from tests.runtime.mismatch.dynamic.benches import bench, made, tanks
 from tests.runtime.mismatch.made import USUAL, alone, recorded, tour, warming
-from tests.truth import write_csv
 
 SAMPLES = 240
 TYPE = "dosing-pcp"

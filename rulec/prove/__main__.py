@@ -1,0 +1,28 @@
+"""`python -m rulec.prove`: the command, or what it lacks where only the product is installed."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from rulec_runtime.output.terminal import say_aside
+
+NEEDS = ("sklearn", "pysindy")
+"""What the suite imports, some of it only at its end, beside what the product needs."""
+
+
+def main() -> int:
+    """Run the command; 1 where packages of the suite are absent."""
+    absent = [name for name in NEEDS if find_spec(name) is None]
+    if absent:
+        say_aside(
+            f"rulec prove: {', '.join(absent)} not installed here; the suite needs "
+            "them: pip install 'rulec[prove]'"
+        )
+        return 1
+    from rulec.prove import command
+
+    return command.main()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,70 @@
+"""The analysis of a case, as a user would run it: the plant's folder and the recording, no more.
+
+This file imports nothing of the truth, and its process is given a folder's path only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.output.write_file import write_text
+
+FORM, SERIES, EARLIER = "mismatch.json", "series.csv", "earlier.csv"
+
+
+def analyse(folder: Path) -> dict[str, Any]:
+    """Calibrate the plant, if there is an earlier run, and ask what is missing.
+
+    Returns the machine form with `seconds` by the clock; `error` where there is no answer. It is
+    kept in the folder, so a run that was killed goes on where it was.
+    """
+    form = folder / FORM
+    if form.exists():
+        kept: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
+        return kept
+    begin = time.perf_counter()
+    try:
+        found = _asked(folder)
+    except Exception as failure:  # what the tool does not survive is a result
+        last = traceback.extract_tb(failure.__traceback__)[-1]
+        found = {"error": f"{type(failure).__name__}: {failure} ({last.name}:{last.lineno})"}
+    found["seconds"] = time.perf_counter() - begin
+    write_text(form, json.dumps(found))
+    return found
+
+
+def _asked(folder: Path) -> dict[str, Any]:
+    plant, answer = folder / "plant", folder / "answer.json"
+    file = plant / "plant.yaml"
+    if (folder / EARLIER).exists() and "calibration:" not in file.read_text(encoding="utf-8"):
+        made = plant / "calibration.yaml"
+        # Where the earlier run does not tell a parameter, a user goes on with the data sheet.
+        with contextlib.suppress(ValueError):
+            _run("calibrate", plant, folder / EARLIER, "-o", made)
+            plain = file.read_text(encoding="utf-8")
+            write_text(file, f"{plain}calibration: [calibration.yaml]\n")
+    series = folder / SERIES
+    recording = folder / "recording.csv"
+    _run("mismatch", plant, recording, "--json", answer, "--series", series)
+    found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
+    return found
+
+
+def _run(*words: object) -> None:
+    """A command of the tool; ValueError with its message where it refuses."""
+    from rulec.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+    if code:
+        raise ValueError(f"rulec {words[0]}: {' '.join(err.getvalue().split())[:300]}")

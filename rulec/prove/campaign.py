@@ -1,0 +1,169 @@
+"""A run of the proof: seal all answers, analyse, open the answers, judge. It resumes after a kill.
+
+Folders are numbered; names, seeds and answers stand in no file until all is judged. A run that goes
+on makes the answers anew and compares their hashes with those that were sealed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rulec_runtime.output.write_file import write_text
+
+from rulec.prove.aligned import driver_told
+from rulec.prove.analyst import FORM, analyse
+from rulec.prove.ending import end_with_parent, end_workers
+from rulec.prove.judge import judge
+from rulec.prove.kept import CASES, SEALS, tool_digest
+from rulec.prove.partition import Partition, Planned
+from rulec.prove.results import Judged
+from rulec.prove.truth.sealed import Request
+
+OPENED, DRIVER = "answer-opened.json", "driver-opened.csv"
+
+Told = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+B = TypeVar("B")
+
+
+class Changed(Exception):
+    """The folder belongs to another run or tool, or answers are not what was sealed."""
+
+
+def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]:
+    """Make all cases; their hashes by number, empty where no plant showed what was planned.
+
+    Raises Changed where a folder was sealed with other answers.
+    """
+    kept = owned(work, partition.digest)
+    if kept:
+        return kept
+    cases = partition.cases()
+    todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
+    made = list(_spread(_seal, todo, jobs, lambda n: told("sealing", n, len(todo))))
+    _write_seals(work, [*_head(partition.digest), *made])
+    return made
+
+
+def owned(work: Path, whose: str) -> list[str]:
+    """Make a folder that of a run, if it is none yet; what was sealed in it, none at first.
+
+    Raises Changed where it is that of another run, or of the same one with another tool.
+    """
+    head = _head(whose)
+    file = work / SEALS
+    kept = file.read_text("utf-8", "replace").splitlines() if file.exists() else []
+    if not kept:
+        _write_seals(work, head)
+    elif kept[0] != whose:
+        raise Changed(f"--keep: {work} holds another run; name another folder")
+    elif kept[: len(head)] != head:
+        why = "the tool or its knowledge base has changed since"
+        raise Changed(f"--keep: {work}: {why}, and answers of two are no run; name another folder")
+    return kept[len(head) :]
+
+
+def _head(whose: str) -> list[str]:
+    return [whose, f"tool {tool_digest()}"]
+
+
+def _write_seals(work: Path, lines: Sequence[str]) -> None:
+    write_text(work / SEALS, "\n".join(lines) + "\n")
+
+
+def digest_of(seals: Sequence[str]) -> str:
+    """One hash over all answers."""
+    return hashlib.sha256("\n".join(seals).encode()).hexdigest()
+
+
+def analysed(work: Path, seals: Sequence[str], jobs: int, told: Told) -> None:
+    """Ask the tool about every case that was made and not asked about yet."""
+    asked([_folder(work, i) for i, seal in enumerate(seals) if seal], jobs, told)
+
+
+def asked(folders: Sequence[Path], jobs: int, told: Told) -> None:
+    """Ask the tool about every folder that holds a plant and a recording, and no answer yet."""
+    todo = [(f,) for f in folders if not (f / FORM).exists()]
+    done = len(folders) - len(todo)
+    told("analysing", done, len(folders))
+    for _ in _spread(_analyse, todo, jobs, lambda n: told("analysing", done + n, len(folders))):
+        pass
+
+
+def judged(
+    partition: Partition, work: Path, seals: Sequence[str], jobs: int, told: Told
+) -> tuple[list[Judged], int]:
+    """Open the answers and judge; also how often the simulation of a baseline ran away.
+
+    Raises Changed where an answer is not what was sealed.
+    """
+    todo = [
+        (case, _folder(work, i), seals[i], partition.name)
+        for i, case in enumerate(partition.cases())
+        if seals[i]
+    ]
+    found = list(_spread(_judge, todo, jobs, lambda n: told("judging", n, len(todo))))
+    return [j for j, _ in found], sum(away for _, away in found)
+
+
+def _folder(work: Path, number: int) -> Path:
+    return work / CASES / f"{number:04d}"
+
+
+def _seal(case: Planned, folder: Path) -> str:
+    try:
+        made = case.make()
+    except ValueError:
+        return ""
+    folder.mkdir(parents=True, exist_ok=True)
+    digest = made.answer.digest
+    made.write(folder)
+    return digest
+
+
+def _analyse(folder: Path) -> None:
+    analyse(folder)
+
+
+def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judged, bool]:
+    made = case.make()
+    if made.answer.digest != seal:
+        raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
+    form: dict[str, Any] = json.loads((folder / FORM).read_text(encoding="utf-8"))
+    result = judge(made, form, folder, partition)
+    write_text(folder / OPENED, made.answer.to_json())
+    driver = made.reference(Request(())).driver if made.answer.unrecorded else None
+    if driver is not None:
+        write_text(folder / DRIVER, driver_told(*driver))
+    return result
+
+
+def _spread(
+    work: Callable[..., B],
+    todo: Sequence[tuple[Any, ...]],
+    jobs: int,
+    told: Callable[[int], None],
+) -> Iterator[B]:
+    """Results in the order of the list, from processes that share nothing with this one."""
+    os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+    found: dict[int, B] = {}
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, end_with_parent) as pool:
+        try:
+            asked = {pool.submit(work, *words): i for i, words in enumerate(todo)}
+            for count, future in enumerate(as_completed(asked), 1):
+                found[asked[future]] = future.result()
+                told(count)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            end_workers()
+            raise
+    return (found[i] for i in range(len(todo)))

@@ -1,0 +1,161 @@
+"""Prove the mismatch analysis on concealed effects: `rulec prove`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import json
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
+from importlib.metadata import version
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+from rulec_runtime.commands.destinations import without_folder
+from rulec_runtime.output.terminal import styled, terminal
+from rulec_runtime.output.write_file import write_text
+
+from rulec.cli import prove_options
+from rulec.prove.campaign import Changed, Told, analysed, digest_of, judged, sealed
+from rulec.prove.ending import interruptible
+from rulec.prove.kept import unusable
+from rulec.prove.page import page
+from rulec.prove.partition import Partition, register
+from rulec.prove.results import Run
+from rulec.prove.tell import tell
+
+RIGS = "tests.prove"
+"""Real recordings with what is known of their rigs: theirs is the source tree, not the product."""
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
+    options = parser().parse_args(words)
+    out, aside = terminal(), terminal(aside=True)
+    try:
+        with interruptible(options.lifeline):
+            return _asked(options, out, aside)
+    except Changed as refused:
+        return _ended(aside, 1, str(refused))
+    except OSError as error:
+        return _ended(aside, 1, f"{error.filename or 'file'}: {error.strerror}")
+    except (KeyboardInterrupt, BrokenProcessPool):
+        hint = "the same command goes on" if options.keep else "--keep DIR would let it go on"
+        return _ended(aside, 130, f"interrupted; {hint}")
+
+
+def _ended(aside: Console, code: int, why: str) -> int:
+    aside.print(f"rulec prove: {why}", markup=False, soft_wrap=True)
+    return code
+
+
+def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
+    """What the options ask for."""
+    mistake = _mistake(options)
+    if mistake is not None:
+        return _ended(aside, 2, mistake)
+    options.jobs = options.jobs or os.cpu_count() or 1
+    with tempfile.TemporaryDirectory(prefix="rulec-prove-") as temporary:
+        work = Path(options.keep or temporary)
+        if options.real:
+            return _real(options, work, out, aside)
+        run = _run(options, work, aside)
+    tell(out, run)
+    if options.json:
+        write_text(Path(options.json), run.to_json())
+    if options.report:
+        write_text(Path(options.report), page(run))
+        out.print(styled("[dim]report: {}[/]", options.report))
+    return 0
+
+
+def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console) -> int:
+    try:
+        rigs, teller = (importlib.import_module(f"{RIGS}.{name}") for name in ("real", "tell_real"))
+    except ModuleNotFoundError:
+        return _ended(aside, 1, "--real: the rigs are part of the source tree; run it in a clone")
+    with _progress(aside) as told:
+        found = rigs.answers(rigs.recordings_folder(), work, options.only, options.jobs, told)
+    if options.only and not found[0]:
+        return _ended(aside, 2, f"--only {options.only}: no recording that is here has this name")
+    teller.tell_real(out, *found)
+    if options.json:
+        forms = {answer.case: answer.form for answer in found[0]}
+        write_text(Path(options.json), json.dumps(forms, indent=1))
+    return 0
+
+
+def _mistake(options: argparse.Namespace) -> str | None:
+    """What is wrong with the options, before long work is done for them."""
+    if options.final and register()["final"]["seed"] is None:
+        return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
+    if options.jobs is not None and options.jobs < 1:
+        return f"--jobs {options.jobs}: at least one process is needed"
+    if options.real and options.report:
+        return "--report: there is no page of real recordings, a table and --json only"
+    if not options.real and not partition_of(options)[0].cases():
+        return f"--only {options.only}: no case has this in its name"
+    unwritable = without_folder(options, "json", "report")
+    return unwritable or (unusable(Path(options.keep)) if options.keep else None)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Options of the command."""
+    made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
+    prove_options(made)
+    # Given by `rulec prove`, which holds the other side of standard input.
+    made.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
+    return made
+
+
+def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
+    """Which cases, and how often they were opened."""
+    known = register()
+    if options.final:
+        final = known["final"]
+        return Partition("final", final["seed"], only=options.only), final["opened"]
+    seed = known["development"]["seed"] if options.seed is None else options.seed
+    return Partition("development", seed, options.quick, options.only), 0
+
+
+def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
+    begin = time.perf_counter()
+    partition, openings = partition_of(options)
+    with _progress(aside) as told:
+        seals = sealed(partition, work, options.jobs, told)
+        digest = digest_of(seals)
+        made = sum(bool(s) for s in seals)
+        aside.print(f"{made} answers sealed, hash {digest[:16]}")
+        analysed(work, seals, options.jobs, told)
+        found, away = judged(partition, work, seals, options.jobs, told)
+    lost = len(seals) - made
+    notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
+    return Run(
+        tuple(found),
+        {partition.name: str(partition.seed)},
+        openings,
+        digest,
+        version("rulec"),
+        time.perf_counter() - begin,
+        away,
+        notes,
+    )
+
+
+@contextlib.contextmanager
+def _progress(aside: Console) -> Iterator[Told]:
+    """Shows what is being done, a bar for each kind of work."""
+    with Progress(console=aside, transient=True) as progress:
+        tasks = {}
+
+        def told(what: str, done: int, all_: int) -> None:
+            if what not in tasks:
+                tasks[what] = progress.add_task(what, total=all_)
+            progress.update(tasks[what], completed=done)
+
+        yield told

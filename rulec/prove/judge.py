@@ -1,0 +1,233 @@
+"""The sealed answer and what the tool said, held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rulec.prove.aligned import TIME, Course, columns_of, courses_of, likeness
+from rulec.prove.analyst import SERIES
+from rulec.prove.baselines import Baselines, dynamic_baselines, stationary_baselines
+from rulec.prove.results import Heldout, Judged
+from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
+
+CERTAIN = 0.6
+"""Probability below which a name is one of several."""
+
+AS_LIKELY = 0.25
+"""Odds from which on an alternative belongs to the set."""
+
+NAN = float("nan")
+Form = Mapping[str, Any]
+
+
+def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged, bool]:
+    """Score a case; also tells whether the simulation of a baseline ran away."""
+    answer = case.answer
+    effects = list(form.get("effects", ()))
+    fit = form.get("fit")
+    known = _reference(case, form) if answer.effects and fit else Reference({})
+    baselines = _baselines(answer, fit, folder) if answer.effects and fit else None
+    verdict = form.get("verdict", "failed")
+    named = [p for p in answer.effects if p.names]
+    asked = bool(named) and answer.verdict != "unnamed"
+    strength = sum(p.gain for p in answer.effects)
+    judged = Judged(
+        answer.case,
+        answer.half,
+        answer.plant,
+        answer.profile,
+        partition,
+        answer.verdict,
+        verdict,
+        answer.concealed,
+        tuple(f"{p.effect}@{p.module}" for p in answer.effects),
+        tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
+        tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
+        strength,
+        min((p.margin for p in answer.effects), default=float("inf")),
+        answer.digest,
+        place_right=place_right(answer.effects, form) if answer.effects else None,
+        name_right=name_right(named, effects) if asked else None,
+        clean_right=None if answer.effects else float(verdict == "none"),
+        unnamed_right=(
+            unnamed_right(answer.effects, form) if answer.verdict == "unnamed" else None
+        ),
+        told_right=_told(answer, verdict),
+        inside=_inside(named, effects),
+        ratio=_ratio(form, known, verdict),
+        course=_course(known, form, folder) if answer.unrecorded else None,
+        errors=_errors(fit),
+        baselines=baselines.ratios if baselines else {},
+        seconds=float(form.get("seconds", NAN)),
+        error=str(form.get("error", "")),
+    )
+    return judged, bool(baselines and baselines.ran_away)
+
+
+def _set_of(effect: Form) -> list[tuple[str, str]]:
+    """Names that a finding leaves open, each with its id, its own first."""
+    names = [(str(effect["effect"]), str(effect["id"]))]
+    if (effect["probability"] or 0.0) < CERTAIN:
+        near = AS_LIKELY * (effect["probability"] or 0.0)
+        others = (a for a in effect["alternatives"] if a["probability"] >= near)
+        names += [(str(a["effect"]), str(a["id"])) for a in others]
+    return names
+
+
+def _is(planted: Planted, effect: Form) -> float:
+    """Share of the names left open that are right, in the right module or at a place that means
+    the same: 1/n of n, and more where the key has several that say the same of this plant."""
+    open_, right = _set_of(effect), 0
+    for name, id_ in open_:
+        modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
+        at = {f"{m}.{effect['place']}" for m in modules}
+        here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))
+        right += name in planted.names and here
+    return right / len(open_)
+
+
+def _credit(planted: Planted, effects: Sequence[Form]) -> float:
+    """What counts of a name among those that were told."""
+    return max((_is(planted, e) for e in effects), default=0.0)
+
+
+def name_right(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
+    """Share named rightly; a false name beside lowers the share."""
+    credit = sum(_credit(p, effects) for p in planted)
+    return float(credit / max(len(planted), len(effects)))
+
+
+def _said_places(form: Form) -> set[str]:
+    """All places of an answer."""
+    places = [*form.get("effects", ()), *form.get("locations", ())]
+    hidden = form.get("hidden_driver")
+    found = {f"{e['module']}.{e['place']}" for e in [*places, *([hidden] if hidden else [])]}
+    for effect in form.get("effects", ()):
+        found |= {f"{m}.{effect['place']}" for m in effect["modules"]}
+    return found
+
+
+def place_right(planted: Sequence[Planted], form: Form) -> float:
+    """Share of the places that are right; what is named rightly has its place, one of several that
+    are left open as much as its name."""
+    said, effects = _said_places(form), form.get("effects", ())
+    right = [
+        1.0 if said & set(p.places) else _credit(p, effects) if p.names else 0.0 for p in planted
+    ]
+    return float(np.mean(right))
+
+
+def unnamed_right(planted: Sequence[Planted], form: Form) -> float:
+    """Called unnamed, with its place."""
+    return float(form.get("verdict") == "unnamed" and place_right(planted, form) > 0)
+
+
+def _told(answer: Answer, verdict: str) -> bool | None:
+    """Fault or sensor told from physics, where the tool named something at all."""
+    sorts = {p.sort for p in answer.effects}
+    if verdict not in ("named", "fault", "sensor") or not sorts or "unnamed" in sorts:
+        return None
+    if sorts == {"physics"} and answer.verdict != "unnamed":
+        return verdict == "named"
+    return verdict in ("fault", "sensor") if "physics" not in sorts else None
+
+
+def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, int]:
+    """Intervals of what was named rightly that hold the truth, and all of them."""
+    hits = count = 0
+    for p in planted:
+        for effect in effects:
+            alone = {**effect, "alternatives": (), "probability": 1.0}
+            if not _is(p, alone):
+                continue
+            for name, value in p.parameters.get(effect["effect"], {}).items():
+                estimate = _estimate(effect, name)
+                if estimate is not None:
+                    count += 1
+                    hits += bool(estimate[0] <= value <= estimate[1])
+    return hits, count
+
+
+def _estimate(effect: Form, name: str) -> tuple[float, float] | None:
+    """Interval of a parameter; of a fault in periods, that of its degree."""
+    found = effect["parameters"].get(name)
+    if found is not None and found.get("lower") is not None and found.get("upper") is not None:
+        return float(found["lower"]), float(found["upper"])
+    periods = effect.get("periods") or []
+    if periods and periods[0].get("u") is not None:
+        degree, u = float(periods[0]["degree"]), float(periods[0]["u"])
+        return degree - 1.96 * u, degree + 1.96 * u
+    return None
+
+
+def _request(form: Form) -> Request:
+    spans = tuple((float(a), float(b)) for a, b in form["split"]["heldout"])
+    return Request(spans, {f["signal"]: f["relation"] for f in form["fits"] if f["relation"]})
+
+
+def _reference(case: Case, form: Form) -> Reference:
+    """The true model on what the tool held out; nothing where it cannot be had."""
+    try:
+        return case.reference(_request(form))
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return Reference({})
+
+
+def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
+    """Of the signal that the tool shows first, where it repaired something."""
+    fit = form.get("fit")
+    if not fit or verdict not in ("named", "ambiguous", "fault", "sensor"):
+        return None
+    error = known.errors.get(fit["signal"], NAN)
+    # The true model knows faults and sensors too: it is compared with the whole explanation.
+    held = fit["heldout"]
+    repaired = held["repaired"] if held.get("explained") is None else held["explained"]
+    if repaired is None or not error > 0:
+        return None
+    return float(repaired) / error
+
+
+def _course(known: Reference, form: Form, folder: Path) -> float:
+    """Likeness of the reconstructed course; its sign is free. 0 where there is none."""
+    hidden = form.get("hidden_driver")
+    if not hidden or not hidden.get("series") or known.driver is None:
+        return 0.0
+    columns = columns_of((folder / hidden["series"]).read_text(encoding="utf-8"))
+    course = next(v for header, v in columns.items() if header.startswith("course"))
+    return likeness(columns[TIME], course, *known.driver)
+
+
+def _errors(fit: Form | None) -> Heldout | None:
+    if not fit:
+        return None
+    held = fit["heldout"]
+    values = [held[name] for name in ("shipped", "recalibrated", "repaired", "noise")]
+    return Heldout(*(NAN if v is None else float(v) for v in values))
+
+
+def _baselines(answer: Answer, fit: Form, folder: Path) -> Baselines | None:
+    """What learning makes of the same held-out samples."""
+    file = folder / SERIES
+    if not file.exists():
+        return None
+    courses: list[Course] = courses_of(file.read_text(encoding="utf-8"))
+    course = next((c for c in courses if c.signal == fit["signal"]), None)
+    if course is None or not course.judged.any():
+        return None
+    columns = columns_of((folder / "recording.csv").read_text(encoding="utf-8"))
+    if answer.half == "stationary":
+        return stationary_baselines(columns, course)
+    inputs = [h for h in columns if h != TIME and not _is_output(columns[h], courses)]
+    return dynamic_baselines(columns, course, inputs)
+
+
+def _is_output(values: np.ndarray, courses: Sequence[Course]) -> bool:
+    """Is a column one of the predicted readings?"""
+    return any(
+        len(values) == len(c.measured) and np.allclose(values, c.measured, equal_nan=True)
+        for c in courses
+    )

@@ -1,0 +1,116 @@
+"""What goes wrong, by name: planted against said, and the worst cases."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec.prove.results import Judged
+from rulec.prove.scores import NAN
+
+OTHERS = ("nothing", "unnamed", "failed")
+"""What is said instead of a name."""
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Cases with one planted effect: counts, shape (rows, columns), of planted and said.
+
+    `right` are counts of right answers in the same cells, `rates` those of the rows, best first.
+    """
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    counts: np.ndarray
+    right: np.ndarray
+    rates: tuple[float, ...]
+
+
+def confusion(judged: Sequence[Judged]) -> Confusion:
+    """Where several effects are named, the first counts."""
+    single = [j for j in judged if len(j.planted) == 1]
+    planted = [j.planted[0] for j in single]
+    said = [answer_of(j) for j in single]
+    total, right = Counter(planted), dict.fromkeys(planted, 0.0)
+    for j in single:
+        right[j.planted[0]] += right_of(j)
+    rows = sorted(total, key=lambda name: (-right[name] / total[name], name))
+    # A name stands under the row in which it is right, so that right answers form a diagonal.
+    named = sorted({s for s in said if s not in OTHERS})
+    named.sort(key=lambda name: _main(name, single, rows))
+    columns = [*named, *(o for o in OTHERS if o in said)]
+    counts, rights = np.zeros((2, len(rows), len(columns)))
+    for j, p, s in zip(single, planted, said, strict=True):
+        counts[rows.index(p), columns.index(s)] += 1
+        rights[rows.index(p), columns.index(s)] += right_of(j)
+    rates = tuple(right[name] / total[name] for name in rows)
+    return Confusion(tuple(rows), tuple(columns), counts, rights, rates)
+
+
+def answer_of(judged: Judged) -> str:
+    """What was said, in a word."""
+    if judged.error:
+        return "failed"
+    if judged.said:
+        return judged.said[0].partition("@")[0]
+    return "unnamed" if judged.verdict == "unnamed" else "nothing"
+
+
+def right_of(judged: Judged) -> float:
+    """How right that is; an effect without an entry is right if it is called unnamed."""
+    scores = (judged.name_right, judged.unnamed_right)
+    return float(next((s for s in scores if s is not None), 0.0))
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A case that went wrong, and why it stands here."""
+
+    judged: Judged
+    why: str
+
+
+def worst(judged: Sequence[Judged], count: int = 10) -> list[Bad]:
+    """Wrong and certain, false claims on clean cases, no answer, then what was missed.
+
+    In each sort the strongest effect comes first.
+    """
+    ranked = [(rank, j, why) for j in judged for rank, why in [_sort(j)] if why]
+    ranked.sort(key=lambda r: (r[0], -np.nan_to_num(r[1].gain), r[1].case))
+    return [Bad(j, why) for _, j, why in ranked[:count]]
+
+
+def _sort(judged: Judged) -> tuple[int, str]:
+    """Its place in the order of sorts, and why; no word where nothing is wrong."""
+    certain = judged.said and judged.verdict in ("named", "fault", "sensor")
+    if judged.error:
+        return 2, f"no answer: {judged.error}"
+    if not judged.clean and certain and right_of(judged) == 0:
+        wrong = judged.told_right is False
+        return 0, "wrong and certain" + (", of another sort" if wrong else "")
+    if judged.clean:
+        return 1, "" if judged.clean_right in (None, 1) else "false claim on a clean recording"
+    if right_of(judged) == 0:
+        return 3, "missed"
+    if judged.place_right == 0:
+        return 4, "named at a wrong place"
+    return 5, "told only in part" if right_of(judged) < 1 else ""
+
+
+def _main(name: str, judged: Sequence[Judged], rows: Sequence[str]) -> int:
+    """The row in which a name is mostly right; behind all rows if in none."""
+    right = Counter(
+        rows.index(j.planted[0]) for j in judged if answer_of(j) == name and right_of(j) > 0
+    )
+    return right.most_common(1)[0][0] if right else len(rows)
+
+
+def median_and_quarters(values: Sequence[float]) -> tuple[float, float, float]:
+    """Median and quartiles; NaN of nothing."""
+    if not len(values):
+        return NAN, NAN, NAN
+    low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
+    return float(middle), float(low), float(high)

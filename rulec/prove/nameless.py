@@ -1,0 +1,74 @@
+"""What has no name, asked at its own place: the best that the tool could have said of it.
+
+No entry holds the true law, so it cannot be refitted. In its stand an error is put where the truth
+has it: with a course that is free in time, there or in a parameter of the law, and as a free curve
+over each reading. If these gain no more than what was told, or too little to tell anything, no
+better search would have told the place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+from rulec.mismatch.evidence.steady.configuration import HIDDEN
+from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.evidence.steady.locate import Suspect, suspects
+from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.evidence.stores.fit import Fitted as FittedStores
+from rulec.mismatch.search.compete import Contestant, entered
+from rulec.mismatch.search.free_form import _parts, _varying
+from rulec.mismatch.search.latent_input import _trial, reconstruct
+from rulec.mismatch.search.stores.nonparametric_term import curves
+from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.time_varying import wandering
+from rulec.mismatch.search.weigh import gain_in_sample
+from rulec.prove.aligned import driver_of, likeness
+from rulec.prove.campaign import DRIVER
+
+TRIED = 3
+"""Curves in tanks that are fitted to the end, the best as they were first tried."""
+
+
+def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]:
+    """Models of a settled plant with something without a name at one of some places, best first."""
+    fitted = plain.fitted
+    here = [s for s in suspects(fitted) if f"{s.spot.module}.{s.spot.place}" in places]
+    found = [entered(fitted, t) for s in here for t in _trials(fitted, s)]
+    return sorted(found, key=lambda c: -gain_in_sample(c, plain))
+
+
+def _trials(fitted: Fitted, place: Suspect) -> Iterator[Trial]:
+    """Free courses and free curves at a place."""
+    if not fitted.rows.system.data.of_rows:
+        for way in (place, *wandering(fitted, place.spot)):
+            if (way.weight > 0).sum() > 1:
+                yield _trial(fitted, way)
+    for name in _varying(fitted, place.spot.module):
+        parts = _parts(fitted, name)
+        pieces = [i for i in range(parts + 1) if i != parts // 2]
+        features = tuple(f"{name}~{i}/{parts}" for i in pieces)
+        if parts:
+            curve = fitted.rows.system.builder.free_form(place.spot.id, features)
+            yield from screen(fitted, [curve])[:1]
+
+
+def in_its_tank(
+    searcher: Searcher, plain: FittedStores, places: Collection[str]
+) -> FittedStores | None:
+    """The best model of a plant that stores, with a free curve at one of some places."""
+    spots = [s for s in searcher.bench.builder.spots if f"{s.module}.{s.place}" in places]
+    tasks = curves(searcher, [plain], spots)
+    drawn = searcher.refined(searcher.ranked(tasks, plain)[:TRIED], plain)
+    return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
+
+
+def course_at(folder: Path, models: Sequence[Contestant]) -> float | None:
+    """Likeness of the likeliest free course to the driver that was opened; None without one."""
+    file = folder / DRIVER
+    hidden = [(m, c) for m in models for c in m.fitted.setting.joined if c.sort == HIDDEN]
+    if not file.exists() or not hidden:
+        return None
+    model, candidate = hidden[0]
+    found = reconstruct(model.fitted, candidate.id)
+    return likeness(found.time, found.course, *driver_of(file.read_text(encoding="utf-8")))

@@ -1,0 +1,153 @@
+"""What is known of a run of the proof: every case as judged, and how the run was made. As JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+PARTITIONS = ("development", "final")
+"""Cases to improve the tool with, and cases that are opened to tell how good it is."""
+
+Score = float | None
+"""None where the case says nothing of it; what is right or wrong runs from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Heldout:
+    """Root mean square errors on held-out samples, in the unit of one signal; None: not known."""
+
+    shipped: Score
+    recalibrated: Score
+    repaired: Score
+    noise: Score
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A case, what the tool said of it, and how right that is.
+
+    Attributes
+    ----------
+    planted : names of effects, as the truth calls them; none on a clean case
+    places : `module.place` that are right
+    said : effects that the tool named, as `entry@module.place`
+    gain : expected gain in log likelihood of the true model over the plain one: the strength
+    margin : the same over the best wrong model; infinite where none was tried
+    name_right : an ambiguity set counts by 1/size
+    unnamed_right : an effect that no entry names is called so, with its place
+    told_right : fault and sensor error told from physics
+    inside : intervals of parameters that hold the truth, and all that can be compared
+    ratio : held-out error over that of the true model refitted
+    course : correlation of the course of an unrecorded driver with the truth
+    baselines : held-out errors of those who learn only, over that of recalibration, by name
+    error : why the tool gave no answer, or empty
+    digest : hash of the sealed answer
+    """
+
+    case: str
+    half: str
+    plant: str
+    profile: str
+    partition: str
+    verdict_true: str
+    verdict: str
+    concealed: tuple[str, ...]
+    planted: tuple[str, ...]
+    places: tuple[str, ...]
+    said: tuple[str, ...]
+    gain: float
+    margin: float
+    digest: str
+    place_right: Score = None
+    name_right: Score = None
+    clean_right: Score = None
+    unnamed_right: Score = None
+    told_right: bool | None = None
+    inside: tuple[int, int] = (0, 0)
+    ratio: Score = None
+    course: Score = None
+    errors: Heldout | None = None
+    baselines: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+    error: str = ""
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing is planted."""
+        return not self.planted
+
+
+@dataclass(frozen=True)
+class Run:
+    """All cases of a run, and how it was made.
+
+    Attributes
+    ----------
+    seeds : per partition, in words
+    openings : how often the final partition was opened, this time included
+    digest : hash over all sealed answers, shown before the first analysis
+    version : of the tool, such as a commit
+    seconds : of the whole run, by the clock
+    ran_away : simulations of PySINDy that did
+    """
+
+    judged: tuple[Judged, ...]
+    seeds: Mapping[str, str] = field(default_factory=dict)
+    openings: int = 0
+    digest: str = ""
+    version: str = ""
+    seconds: float = 0.0
+    ran_away: int = 0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def partition(self) -> str:
+        """The partition that is told of: the final one, where there is one."""
+        return PARTITIONS[any(j.partition == PARTITIONS[1] for j in self.judged)]
+
+    @property
+    def shown(self) -> tuple[Judged, ...]:
+        """Cases of that partition; scores of both together would be neither."""
+        return tuple(j for j in self.judged if j.partition == self.partition)
+
+    def to_json(self) -> str:
+        """As text; what is no finite number is text in it."""
+        fields = _written(dataclasses.asdict(self))
+        return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def run_from_json(text: str) -> Run:
+    """A run as `to_json` wrote it."""
+    data: dict[str, Any] = json.loads(text)
+    judged = tuple(_judged(case) for case in data.pop("judged"))
+    return Run(judged, **{**data, "notes": tuple(data["notes"])})
+
+
+def _judged(data: dict[str, Any]) -> Judged:
+    read: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+    for name in ("gain", "margin", "seconds", "ratio", "course"):
+        read[name] = _number(read[name])
+    if read["errors"] is not None:
+        read["errors"] = Heldout(**{k: _number(v) for k, v in read["errors"].items()})
+    read["baselines"] = {k: _number(v) for k, v in read["baselines"].items()}
+    return Judged(**read)
+
+
+def _number(value: Any) -> Any:
+    return float(value) if isinstance(value, str) else value
+
+
+def _written(value: Any) -> Any:
+    match value:
+        case float():
+            return value if math.isfinite(value) else str(value)
+        case dict():
+            return {key: _written(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_written(inner) for inner in value]
+        case _:
+            return value

@@ -1,0 +1,187 @@
+"""A residual by sparse regression (PySINDy): as a law of readings, or as a map from step to step.
+
+Thresholds are chosen by cross-validation over chunks of time. A map is simulated freely from its
+first known value through the whole record, held-out blocks too, as the plant's model is.
+
+Source: Brunton, Proctor, Kutz 2016, with sequentially thresholded least squares.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec.prove.aligned import FOLDS, Array, Columns, Course, rms
+
+DEGREE = 2
+RIDGE = 0.05
+THRESHOLDS = (0.02, 0.1, 0.4)
+"""Of coefficients of standardised columns for a residual of size 1."""
+
+WIDEST = 12
+"""Columns of a law at most: those that go best with the residual."""
+
+FEWEST = 30
+"""Samples from which something may be learnt."""
+
+AWAY = 10.0
+"""Times the largest residual ever seen at which a simulation has run away."""
+
+
+@dataclass(frozen=True)
+class Sparse:
+    """The mended prediction, shape (n,); `ran_away`: it is the recalibrated one for that reason."""
+
+    mended: Array
+    ran_away: bool = False
+
+
+def mended_by_law(drivers: Columns, course: Course) -> Sparse:
+    """For stationary plants: the residual as a polynomial of the readings."""
+    residual, folds = course.residual, course.folds
+    size = rms(residual[folds >= 0])
+    if not drivers or (folds >= 0).sum() < FEWEST or not size > 0:
+        return Sparse(course.recalibrated)
+    columns = _standardised(_telling(drivers, course), folds >= 0)
+    library = _library().fit(columns)
+    terms = np.asarray(library.transform(columns))
+    target = residual / size
+
+    def predicted(threshold: float, part: NDArray[np.bool_]) -> Array:
+        optimizer = _optimizer(threshold)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a threshold that leaves no term is an answer, too
+            optimizer.fit(terms[part], target[part, None])
+        law: Array = terms @ np.asarray(optimizer.coef_)[0]
+        return law
+
+    squares = [np.sum(target[folds >= 0] ** 2)]
+    for threshold in THRESHOLDS:
+        parts = ((folds == k, (folds >= 0) & (folds != k)) for k in range(FOLDS))
+        wrong = (np.sum((predicted(threshold, o) - target)[k] ** 2) for k, o in parts)
+        squares.append(sum(wrong))
+    best = int(np.argmin(squares))
+    if not best:
+        return Sparse(course.recalibrated)
+    return Sparse(course.recalibrated + size * predicted(THRESHOLDS[best - 1], folds >= 0))
+
+
+def mended_by_map(inputs: Columns, course: Course) -> Sparse:
+    """For plants that store: the next residual from this one, the inputs and the prediction."""
+    residual, folds = course.residual, course.folds
+    size = rms(residual[folds >= 0])
+    if (folds >= 0).sum() < FEWEST or not size > 0:
+        return Sparse(course.recalibrated)
+    given = {**inputs, "predicted": course.recalibrated}
+    control = _standardised(given, folds >= 0)
+    state, start = residual / size, int(np.argmax(folds >= 0))
+    bound = AWAY * float(np.max(np.abs(state[folds >= 0])))
+
+    def simulated(threshold: float, part: NDArray[np.bool_]) -> Array | None:
+        model = _map(state, control, part, threshold)
+        return None if model is None else _run(model, state[start], control, start, bound)
+
+    squares = [float(np.sum(state[folds >= 0] ** 2))]
+    for threshold in THRESHOLDS:
+        total = 0.0
+        for fold in range(FOLDS):
+            course_of_fold = simulated(threshold, (folds >= 0) & (folds != fold))
+            there = folds == fold
+            total += (
+                np.inf
+                if course_of_fold is None
+                else float(np.sum((course_of_fold - state)[there] ** 2))
+            )
+        squares.append(total)
+    best = int(np.argmin(squares))
+    if not best:
+        return Sparse(course.recalibrated, not np.isfinite(squares[1:]).any())
+    course_of_all = simulated(THRESHOLDS[best - 1], folds >= 0)
+    if course_of_all is None:
+        return Sparse(course.recalibrated, True)
+    return Sparse(course.recalibrated + size * course_of_all)
+
+
+def _telling(drivers: Columns, course: Course) -> dict[str, Array]:
+    """The columns that go best with the residual, straight or squared."""
+    learnt, residual = course.learnt, course.residual
+
+    def alike(values: Array) -> float:
+        known = learnt & np.isfinite(values)
+        if known.sum() < FEWEST or np.std(values[known]) == 0:
+            return 0.0
+        centred = values[known] - values[known].mean()
+        with np.errstate(all="ignore"):
+            both = [np.corrcoef(v, residual[known])[0, 1] for v in (centred, centred**2)]
+        return float(np.nanmax(np.abs(np.nan_to_num(both))))
+
+    order = sorted(drivers, key=lambda header: -alike(drivers[header]))
+    return {header: drivers[header] for header in order[:WIDEST]}
+
+
+def _standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
+    """By what may be learnt from, within its range, gaps at its mean; shape (n, columns)."""
+    return np.column_stack(list(_each(columns, learnt)))
+
+
+def _each(columns: Columns, learnt: NDArray[np.bool_]) -> Iterator[Array]:
+    for values in columns.values():
+        seen = values[learnt & np.isfinite(values)]
+        if not len(seen):
+            yield np.zeros(len(values))
+            continue
+        scale = float(seen.std()) or 1.0
+        inside = np.clip(values, seen.min(), seen.max())
+        yield np.where(np.isfinite(values), (inside - seen.mean()) / scale, 0.0)
+
+
+def _map(state: Array, control: Array, part: NDArray[np.bool_], threshold: float) -> Any:
+    """A fitted map; None where no two samples follow one another."""
+    import pysindy
+
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], part.astype(int), [0]])))
+    runs = [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a > 3]
+    if not runs:
+        return None
+    model = pysindy.DiscreteSINDy(optimizer=_optimizer(threshold), feature_library=_library())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model.fit([state[r, None] for r in runs], t=1, u=[control[r] for r in runs])
+    return model
+
+
+def _run(model: Any, first: float, control: Array, start: int, bound: float) -> Array | None:
+    """Free course from `start`, 0 before it; None where it runs away."""
+    powers = np.asarray(model.feature_library.powers_)
+    weights = np.asarray(model.coefficients())[0]
+    kept = weights != 0
+    powers, weights = powers[kept], weights[kept]
+    # What is given is known beforehand: per sample and power of the state one number is left.
+    by_power = np.zeros((len(control), DEGREE + 1))
+    for power, weight in zip(powers, weights, strict=True):
+        by_power[:, power[0]] += weight * np.prod(control ** power[1:], axis=1)
+    course = np.zeros(len(control))
+    value = course[start] = float(first)
+    for k in range(start, len(control) - 1):
+        value = float(sum(by_power[k, p] * value**p for p in range(DEGREE + 1)))
+        if not abs(value) < bound:
+            return None
+        course[k + 1] = value
+    return course
+
+
+def _library() -> Any:
+    import pysindy
+
+    return pysindy.PolynomialLibrary(degree=DEGREE)
+
+
+def _optimizer(threshold: float) -> Any:
+    import pysindy
+
+    return pysindy.STLSQ(threshold=threshold, alpha=RIDGE, max_iter=10)

@@ -1,0 +1,202 @@
+"""Tables of the page: goals, what was said of what, groups, baselines, the worst cases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from rulec_runtime.report.text import fixed, listed, number, percent, safe
+
+from rulec.prove.mistakes import (
+    OTHERS,
+    Bad,
+    Confusion,
+    answer_of,
+    median_and_quarters,
+    worst,
+)
+from rulec.prove.results import Judged
+from rulec.prove.scores import PLAIN_GAIN, PLAIN_MARGIN, Group, Row
+
+NOTHING = "nothing"
+
+
+PLAIN = f"strength of {PLAIN_GAIN:g} and margin of {PLAIN_MARGIN:g} at least"
+
+
+def goals(rows: Sequence[Row], plainly: Sequence[Row]) -> str:
+    """Every score, its goal, and in words whether it is met; `plainly` of what is plain to see."""
+    head = _head(
+        "score", ".reached", ".goal", "", ".95 % interval", ".cases", ".right", ".plain to see"
+    )
+    body = "".join(_goal(row, one) for row, one in zip(rows, plainly, strict=True))
+    note = f'<p class="soft">Plain to see: {safe(PLAIN)}.</p>'
+    return _table(head, body, "slim") + note
+
+
+def of_count(row: Row) -> str:
+    """A score and how many cases it is of; a dash without cases."""
+    return f"{value_of(row)} of {row.count}" if row.count else "–"
+
+
+def _goal(row: Row, plain: Row) -> str:
+    symbol, style = {True: ("✓", "agrees"), False: ("✗", "contradicts"), None: ("–", "soft")}[
+        row.met
+    ]
+    hits = "" if row.hits is None or not row.count else number(row.hits, 5)
+    first, rest = (value_of(row), row.goal.text), (interval_of(row), str(row.count), hits)
+    return (
+        f"<tr><td>{safe(row.score)}</td>{''.join(map(_number, first))}"
+        f'<td class="{style} word">{symbol} {row.words}</td>{"".join(map(_number, rest))}'
+        f"{_number(of_count(plain))}</tr>"
+    )
+
+
+def value_of(row: Row) -> str:
+    """A score as it is shown; a dash without cases."""
+    if not math.isfinite(row.share):
+        return "–"
+    return f"{fixed(100 * row.share, 1)} %" if row.is_share else fixed(row.share, 3)
+
+
+def interval_of(row: Row) -> str:
+    """The 95 % interval, or nothing."""
+    if not (math.isfinite(row.low) and math.isfinite(row.high)):
+        return ""
+    if row.is_share:
+        return f"{fixed(100 * row.low, 1)} to {fixed(100 * row.high, 1)} %"
+    return f"{fixed(row.low, 3)} to {fixed(row.high, 3)}"
+
+
+def heat(found: Confusion) -> str:
+    """Planted by rows, said by columns; the darker the larger the share of the row."""
+    head = '<th scope="col">planted</th><th>right</th>' + "".join(
+        f'<th scope="col" class="turned"><span>{safe(name)}</span></th>' for name in found.columns
+    )
+    body = ""
+    for name, rate, counts, right in zip(
+        found.rows, found.rates, found.counts, found.right, strict=True
+    ):
+        cells = (
+            _cell(int(c), c / counts.sum(), r > 0, column)
+            for c, r, column in zip(counts, right, found.columns, strict=True)
+        )
+        body += (
+            f'<tr><th scope="row">{safe(name)}</th><td class="rate">{percent(rate)}</td>'
+            f"{''.join(cells)}</tr>"
+        )
+    return (
+        f'<div class="scroll"><table class="matrix heat"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _cell(count: int, share: float, right: bool, column: str) -> str:
+    if not count:
+        return "<td></td>"
+    style = "right" if right else "other" if column in OTHERS else "wrong"
+    return f'<td class="{style}" style="--tint:{round(20 + 80 * share)}%">{count}</td>'
+
+
+def groups(found: Sequence[Group], title: str) -> str:
+    """Shares by group; the number of cases that say something stands beside each."""
+    if not found:
+        return ""
+    names = ("place", "name", "clean", "unnamed", "told")
+    body = "".join(
+        f"<tr><td>{safe(g.title)}</td>{_number(str(g.count))}{''.join(map(_part, g.shares))}</tr>"
+        for g in found
+    )
+    return _table(_head(title, ".cases", *(f".{name}" for name in names)), body, "slim")
+
+
+def _part(row: Row) -> str:
+    if not row.count:
+        return '<td class="num soft">–</td>'
+    return f'<td class="num">{percent(row.share)} <span class="soft">of {row.count}</span></td>'
+
+
+def baselines(judged: Sequence[Judged]) -> str:
+    """Held-out errors over recalibration: of the repair, and of those who learn only."""
+    parts = []
+    for title, cases in (
+        ("Something is missing", [j for j in judged if not j.clean]),
+        ("Nothing is missing", [j for j in judged if j.clean]),
+    ):
+        rows = list(_rows_of(cases))
+        if rows:
+            head = _head("model", ".cases", ".middle", ".middle half", "")
+            parts.append(f'<h3 class="after">{title}</h3>{_table(head, "".join(rows))}')
+    return "".join(parts)
+
+
+def _rows_of(judged: Sequence[Judged]) -> Iterator[str]:
+    ratios = {"repaired": _over(judged, "repaired")}
+    for name in sorted({n for j in judged for n in j.baselines}):
+        known = [j.baselines.get(name) for j in judged]
+        ratios[name] = [v for v in known if v is not None and math.isfinite(v)]
+    ratios["noise alone"] = _over(judged, "noise")
+    told = {name: median_and_quarters(values) for name, values in ratios.items() if values}
+    largest = max((middle for middle, _, _ in told.values()), default=0.0)
+    for name, (middle, low, high) in told.items():
+        width = 100 * middle / largest if largest > 0 else 0.0
+        yield (
+            f"<tr><td>{safe(name)}</td>{_number(str(len(ratios[name])))}{_number(fixed(middle, 2))}"
+            f"{_number(f'{fixed(low, 2)} to {fixed(high, 2)}')}"
+            f'<td class="wide"><i class="meter" style="width:{width:.1f}%"></i></td></tr>'
+        )
+
+
+def _over(judged: Sequence[Judged], name: str) -> list[float]:
+    """An error over that of recalibration, of the cases that have both."""
+    pairs = ((getattr(j.errors, name), j.errors.recalibrated) for j in judged if j.errors)
+    known = ((a, b) for a, b in pairs if a is not None and b is not None)
+    return [a / b for a, b in known if math.isfinite(a) and math.isfinite(b) and b > 0]
+
+
+def worst_table(judged: Sequence[Judged]) -> str:
+    """The ten worst by name: what was planted, what was said, why it is wrong."""
+    found = worst(judged)
+    if not found:
+        return "<p>No case went wrong.</p>"
+    head = _head("case", "planted", "said", "wrong because", ".strength")
+    return _table(head, "".join(_bad(bad) for bad in found), "slim")
+
+
+def _bad(bad: Bad) -> str:
+    j = bad.judged
+    where = f'<br/><span class="soft">{safe(listed(j.concealed))}</span>' if j.concealed else ""
+    strength = "" if j.clean else number(j.gain, 3)
+    return (
+        f"<tr><td>{safe(j.case)}{where}</td><td>{safe(planted_words(j))}</td>"
+        f"<td>{safe(said_words(j))}</td><td>{safe(bad.why)}</td>{_number(strength)}</tr>"
+    )
+
+
+def planted_words(judged: Judged) -> str:
+    """Effects with their places."""
+    places = f" at {listed(judged.places[:2])}" if judged.places else ""
+    return f"{listed(judged.planted)}{places}" if judged.planted else NOTHING
+
+
+def said_words(judged: Judged) -> str:
+    """Names, or what was said instead of one."""
+    return listed(judged.said) if judged.said and not judged.error else answer_of(judged)
+
+
+def _number(text: str) -> str:
+    return f'<td class="num">{text}</td>'
+
+
+def _head(*titles: str) -> str:
+    """Titles of columns; those of numbers begin with a point."""
+    return "".join(
+        f'<th class="num">{t[1:]}</th>' if t.startswith(".") else f"<th>{t}</th>" for t in titles
+    )
+
+
+def _table(head: str, body: str, style: str = "") -> str:
+    return (
+        f'<div class="scroll"><table class="{style}"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )

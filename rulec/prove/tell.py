@@ -1,0 +1,63 @@
+"""The same for the terminal: the table with goals, and the ten worst cases."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.output.terminal import Terminal, one_line, styled
+from rulec_runtime.report.text import number
+
+from rulec.prove.attainable import at_best_words
+from rulec.prove.mistakes import worst
+from rulec.prove.page import headline, partition_words
+from rulec.prove.results import Run
+from rulec.prove.scores import Row, plain, table
+from rulec.prove.tables import PLAIN, interval_of, of_count, planted_words, said_words, value_of
+
+MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
+
+
+def tell(out: Console, run: Run) -> None:
+    """Write table and worst cases."""
+    rows = table(run.shown)
+    out.print(styled("[bold]{}[/]", headline(run, rows)))
+    out.print(styled("[dim]{}[/]\n", partition_words(run)))
+    out.print(_goals(rows, table(plain(run.shown))))
+    for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
+        if words:
+            out.print(styled("[dim]{}[/]", words))
+    found = worst(run.shown)
+    if not found:
+        return
+    shown = Table("case", "planted", "said", "because", box=None, pad_edge=False)
+    shown.add_column("strength", justify="right")
+    for bad in found:
+        j = bad.judged
+        strength = "" if j.clean else number(j.gain, 3)
+        row = (j.case, planted_words(j), said_words(j), bad.why, strength)
+        shown.add_row(*(one_line(w) for w in row))
+    out.print(styled("\n[bold]The worst cases[/]"))
+    out.print(shown)
+
+
+def text(run: Run, width: int = 100) -> str:
+    """The same without colours."""
+    out = Terminal(file=io.StringIO(), width=width, color_system=None)
+    tell(out, run)
+    assert isinstance(out.file, io.StringIO)
+    return out.file.getvalue()
+
+
+def _goals(rows: list[Row], plainly: list[Row]) -> Table:
+    shown = Table(box=None, pad_edge=False, collapse_padding=True)
+    shown.add_column("score", min_width=16)
+    for title in ("goal", "cases", "reached", "95 % interval"):
+        shown.add_column(title, justify="right", no_wrap=True)
+    shown.add_column("", no_wrap=True)
+    shown.add_column("plain to see", justify="right", no_wrap=True)
+    for row, one in zip(rows, plainly, strict=True):
+        cells = (row.goal.text, str(row.count), value_of(row), interval_of(row))
+        shown.add_row(row.score, *cells, styled(MARK[row.met], row.verdict), of_count(one))
+    return shown
