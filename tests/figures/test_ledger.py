@@ -107,11 +107,13 @@ def test_a_new_measurement_is_written_everywhere(ledger: Ledger, copy: Path) -> 
 def test_figures_grow_stale_with_their_files(ledger: Ledger, tmp_path: Path) -> None:
     """A changed byte below `runtime` and one more file count; a file elsewhere does not."""
     for folder in ("one", "two", "three", "four"):
-        place = tmp_path / folder / "runtime"
+        place = tmp_path / folder / "runtime" / "rulec_runtime" / "contract"
         place.mkdir(parents=True)
-        (place / "observe.py").write_text("1 + 1\n", encoding="utf-8")
-    (tmp_path / "two" / "runtime" / "observe.py").write_text("1 + 2\n", encoding="utf-8")
-    (tmp_path / "three" / "runtime" / "more.py").touch()
+        (place / "plan.py").write_text("1 + 1\n", encoding="utf-8")
+    (tmp_path / "two" / "runtime" / "rulec_runtime" / "contract" / "plan.py").write_text(
+        "1 + 2\n", encoding="utf-8"
+    )
+    (tmp_path / "three" / "runtime" / "rulec_runtime" / "contract" / "more.py").touch()
     (tmp_path / "four" / "tests").mkdir()
     (tmp_path / "four" / "tests" / "test_it.py").touch()
     one, two, three, four = (

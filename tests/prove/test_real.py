@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.output.terminal import Terminal
 
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.prove.campaign import Changed
