@@ -10,11 +10,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+from rulec_runtime.cli import main as station
 
 from rulec.cli import main
 from tests.conftest import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+COMMANDS = {"rulec": main, "rulec-runtime": station}
 BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -22,7 +24,7 @@ BLOCK = re.compile(r"^```console\n(.*?)^```", re.MULTILINE | re.DOTALL)
 def test_commands_of_a_page_run(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each `$ rulec` line exits 0; each line below it stands in what was printed."""
+    """Each `$` line exits 0; each line below it stands in what was printed."""
     for folder in ("kb", "plants"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     monkeypatch.chdir(tmp_path)
@@ -36,12 +38,11 @@ def test_commands_of_a_page_run(
 
 
 def _run(command: str) -> str:
-    """Standard output of a rulec command, white space squeezed."""
+    """Standard output of a command of ours, white space squeezed."""
     name, *arguments = shlex.split(command)
-    assert name == "rulec", command
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        assert main(arguments) == 0, command
+        assert COMMANDS[name](arguments) == 0, command
     return _squeezed(out.getvalue())
 
 
