@@ -11,6 +11,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.passes.pipeline import compile_plant
 
+os.environ["RULEC_CHECKS"] = "1"
+
 ROOT = Path(__file__).resolve().parent.parent
 
 LONG = ("tests/prove", "tests/runtime/mismatch", "tests/rig", "tests/runtime")

@@ -9,7 +9,7 @@ from rulec.knowledge.effect import Driver, Effect, EffectLaw, EffectParameter, J
 from rulec.language.expression import parse
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
-from rulec.passes.differentiate import Models
+from rulec.passes.types import Compilation
 
 
 def join(
@@ -130,11 +130,8 @@ HEADER = effect(
 ALL = (WARM, OFFSET, LAMINAR, CRACKING, SPEED, WEAR, HEADER)
 
 
-def with_effects(models: Models, *effects: Effect) -> Models:
-    """Models whose knowledge has these effects and no others."""
-    network = models.residuals.network
-    known = replace(network.plant.knowledge, effects={e.name: e for e in effects})
-    plant = replace(network.plant, knowledge=known)
-    return replace(
-        models, residuals=replace(models.residuals, network=replace(network, plant=plant))
-    )
+def with_effects(models: Compilation, *effects: Effect) -> Compilation:
+    """Compilation whose knowledge has these effects and no others."""
+    known = replace(models.plant.knowledge, effects={e.name: e for e in effects})
+    plant = replace(models.plant, knowledge=known)
+    return replace(models, plant=plant, network=replace(models.network, plant=plant))

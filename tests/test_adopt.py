@@ -20,9 +20,9 @@ from rulec.effects.places import parameter_values
 from rulec.effects.repair import AdoptRefused, read_repair
 from rulec.language.document import parse_document, read_document
 from rulec.language.yaml_text import flow, lines
-from rulec.passes.differentiate import Models
 from rulec.passes.lower import Lowering, lower_module
-from rulec.passes.pipeline import compile_plant, run_passes, up_to
+from rulec.passes.pipeline import compile_plant, run_passes
+from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 
 SLIP = "slip-temperature"
@@ -83,8 +83,8 @@ def adopted(folder: Path, data: Mapping[str, Any]) -> Path:
     return folder / "new"
 
 
-def models_of(plant: Path) -> Models:
-    models: Models = run_passes(plant, up_to("differentiate"))
+def models_of(plant: Path) -> Compilation:
+    models = run_passes(Compilation(path=plant), "types")
     return models
 
 
@@ -103,7 +103,7 @@ def assert_same_flows(
     values |= dict(zip(repair["parameters"], repair["values"], strict=True))
     values |= {k: v for entry in repair["joined"] for k, v in entry["fixed"].items()}
     expected = builder.plan(module, names).run({**readings, **values})
-    network = models_of(plant).residuals.network
+    network = models_of(plant).network
     read = parameter_values(network.plant)
     found = lower_module(Lowering(network, {}), module).run({**read, **readings})
     flows = [name for name in expected if name.startswith("q:")]
@@ -121,13 +121,13 @@ def test_one_effect_in_the_only_instance(tmp_path: Path) -> None:
     extra = {"misfit": {"main.pump": 2e-7}, "range": {"main.T": [308.15, 331.15]}}
     data, builder = mismatch(plant, found, **extra)
     new = adopted(tmp_path, data)
-    kind = models_of(new).residuals.network.plant.modules["main"].type
+    kind = models_of(new).plant.modules["main"].type
     assert ("pump-set", 2) == (kind.name, kind.version)
     assert "Q0 - (Q0 - Q_law_plain)*exp(b*(T - T0))" == kind.definitions["Q_law"].expression.text
     assert "Q0 - C1*dp" == kind.definitions["Q_law_plain"].expression.text
     assert "fitted to day.csv" in kind.parameters["b"].origin.source
     assert not kind.parameters["T0"].fit
-    module = models_of(new).residuals.network.plant.modules["main"]
+    module = models_of(new).plant.modules["main"]
     assert 0.0021 == pytest.approx(module.parameters["b"].u)
     assert 2e-7 == pytest.approx(module.misfit["pump"])
     assert (308.15, 331.15) == pytest.approx(module.valid["T"])
@@ -143,7 +143,7 @@ def test_calibration_keeps_what_belongs_together(tmp_path: Path) -> None:
     both = 0.05 * np.sqrt(repair["covariance"][first][first] * repair["covariance"][last][last])
     repair["covariance"][first][last] = repair["covariance"][last][first] = both
     new = adopted(tmp_path, data)
-    module = models_of(new).residuals.network.plant.modules["main"]
+    module = models_of(new).plant.modules["main"]
     (block,) = module.blocks
     factor = np.array(block.factor)
     covariance = factor @ factor.T
@@ -160,7 +160,7 @@ def test_instances_that_differ_get_types_of_their_own(tmp_path: Path) -> None:
     ]
     data, builder = mismatch(plant_path("mixing-rig"), found)
     new = adopted(tmp_path, data)
-    modules = models_of(new).residuals.network.plant.modules
+    modules = models_of(new).plant.modules
     names = {name: modules[name].type.name for name in "ABC"}
     assert {"A": "dosing-pcp-A", "B": "dosing-pcp-B", "C": "dosing-pcp"} == names
     assert 1 == modules["C"].type.version
@@ -173,7 +173,7 @@ def test_instances_amended_alike_share_the_type(tmp_path: Path) -> None:
     """Their values differ: those stand in the calibration."""
     found = [(f"{m}.{SLIP}@Q_geo", {"b": b, "T0": 293.0}) for m, b in (("A", 0.02), ("B", 0.03))]
     data, _ = mismatch(plant_path("abc"), found)
-    modules = models_of(adopted(tmp_path, data)).residuals.network.plant.modules
+    modules = models_of(adopted(tmp_path, data)).plant.modules
     assert modules["A"].type is modules["B"].type
     assert ("dosing-pcp", 2) == (modules["A"].type.name, modules["A"].type.version)
     assert (0.02, 0.03) == (modules["A"].parameters["b"].value, modules["B"].parameters["b"].value)
@@ -187,7 +187,7 @@ def test_a_reading_from_downstream_is_provided(tmp_path: Path) -> None:
     extra = {"range": {"channel.Q": [0.5, 1.3]}}
     data, builder = mismatch(plant_path("hsy-pumping"), found, **extra)
     new = adopted(tmp_path, data)
-    network = models_of(new).residuals.network
+    network = models_of(new).network
     kind = network.plant.modules["P11"].type
     assert "downstream(Q_channel)" in kind.definitions["head"].expression.text
     assert {"l_suction": "l", "Q_channel": "Q"} == network.plant.modules["channel"].type.provides
@@ -203,7 +203,7 @@ def test_physics_at_a_signal_is_written_too(tmp_path: Path) -> None:
     found = [("A.speed-loss@n", {"s": 0.02, "dp0": 1.8e5})]
     data, builder = mismatch(plant_path("abc"), found)
     new = adopted(tmp_path, data)
-    kind = models_of(new).residuals.network.plant.modules["A"].type
+    kind = models_of(new).plant.modules["A"].type
     assert "n_true" == next(iter(kind.definitions))
     assert "n_true*V - Q_slip" == kind.definitions["Q_geo"].expression.text
     assert_same_flows(new, data, builder, "A")
@@ -229,7 +229,7 @@ def test_what_is_no_physics_of_the_module_is_left_out(
     data, _ = mismatch(plant, [(name, given)])
     new = adopted(tmp_path, data)
     assert reason in left_out(tmp_path)
-    module = models_of(new).residuals.network.plant.modules["main"]
+    module = models_of(new).plant.modules["main"]
     assert 1 == module.type.version
     place = data["repair"]["parameters"].index("main.C1")
     assert data["repair"]["values"][place] == pytest.approx(module.parameters["C1"].value)
@@ -276,7 +276,7 @@ def test_the_new_plant_stands_alone(tmp_path: Path) -> None:
     again, _ = mismatch(new, [(valve, {"K": 1e-11, "p_open": 1.85e7})])
     (tmp_path / "second").mkdir()
     second = adopted(tmp_path / "second", again)
-    kind = models_of(second).residuals.network.plant.modules["main"].type
+    kind = models_of(second).plant.modules["main"].type
     assert 3 == kind.version
     assert compile_plant(second).observers == compile_plant(second).observers
 

@@ -14,9 +14,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.model_builder import ModelBuilder, open_builder, reference_readings
 from rulec.effects.places import parameter_values
-from rulec.passes.differentiate import Models
 from rulec.passes.lower import Lowering, lower_module
-from rulec.passes.pipeline import PASSES, run_passes, up_to
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 from tests.effects import ALL, LAMINAR, OFFSET, SPEED, WARM, with_effects
 
@@ -27,31 +27,30 @@ PLANTS = (
     "zema-hydraulic",
     "zema-hydraulic/without-temperature.yaml",
 )
-SYMBOLIC = up_to("differentiate")
 
 
-def opened(plant: str) -> tuple[Models, Ruleset, ModelBuilder]:
+def opened(plant: str) -> tuple[Compilation, Ruleset, ModelBuilder]:
     """A shipped plant with the effects of the tests."""
-    plain: Models = run_passes(ROOT / "plants" / Path(plant), SYMBOLIC)
-    ruleset: Ruleset = run_passes(plain, PASSES[len(SYMBOLIC) :])
+    plain = run_passes(Compilation(path=ROOT / "plants" / Path(plant)))
+    ruleset = plain.ruleset
     models = with_effects(plain, *ALL)
     return models, ruleset, ModelBuilder(models, reference_readings(models, ruleset))
 
 
 @pytest.fixture(scope="module")
-def rig() -> tuple[Models, Ruleset, ModelBuilder]:
+def rig() -> tuple[Compilation, Ruleset, ModelBuilder]:
     return opened("mixing-rig")
 
 
 @pytest.fixture(scope="module")
-def pump_set() -> tuple[Models, Ruleset, ModelBuilder]:
+def pump_set() -> tuple[Compilation, Ruleset, ModelBuilder]:
     return opened("zema-hydraulic/without-temperature.yaml")
 
 
-def around(models: Models, ruleset: Ruleset, seed: int = 1) -> dict[str, Array | float]:
+def around(models: Compilation, ruleset: Ruleset, seed: int = 1) -> dict[str, Array | float]:
     """Readings at random points around the reference, with the values of all parameters."""
     random = np.random.default_rng(seed)
-    plant = models.residuals.network.plant
+    plant = models.network.plant
     values: dict[str, Array | float] = {**parameter_values(plant)}
     for name, reading in reference_readings(models, ruleset).items():
         values[name] = reading * (1.0 + 0.05 * random.standard_normal(40))
@@ -70,8 +69,8 @@ def test_lowered_equations_are_those_of_the_ruleset(plant: str) -> None:
     known = dict.fromkeys(ruleset.plan.inputs, 1.0)
     expected = ruleset.plan.run({**known, **values})
     compared = 0
-    for module in models.residuals.network.plant.modules:
-        plan = lower_module(Lowering(models.residuals.network, {}), module)
+    for module in models.network.plant.modules:
+        plan = lower_module(Lowering(models.network, {}), module)
         for name, value in plan.run(values).items():
             np.testing.assert_allclose(value, expected[name], rtol=1e-12)
             compared += 1
@@ -100,7 +99,7 @@ def _first(values: Mapping[str, Array | float], driver: str | None) -> float:
 
 
 def test_slip_that_grows_with_temperature(
-    pump_set: tuple[Models, Ruleset, ModelBuilder],
+    pump_set: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """The plan of an amended module, against the formula written out by hand."""
     models, ruleset, builder = pump_set
@@ -117,7 +116,7 @@ def test_slip_that_grows_with_temperature(
 
 
 def test_equations_are_told_over_what_an_author_wrote(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """Definitions that were brought in are written out; a driver replaced goes all the way in."""
     told = {c.id: c.equation for c in rig[2].candidates}
@@ -132,7 +131,7 @@ def test_equations_are_told_over_what_an_author_wrote(
 
 
 def test_joined_one_after_the_other_at_one_place(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """The second law stands on the first; their parameters have names of their own."""
     models, ruleset, builder = rig
@@ -163,7 +162,7 @@ def test_laws_of_a_line_stand_beside_each_other_in_any_order() -> None:
 
 
 def test_a_corrected_reading_drives_what_is_joined_before_and_after(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """The order of acceptance does not matter, and the reading counts everywhere as corrected."""
     models, ruleset, builder = rig
@@ -180,7 +179,7 @@ def test_a_corrected_reading_drives_what_is_joined_before_and_after(
 
 
 def test_a_sensor_error_reaches_the_modules_that_read_it(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """The offset of a mixer's transmitter shifts the back pressure of a dosing module."""
     models, ruleset, builder = rig
@@ -194,7 +193,7 @@ def test_a_sensor_error_reaches_the_modules_that_read_it(
     assert builder.plan("A", (offset,)) is builder.plan("A", (offset, other))
 
 
-def test_a_spot_shifts_its_place(rig: tuple[Models, Ruleset, ModelBuilder]) -> None:
+def test_a_spot_shifts_its_place(rig: tuple[Compilation, Ruleset, ModelBuilder]) -> None:
     """An error in a definition is added, an error in a reading is taken off."""
     models, ruleset, builder = rig
     values = around(models, ruleset)
@@ -210,7 +209,7 @@ def test_a_spot_shifts_its_place(rig: tuple[Models, Ruleset, ModelBuilder]) -> N
 
 
 def test_free_form_is_a_sum_of_products_of_readings(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """Each reading less its median and over its spread; the same call, the same candidate."""
     models, ruleset, builder = rig
@@ -227,7 +226,7 @@ def test_free_form_is_a_sum_of_products_of_readings(
 
 
 def test_free_curve_goes_straight_from_quantile_to_quantile(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """Bands left out are zero at their quantile; beyond the ends the curve stays."""
     models, ruleset, builder = rig
@@ -248,7 +247,7 @@ def test_free_curve_goes_straight_from_quantile_to_quantile(
 
 
 def test_base_parameters_carry_their_covariance(
-    rig: tuple[Models, Ruleset, ModelBuilder],
+    rig: tuple[Compilation, Ruleset, ModelBuilder],
 ) -> None:
     """Uncertain ones may be moved, with the correlations of the calibration; others are given."""
     base = rig[2].parameters

@@ -7,11 +7,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.places import Site
-from rulec.passes.differentiate import Models
+from rulec.passes.types import Compilation
 from tests.effects import driver, effect, join, parameter, with_effects
 from tests.test_amend import opened
 
-Opened = tuple[Models, Ruleset, ModelBuilder]
+Opened = tuple[Compilation, Ruleset, ModelBuilder]
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,8 @@ from scipy.stats import beta
 
 from rulec.cli import main
 from rulec.passes.perturb import perturbed, true_plan
-from rulec.passes.pipeline import run_passes, up_to
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
 from rulec.study.campaign import Group, Settings, record, run_group
 from rulec.study.judge import Kind, Outcome
 from rulec.study.points import operating_points, range_of
@@ -134,7 +135,7 @@ class Fixed:
 
 def test_a_plant_drawn_at_the_mean_is_the_ruleset() -> None:
     """Without deviation the true plant has the undo plan of the ruleset."""
-    models = run_passes(ABC, up_to("differentiate"))
+    models = run_passes(Compilation(path=ABC), "types")
     ruleset = compiled("abc")
     plan = true_plan(models, [f.id for f in ruleset.faults], Fixed(0.0))  # type: ignore[arg-type]
     assert plan == ruleset.undo
@@ -143,9 +144,9 @@ def test_a_plant_drawn_at_the_mean_is_the_ruleset() -> None:
 def test_parameters_are_drawn_from_their_covariance() -> None:
     """One standard deviation each: alone u, in a block the row of the Cholesky factor."""
     for plant in ("abc", "zema-hydraulic"):
-        models = run_passes(ROOT / "plants" / plant, up_to("differentiate"))
-        modules = models.residuals.network.plant.modules
-        drawn = perturbed(models, Fixed(1.0)).residuals.network.plant.modules  # type: ignore[arg-type]
+        models = run_passes(Compilation(path=ROOT / "plants" / plant), "types")
+        modules = models.network.plant.modules
+        drawn = perturbed(models, Fixed(1.0)).plant.modules  # type: ignore[arg-type]
         for name, module in modules.items():
             expected = {p.name: p.value + p.u for p in module.parameters.values()}
             for block in module.blocks:

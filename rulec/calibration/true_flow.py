@@ -19,7 +19,8 @@ from rulec_runtime.contract.plan import Array
 from rulec.algebra.continuity import flows_by_continuity
 from rulec.algebra.graph import Graph
 from rulec.knowledge.plant import Module
-from rulec.passes.differentiate import GATHERED, Models, TypeModel
+from rulec.passes.differentiate import GATHERED, TypeModel
+from rulec.passes.types import Compilation
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,9 @@ class Local:
     statistical: Mapping[str, Array]
 
 
-def true_flows(models: Models, local: Mapping[str, Local]) -> dict[str, TrueFlow]:
+def true_flows(models: Compilation, local: Mapping[str, Local]) -> dict[str, TrueFlow]:
     """The true flow of every module that has one."""
-    network = models.residuals.network
+    network = models.network
     own: dict[str, TrueFlow] = {}
     for module in network.plant.modules.values():
         found = _own(module, models.types[module.type.key], local[module.name])

@@ -26,16 +26,16 @@ from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_m
 from rulec.calibration.notes import STOOD, notes_of
 from rulec.calibration.true_flow import Local, true_flows
 from rulec.knowledge.plant import Module
-from rulec.passes.differentiate import GATHERED, Models
-from rulec.passes.pipeline import PASSES, run_passes, up_to
+from rulec.passes.differentiate import GATHERED
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
 
 
 def run(options: argparse.Namespace) -> int:
     """Fit, write the calibration file, show how good it is."""
     out = console(options)
-    symbolic = up_to("differentiate")
-    models: Models = run_passes(Path(options.plant), symbolic)
-    ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
+    models = run_passes(Compilation(path=Path(options.plant)))
+    ruleset = models.ruleset
     recording = read_recording(Path(options.recording), ruleset)
     health = examine(recording, ruleset, by_model=False)
     recording = health.recording
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         raise CalibrationRefused(f"{options.recording}: no settled stretch was found")
     points = points_of_stretches(recording, ruleset, stretches, noise)
     fits = _fit_all(models, ruleset, points)
-    data, plant = _file(models, fits), models.residuals.network.plant
+    data, plant = _file(models, fits), models.plant
     header = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
     write_text(Path(options.output), header + yaml.safe_dump(data, sort_keys=False, width=100))
     out.print(_table(models, fits))
@@ -67,15 +67,15 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _left_out(models: Models, fits: list[ModuleFit]) -> list[str]:
+def _left_out(models: Compilation, fits: list[ModuleFit]) -> list[str]:
     """Modules with estimates of their own that were not fitted."""
-    plant, fitted = models.residuals.network.plant, {fit.module for fit in fits}
+    plant, fitted = models.plant, {fit.module for fit in fits}
     return [m.name for m in plant.modules.values() if m.type.observers and m.name not in fitted]
 
 
-def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
+def _fit_all(models: Compilation, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
     """Fit every module that ran and whose true flow is known; refuses if there is none."""
-    plant = models.residuals.network.plant
+    plant = models.plant
     local = {m.name: _local(models, ruleset, points, m) for m in plant.modules.values()}
     flows = true_flows(models, local)
     fits = []
@@ -96,7 +96,7 @@ def _fit_all(models: Models, ruleset: Ruleset, points: Points) -> list[ModuleFit
     return fits
 
 
-def _local(models: Models, ruleset: Ruleset, points: Points, module: Module) -> Local:
+def _local(models: Compilation, ruleset: Ruleset, points: Points, module: Module) -> Local:
     """Readings of a module, below-minimum ones blanked."""
     values: dict[str, Array] = {}
     systematic: dict[str, Array] = {}
@@ -113,7 +113,7 @@ def _local(models: Models, ruleset: Ruleset, points: Points, module: Module) -> 
         statistical[name] = points.statistical(signal.id)
     n = len(next(iter(points.values.values())))
     for name in module.type.gathers:
-        ids = [f"{m}.{s}" for m, s in models.residuals.network.gathers[module.name, name]]
+        ids = [f"{m}.{s}" for m, s in models.network.gathers[module.name, name]]
         known = all(i in points.values for i in ids)
         parts = [points.values[i] for i in ids] if known else [np.full(n, np.nan)]
         shared = [systematic_u(ruleset.signal_by_id[i], points.values[i]) for i in ids if known]
@@ -128,9 +128,9 @@ def _root_of_squares(parts: Sequence[Array], n: int) -> Array:
     return np.sqrt(sum((np.broadcast_to(p, (n,)) ** 2 for p in parts), np.zeros(n)))
 
 
-def _file(models: Models, fits: list[ModuleFit]) -> dict[str, Any]:
+def _file(models: Compilation, fits: list[ModuleFit]) -> dict[str, Any]:
     """Content of the calibration file, in the units of the module types."""
-    plant = models.residuals.network.plant
+    plant = models.plant
     return {
         "calibration": plant.name,
         "modules": {fit.module: _entry(plant.modules[fit.module], fit) for fit in fits},
@@ -182,8 +182,8 @@ def _round(value: float) -> float:
     return float(f"{value:.10g}")
 
 
-def _table(models: Models, fits: list[ModuleFit]) -> Table:
-    plant = models.residuals.network.plant
+def _table(models: Compilation, fits: list[ModuleFit]) -> Table:
+    plant = models.plant
     table = Table(box=None, padding=(0, 2), pad_edge=False)
     for title in ("observer", "misfit (l/h)", "R2", "points", "set aside", "parameters"):
         table.add_column(title, justify="left" if title in ("observer", "parameters") else "right")

@@ -5,33 +5,22 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from rulec_runtime.commands.destinations import console
-from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
 from rulec.effects.tell_balances import balances_told, flow_told
-from rulec.knowledge.plant import Plant
-from rulec.knowledge.read import Sources
 from rulec.language.diagnostics import did_you_mean
-from rulec.passes.analyse_isolability import Isolability
-from rulec.passes.assemble import Assembly
-from rulec.passes.derive_residuals import Residuals
-from rulec.passes.derive_rules import Rules
-from rulec.passes.derive_signatures import Signatures
-from rulec.passes.differentiate import Models
-from rulec.passes.link import Network
-from rulec.passes.order_equations import Ordered
-from rulec.passes.pipeline import PASSES, run_passes, up_to
-from rulec.passes.put_balances import Balanced
+from rulec.passes.pipeline import PASSES, run_passes
+from rulec.passes.types import Compilation
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the passes up to the named one and print its result."""
     out = console(options)
-    names = [*(p.__name__ for p in PASSES), match_effects.__name__]
+    fields = {step.__name__: field for field, step in PASSES.items()}
+    names = [*fields, match_effects.__name__]
     short = [n for n in names if options.step in n.split("_")]
     if len(short) == 1:
         options.step = short[0]
@@ -44,26 +33,28 @@ def run(options: argparse.Namespace) -> int:
         )
         out.print(text + "passes in order: " + ", ".join(names))
         return 0 if asked else 2
+    plant = Path(options.plant)
     if options.step == match_effects.__name__:
-        result: Any = open_builder(Path(options.plant))[1].matches
+        lines = _matches(open_builder(plant)[1].matches)
     else:
-        result = run_passes(Path(options.plant), up_to(options.step))
-    for line in _LINES[type(result)](result):
+        field = fields[options.step]
+        lines = _LINES[field](run_passes(Compilation(path=plant), field))
+    for line in lines:
         out.print(line, soft_wrap=True)
     return 0
 
 
-def _sources(sources: Sources) -> Iterator[str]:
-    yield f"knowledge base {sources.kb}"
-    for kind, documents in sources.by_kind.items():
+def _sources(known: Compilation) -> Iterator[str]:
+    yield f"knowledge base {known.sources.kb}"
+    for kind, documents in known.sources.by_kind.items():
         for document in documents:
             yield f"{kind}: {document.path}"
-    yield f"digest {sources.digest()}"
+    yield f"digest {known.sources.digest()}"
 
 
-def _plant(plant: Plant) -> Iterator[str]:
-    yield f"{plant.name}: {plant.title}"
-    for module in plant.modules.values():
+def _plant(known: Compilation) -> Iterator[str]:
+    yield f"{known.plant.name}: {known.plant.title}"
+    for module in known.plant.modules.values():
         yield f"\n{module.name}: {module.type.name}, {module.title}"
         for p in module.parameters.values():
             value, u = p.unit.from_si(p.value), p.u / p.unit.factor
@@ -71,27 +62,27 @@ def _plant(plant: Plant) -> Iterator[str]:
             yield f"  {p.name} = {value:.6g} +- {u:.2g} {p.unit.text}   [{where}]"
 
 
-def _network(network: Network) -> Iterator[str]:
-    for balance in network.balances:
+def _network(known: Compilation) -> Iterator[str]:
+    for balance in known.network.balances:
         yield f"{' + '.join(balance.outlets)} = {' + '.join(balance.inlets)}   (flows)"
-    for (module, name), signals in network.gathers.items():
+    for (module, name), signals in known.network.gathers.items():
         parts = " + ".join(f"{m}.{s}" for m, s in signals) or "0"
         yield f"{module}: downstream({name}) = {parts}"
-    for (module, kind), flow in network.sums.items():
+    for (module, kind), flow in known.network.sums.items():
         terms = (f"{'+' if sign > 0 else '-'} {m}.{kind}" for m, sign in flow.terms.items())
         text = " ".join(terms)
         yield f"{module}.{kind} = {text.removeprefix('+ ')}"
-    for module, end in network.ends:
-        yield f"{module}.{end} = {flow_told(network, module, end)}"
+    for module, end in known.network.ends:
+        yield f"{module}.{end} = {flow_told(known.network, module, end)}"
 
 
-def _residuals(residuals: Residuals) -> Iterator[str]:
-    for residual in residuals.residuals:
+def _residuals(known: Compilation) -> Iterator[str]:
+    for residual in known.residuals:
         yield f"{residual.id} = {residual}"
 
 
-def _models(models: Models) -> Iterator[str]:
-    for model in models.types.values():
+def _types(known: Compilation) -> Iterator[str]:
+    for model in known.types.values():
         yield f"\n{model.type.key}"
         for name, expression in model.observers.items():
             yield f"  Q_{name} = {expression}"
@@ -102,17 +93,17 @@ def _models(models: Models) -> Iterator[str]:
             yield f"  {fault.id}: degree = {fault.rule.degree}, wrong: {', '.join(fault.affects)}"
 
 
-def _assembly(assembly: Assembly) -> Iterator[str]:
-    yield f"{len(assembly.observers)} observers, {len(assembly.residual_nodes)} residuals"
-    for hypothesis in assembly.hypotheses:
+def _assembly(known: Compilation) -> Iterator[str]:
+    yield f"{len(known.assembly.observers)} observers, {len(known.residuals)} residuals"
+    for hypothesis in known.assembly.hypotheses:
         yield f"{hypothesis.id} makes wrong: {', '.join(hypothesis.affects)}"
 
 
-def _signatures(signatures: Signatures) -> Iterator[str]:
+def _signatures(known: Compilation) -> Iterator[str]:
     yield "reference point (m3/s)"
-    for observer, flow in signatures.flows.items():
+    for observer, flow in known.signatures.flows.items():
         yield f"  {observer} = {flow:.6g}"
-    for cell in signatures.cells:
+    for cell in known.signatures.cells:
         sign = "+" if cell.sign > 0 else "-"
         yield (
             f"{cell.fault} {sign} {cell.residual}: dR/dg = {cell.gain:.4g}, "
@@ -120,24 +111,24 @@ def _signatures(signatures: Signatures) -> Iterator[str]:
         )
 
 
-def _rules(rules: Rules) -> Iterator[str]:
-    for rule in rules.rules:
+def _rules(known: Compilation) -> Iterator[str]:
+    for rule in known.rules:
         yield f"{rule.signature.fault}: {rule.equation}   [{', '.join(rule.forms)}]"
 
 
-def _isolability(isolability: Isolability) -> Iterator[str]:
-    for group in isolability.groups:
+def _isolability(known: Compilation) -> Iterator[str]:
+    for group in known.isolability.groups:
         yield f"{group.kind}: {', '.join(group.faults)}: {group.advice}"
-    for name in isolability.unobserved:
+    for name in known.isolability.unobserved:
         yield f"unobserved: {name}"
 
 
-def _ordered(ordered: Ordered) -> Iterator[str]:
-    if ordered.simulation.refused:
-        yield ordered.simulation.refused
+def _simulation(known: Compilation) -> Iterator[str]:
+    if known.simulation.refused:
+        yield known.simulation.refused
         return
-    yield f"given: {', '.join(ordered.simulation.given)}"
-    for number, step in enumerate(ordered.simulation.steps, 1):
+    yield f"given: {', '.join(known.simulation.given)}"
+    for number, step in enumerate(known.simulation.steps, 1):
         yield f"step {number} finds {', '.join((*step.readings, *step.flows))}"
         for terms in step.zeros:
             yield f"  0 = {_signed(terms)}"
@@ -151,18 +142,18 @@ def _signed(terms: Mapping[str, float]) -> str:
     return text.removeprefix("+ ") or "0"
 
 
-def _balanced(balanced: Balanced) -> Iterator[str]:
-    if balanced.dynamics is None:
+def _balanced(known: Compilation) -> Iterator[str]:
+    dynamics = known.balanced.dynamics
+    if dynamics is None:
         yield "nothing is stored"
         return
-    network = balanced.ordered.isolability.rules.signatures.assembly.residuals.network
-    yield f"given: {', '.join(balanced.dynamics.inputs) or 'nothing'}"
-    for module in network.plant.modules.values():
-        yield from balances_told(network, module)
+    yield f"given: {', '.join(dynamics.inputs) or 'nothing'}"
+    for module in known.plant.modules.values():
+        yield from balances_told(known.network, module)
 
 
-def _ruleset(ruleset: Ruleset) -> Iterator[str]:
-    plan = ruleset.plan
+def _ruleset(known: Compilation) -> Iterator[str]:
+    plan = known.ruleset.plan
     yield f"plan: {len(plan.inputs)} inputs, {len(plan.operations)} operations"
     numbered = [*plan.inputs, *(f"{c:.6g}" for c in plan.constants)]
     for i, (name, a, b) in enumerate(plan.operations[:2000], plan.first_operation):
@@ -191,18 +182,17 @@ def _value(numbered: list[str], i: int) -> str:
     return numbered[i] if i < len(numbered) else f"v{i}"
 
 
-_LINES: dict[type, Callable[[Any], Iterator[str]]] = {
-    Sources: _sources,
-    Plant: _plant,
-    Network: _network,
-    Residuals: _residuals,
-    Models: _models,
-    Assembly: _assembly,
-    Signatures: _signatures,
-    Rules: _rules,
-    Isolability: _isolability,
-    Ordered: _ordered,
-    Balanced: _balanced,
-    Ruleset: _ruleset,
-    Matches: _matches,
+_LINES: Mapping[str, Callable[[Compilation], Iterator[str]]] = {
+    "sources": _sources,
+    "plant": _plant,
+    "network": _network,
+    "residuals": _residuals,
+    "types": _types,
+    "assembly": _assembly,
+    "signatures": _signatures,
+    "rules": _rules,
+    "isolability": _isolability,
+    "simulation": _simulation,
+    "balanced": _balanced,
+    "ruleset": _ruleset,
 }

@@ -21,9 +21,9 @@ from rulec_runtime.output.terminal import styled, terminal
 from rulec_runtime.simulation.equations import equations_of
 from rulec_runtime.simulation.sensing import SensorErrors
 
-from rulec.passes.differentiate import Models
 from rulec.passes.perturb import true_plan
-from rulec.passes.pipeline import PASSES, run_passes, up_to
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
 from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
 from rulec.study.json_form import study_form
 from rulec.study.points import Points, operating_points
@@ -50,9 +50,8 @@ def run(options: argparse.Namespace) -> int:
     unwritable = without_folder(options, "json")
     if unwritable is not None:
         return _misused(aside, unwritable)
-    symbolic = up_to("differentiate")
-    models: Models = run_passes(Path(options.plant), symbolic)
-    ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
+    models = run_passes(Compilation(path=Path(options.plant)))
+    ruleset = models.ruleset
     faults = [f.id for f in ruleset.faults]
     if not any(degrees_of(ruleset, fault, settings) for fault in faults):
         what = f"no fault of {ruleset.plant} has such a degree"
@@ -71,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
         groups = groups_of(ruleset, settings, draw)
         outcomes = run_groups(ruleset, points, settings, groups, jobs, advance)
-    modules = models.residuals.network.plant.modules.values()
+    modules = models.plant.modules.values()
     types = {module.name: module.type.name for module in modules}
     counts = tally(ruleset, types, outcomes, settings.samples, settings.lead_in)
     if options.json != "-":

@@ -25,9 +25,10 @@ from rulec.language.expression import Rejected
 from rulec.language.origin import Origin
 from rulec.language.units import NONE, SECOND, Unit
 from rulec.passes.amend import Amended, Change, amend
-from rulec.passes.differentiate import Models, TypeFault
+from rulec.passes.differentiate import TypeFault
 from rulec.passes.fault_laws import undoing
 from rulec.passes.store_faults import StoreFault, store_faults
+from rulec.passes.types import Compilation
 
 _END = {"in": INFLOW, "out": OUTFLOW}
 
@@ -56,15 +57,15 @@ class Matched:
 class Matches:
     """Everything that fits some place of a plant, and what would with one more sensor."""
 
-    models: Models
+    models: Compilation
     sites: Mapping[str, tuple[Site, ...]]
     candidates: tuple[Matched, ...]
     missing: tuple[Missing, ...]
 
 
-def match_effects(models: Models, readings: Mapping[str, float]) -> Matches:
+def match_effects(models: Compilation, readings: Mapping[str, float]) -> Matches:
     """Match effects and faults to all modules; `readings` are those of the reference point, SI."""
-    network = models.residuals.network
+    network = models.network
     around = survey(network, readings)
     binder = Binder(network)
     sites = {m.name: sites_of(around, m) for m in network.plant.modules.values()}
@@ -129,7 +130,7 @@ class _Matcher:
 
     def __init__(
         self,
-        models: Models,
+        models: Compilation,
         around: Survey,
         binder: Binder,
         module: Module,

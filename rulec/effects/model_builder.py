@@ -26,28 +26,27 @@ from rulec.knowledge.module_type import ENDS, Parameter
 from rulec.knowledge.plant import Module
 from rulec.knowledge.read import Sources, read_plant
 from rulec.passes.amend import Amended, amend
-from rulec.passes.differentiate import Models
 from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
-from rulec.passes.pipeline import PASSES, run_passes, up_to
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
 
 SHOWN = "shown"
 
 
 def open_builder(path: Path) -> tuple[Ruleset, ModelBuilder]:
     """Compile a plant, with its builder; raises `Refused` with all mistakes in it."""
-    symbolic = up_to("differentiate")
     sources = read_plant(path, effects=True)
-    models: Models = run_passes(sources, symbolic[1:])
-    ruleset: Ruleset = run_passes(models, PASSES[len(symbolic) :])
-    return ruleset, ModelBuilder(models, reference_readings(models, ruleset), sources)
+    models = run_passes(Compilation(sources=sources))
+    readings = reference_readings(models, models.ruleset)
+    return models.ruleset, ModelBuilder(models, readings, sources)
 
 
-def reference_readings(models: Models, ruleset: Ruleset) -> dict[str, float]:
+def reference_readings(models: Compilation, ruleset: Ruleset) -> dict[str, float]:
     """Readings of all signals at the reference point, SI; what no estimate reads, by guess."""
     read = {signal for observer in ruleset.observers for signal in observer.signals}
     solved = {s.id: s.reference for s in ruleset.signals if s.id in read}
     result = {}
-    for module in models.residuals.network.plant.modules.values():
+    for module in models.plant.modules.values():
         for signal in module.type.signals.values():
             known = module.reference.get(signal.name)
             if known is None:
@@ -61,10 +60,10 @@ class ModelBuilder:
     """Builds modules of one plant with candidates in them, in order of their acceptance."""
 
     def __init__(
-        self, models: Models, readings: Mapping[str, float], sources: Sources | None = None
+        self, models: Compilation, readings: Mapping[str, float], sources: Sources | None = None
     ) -> None:
         self._models, self._readings, self.sources = models, readings, sources
-        self.network = models.residuals.network
+        self.network = models.network
         self._free: dict[str, Matched] = {}
         self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
         self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
@@ -194,9 +193,9 @@ def _kind_of(amended: Amended, place: str) -> str:
     return "observer" if place in amended.type.observers else "signal"
 
 
-def _base_parameters(models: Models) -> BaseParameters:
+def _base_parameters(models: Compilation) -> BaseParameters:
     """Uncertain parameters may be moved, correlated as their calibration says."""
-    plant = models.residuals.network.plant
+    plant = models.plant
     constants: dict[str, float] = {}
     moved: dict[str, Parameter] = {}
     for module in plant.modules.values():

@@ -12,10 +12,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rulec.knowledge.plant import Module
+from rulec.passes.assemble import Assembly
 from rulec.passes.candidates import candidates
 from rulec.passes.cheapest import SEPARATED, SMALL, Advice, cheapest, degrees_of
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.linearise import linearise
+from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
 
 WIDE = 30
@@ -29,9 +31,7 @@ REACH = 6
 class Adviser:
     """Judges groups of faults of one plant; what modules share is worked out once."""
 
-    def __init__(self, signatures: Signatures) -> None:
-        self._signatures = signatures
-        network = signatures.assembly.residuals.network
+    def __init__(self, network: Network, assembly: Assembly, signatures: Signatures) -> None:
         self._modules = network.plant.modules
         self._knowledge = network.plant.knowledge
         measured = [m.name for m in self._modules.values() if m.type.observers]
@@ -41,12 +41,12 @@ class Adviser:
             for name in names:
                 self._places[name] |= {place}
         self._number = {name: i for i, name in enumerate(self._modules)}
-        self._linear = linearise(signatures)
+        self._linear = linearise(network, assembly, signatures)
         self._faults: dict[str, list[str]] = {}
         self._module_of: dict[str, str] = {}
-        self._variants = {h.id: h.fault.variant for h in signatures.assembly.hypotheses}
+        self._variants = {h.id: h.fault.variant for h in assembly.hypotheses}
         self._reached: dict[str, set[str]] = {}
-        for h in signatures.assembly.hypotheses:
+        for h in assembly.hypotheses:
             self._faults.setdefault(h.module, []).append(h.id)
             self._module_of[h.id] = h.module
             reached = self._reached.setdefault(h.module, set())

@@ -17,8 +17,11 @@ import numpy as np
 import scipy.sparse as sparse
 
 from rulec.passes.advise import Adviser
+from rulec.passes.assemble import Assembly
 from rulec.passes.cheapest import SMALL
-from rulec.passes.derive_rules import Rules
+from rulec.passes.derive_residuals import Residual
+from rulec.passes.derive_signatures import Signatures
+from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Sensor
 from rulec.passes.reach import seen_through_states
 
@@ -43,46 +46,45 @@ class Group:
 
 @dataclass(frozen=True)
 class Isolability:
-    """Rules with their ambiguities; `unobserved` modules and faults leave no trace."""
+    """Ambiguities; `unobserved` modules and faults leave no trace."""
 
-    rules: Rules
     groups: tuple[Group, ...]
     unobserved: tuple[str, ...]
 
 
-def analyse_isolability(rules: Rules) -> Isolability:
+def analyse_isolability(
+    network: Network, residuals: tuple[Residual, ...], assembly: Assembly, signatures: Signatures
+) -> Isolability:
     """Compare the rows of the fault-symptom matrix."""
-    assembly = rules.signatures.assembly
     faults = [h.id for h in assembly.hypotheses]
-    effects = _matrix(rules, faults)
-    adviser = Adviser(rules.signatures)
-    shown = _by_detectability(rules)
+    effects = _matrix(residuals, signatures, faults)
+    adviser = Adviser(network, assembly, signatures)
+    shown = _by_detectability(signatures)
     found = dict.fromkeys(_coinciding(faults, effects), "coincide")
     found |= dict.fromkeys(_nested(faults, effects), "nested")
     known = {frozenset(pair) for names in found for pair in itertools.combinations(names, 2)}
     found |= {pair: "close" for pair in adviser.alike() if frozenset(pair) not in known}
     groups = [_group(adviser, shown, names, kind) for names, kind in found.items()]
     silent = [f for f, row in zip(faults, effects, strict=True) if row.nnz == 0]
-    watched = {r.module for r in assembly.residuals.residuals} | {
-        o.split(".")[0] for r in assembly.residuals.residuals for _, o in r.terms
+    watched = {r.module for r in residuals} | {
+        o.split(".")[0] for r in residuals for _, o in r.terms
     }
-    watched |= {c.fault.split(".")[0] for c in rules.signatures.cells}
-    network = assembly.residuals.network
+    watched |= {c.fault.split(".")[0] for c in signatures.cells}
     watched |= seen_through_states(network) if network.stores else set()
     blind = [m for m in network.plant.modules if m not in watched]
-    return Isolability(rules, tuple(groups), (*blind, *silent))
+    return Isolability(tuple(groups), (*blind, *silent))
 
 
 Shown = Mapping[str, list[tuple[float, str]]]
 """Residuals of each fault with the degree from which on they show it, smallest first."""
 
 
-def _matrix(rules: Rules, faults: list[str]) -> sparse.csr_matrix:
+def _matrix(
+    residuals: tuple[Residual, ...], signatures: Signatures, faults: list[str]
+) -> sparse.csr_matrix:
     """Effects per unit of degree, shape (faults, residuals), in units of threshold."""
-    signatures = rules.signatures
-    residuals = [r.id for r in signatures.assembly.residuals.residuals]
     row = {name: i for i, name in enumerate(faults)}
-    column = {name: i for i, name in enumerate(residuals)}
+    column = {name: i for i, name in enumerate(r.id for r in residuals)}
     entries = [c.sensitivity for c in signatures.cells]
     where = (
         [row[c.fault] for c in signatures.cells],
@@ -145,10 +147,10 @@ def _from(adviser: Adviser, fault: str, degree: float) -> str:
     )
 
 
-def _by_detectability(rules: Rules) -> Shown:
+def _by_detectability(signatures: Signatures) -> Shown:
     """The cells of each fault, smallest degree first."""
     table: dict[str, list[tuple[float, str]]] = {}
-    for cell in rules.signatures.cells:
+    for cell in signatures.cells:
         table.setdefault(cell.fault, []).append((cell.detectable, cell.residual))
     return {fault: sorted(cells) for fault, cells in table.items()}
 

@@ -17,8 +17,9 @@ from rulec_runtime.contract.ruleset import MISFIT
 
 from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.plant import Module
-from rulec.passes.derive_residuals import Residual, Residuals
-from rulec.passes.differentiate import GATHERED, Models, TypeFault, TypeModel
+from rulec.passes.derive_residuals import Residual
+from rulec.passes.differentiate import GATHERED, TypeFault, TypeModel
+from rulec.passes.link import Network
 from rulec.passes.undo import undo_graph
 
 Gradient = Mapping[str, Node]
@@ -59,7 +60,6 @@ class Hypothesis:
 class Assembly:
     """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``."""
 
-    residuals: Residuals
     graph: Graph
     observers: Mapping[str, Node]
     gradients: Mapping[str, Gradient]
@@ -70,15 +70,16 @@ class Assembly:
     residual_gradients: Mapping[str, Gradient]
     residual_variances: Mapping[str, Node]
     undo: Graph
-    models: Models
 
 
-def assemble(models: Models) -> Assembly:
+def assemble(
+    network: Network, residuals: tuple[Residual, ...], types: Mapping[str, TypeModel]
+) -> Assembly:
     """Lower all modules of the plant into one graph."""
-    plant = models.residuals.network.plant
+    plant = network.plant
     signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
     graph = Graph([*signals, *(f"u:{s}" for s in signals), PARAMETERS, MODEL])
-    parts = {m.name: _Instance(m, models, graph) for m in plant.modules.values()}
+    parts = {m.name: _Instance(m, network, types, graph) for m in plant.modules.values()}
     observers: dict[str, Node] = {}
     gradients: dict[str, Gradient] = {}
     guards: dict[str, tuple[tuple[str, Node], ...]] = {}
@@ -91,11 +92,8 @@ def assemble(models: Models) -> Assembly:
         part.lower_targets(targets)
     _reach_across(parts, readers, targets)
     _react(parts, readers, targets)
-    nodes, residual_gradients, variances = _residual_nodes(
-        graph, models.residuals.residuals, observers, gradients
-    )
+    nodes, residual_gradients, variances = _residual_nodes(graph, residuals, observers, gradients)
     return Assembly(
-        models.residuals,
         graph,
         observers,
         gradients,
@@ -105,18 +103,18 @@ def assemble(models: Models) -> Assembly:
         nodes,
         residual_gradients,
         variances,
-        undo_graph(models, tuple(h.id for h in hypotheses)),
-        models,
+        undo_graph(network, types, tuple(h.id for h in hypotheses)),
     )
 
 
 class _Instance:
     """Lowers one module; holds the tables that lowering needs."""
 
-    def __init__(self, module: Module, models: Models, graph: Graph) -> None:
+    def __init__(
+        self, module: Module, network: Network, types: Mapping[str, TypeModel], graph: Graph
+    ) -> None:
         self.module, self.graph = module, graph
-        self.model: TypeModel = models.types[module.type.key]
-        network = models.residuals.network
+        self.model: TypeModel = types[module.type.key]
         self.gathers = {
             name: tuple(f"{m}.{s}" for m, s in network.gathers[module.name, name])
             for name in module.type.gathers

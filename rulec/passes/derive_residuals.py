@@ -28,15 +28,7 @@ class Residual:
         return " ".join(parts).removeprefix("+ ")
 
 
-@dataclass(frozen=True)
-class Residuals:
-    """A network with its residuals."""
-
-    network: Network
-    residuals: tuple[Residual, ...]
-
-
-def derive_residuals(network: Network) -> Residuals:
+def derive_residuals(network: Network) -> tuple[Residual, ...]:
     """Own pairs of each module and balance sums against own observers, then what these leave out.
 
     The sum of the pumps upstream against the resistance of a mixer, for example, becomes
@@ -48,7 +40,7 @@ def derive_residuals(network: Network) -> Residuals:
     for module in network.plant.modules.values():
         for residual in (*_own(module), *_summed(module, sums.get(module.name, {}))):
             found.setdefault(_without_sign(residual.terms), residual)
-    return Residuals(network, (*found.values(), *_left_out(network, found.values())))
+    return (*found.values(), *_left_out(network, found.values()))
 
 
 def _told(network: Network) -> dict[str, dict[str, FixedFlow]]:

@@ -21,6 +21,7 @@ import sympy
 
 from rulec.algebra.graph import Graph, Node
 from rulec.passes.assemble import Assembly, Hypothesis
+from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signature, Signatures
 from rulec.passes.differentiate import EXCESS, FLOW, G
 from rulec.passes.moments import Moments, Signed
@@ -35,25 +36,17 @@ class Rule:
     equation: str
 
 
-@dataclass(frozen=True)
-class Rules:
-    """Signatures with rules; the graph of the assembly now has all outputs."""
-
-    signatures: Signatures
-    rules: tuple[Rule, ...]
-
-
-def derive_rules(signatures: Signatures) -> Rules:
+def derive_rules(
+    residuals: tuple[Residual, ...], assembly: Assembly, signatures: Signatures
+) -> tuple[Rule, ...]:
     """Add observers, residuals, gradients, guards and all rules to the outputs of the graph."""
-    assembly = signatures.assembly
     _basic_outputs(assembly)
     hypotheses = {h.id: h for h in assembly.hypotheses}
-    moments = Moments(assembly)
+    moments = Moments(residuals, assembly)
     spreads: dict[tuple[str, str, str], _Spread] = {}
-    rules = tuple(
+    return tuple(
         _rule(assembly, moments, spreads, hypotheses[c.fault], c) for c in signatures.cells
     )
-    return Rules(signatures, rules)
 
 
 def _basic_outputs(assembly: Assembly) -> None:

@@ -13,7 +13,9 @@ from rulec_runtime.contract.ruleset import THRESHOLD
 
 from rulec.algebra.graph import Node
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
+from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import G
+from rulec.passes.link import Network
 from rulec.passes.reference import solve_reference
 
 NEGLIGIBLE = 1e-6
@@ -42,23 +44,24 @@ class Signature:
 
 @dataclass(frozen=True)
 class Signatures:
-    """An assembly with its reference point, uncertainties there, and matrix."""
+    """The reference point, flows and uncertainties there, and the matrix."""
 
-    assembly: Assembly
     reference: Mapping[str, float]
     flows: Mapping[str, float]
     uncertainties: Mapping[str, float]
     cells: tuple[Signature, ...]
 
 
-def derive_signatures(assembly: Assembly) -> Signatures:
+def derive_signatures(
+    network: Network, residuals: tuple[Residual, ...], assembly: Assembly
+) -> Signatures:
     """Find every cell of the fault-symptom matrix that is not zero."""
-    reference = solve_reference(assembly)
-    holding = _residuals_by_observer(assembly)
+    reference = solve_reference(network, residuals, assembly)
+    holding = _residuals_by_observer(residuals)
     candidates = [
         (h, residual, *found)
         for h in assembly.hypotheses
-        for residual, found in _reached(assembly, h, holding).items()
+        for residual, found in _reached(residuals, assembly, h, holding).items()
     ]
     graph = assembly.graph
     outputs = {}
@@ -69,7 +72,7 @@ def derive_signatures(assembly: Assembly) -> Signatures:
         outputs[f"u:{residual}"] = graph.apply("sqrt", variance)
     for observer, node in assembly.observers.items():
         outputs[f"q:{observer}"] = node
-    found = graph.plan(outputs).run(reference_inputs(assembly, reference))
+    found = graph.plan(outputs).run(reference_inputs(network, reference))
     values = {k: float(v[0]) for k, v in found.items()}
     flows = {o: values[f"q:{o}"] for o in assembly.observers}
     uncertainties = {r: values[f"u:{r}"] for r in assembly.residual_variances}
@@ -92,17 +95,20 @@ def derive_signatures(assembly: Assembly) -> Signatures:
                     faulty,
                 )
             )
-    return Signatures(assembly, reference, flows, uncertainties, tuple(cells))
+    return Signatures(reference, flows, uncertainties, tuple(cells))
 
 
 def _reached(
-    assembly: Assembly, hypothesis: Hypothesis, holding: Mapping[str, list[int]]
+    residuals: tuple[Residual, ...],
+    assembly: Assembly,
+    hypothesis: Hypothesis,
+    holding: Mapping[str, list[int]],
 ) -> dict[str, tuple[tuple[tuple[int, str], ...], Node, Node]]:
     """Residuals that a fault can reach: faulty terms, node of g, node of dR/dg."""
     graph, affected = assembly.graph, set(hypothesis.affects)
     result = {}
     for i in sorted({i for o in affected for i in holding.get(o, ())}):
-        residual = assembly.residuals.residuals[i]
+        residual = residuals[i]
         faulty = tuple((s, o) for s, o in residual.terms if o in affected)
         if hypothesis.fault.fault.acts_on == "flow":
             scaled = graph.signed_sum((s, assembly.observers[o]) for s, o in faulty)
@@ -116,9 +122,9 @@ def _reached(
     return result
 
 
-def _residuals_by_observer(assembly: Assembly) -> dict[str, list[int]]:
+def _residuals_by_observer(residuals: tuple[Residual, ...]) -> dict[str, list[int]]:
     table: dict[str, list[int]] = {}
-    for i, residual in enumerate(assembly.residuals.residuals):
+    for i, residual in enumerate(residuals):
         for _, observer in residual.terms:
             table.setdefault(observer, []).append(i)
     return table
@@ -129,10 +135,10 @@ def _per_degree(assembly: Assembly, hypothesis: Hypothesis, scaled: Node) -> Nod
     return assembly.graph.lower(hypothesis.fault.rule.onset, {G: scaled})
 
 
-def reference_inputs(assembly: Assembly, reference: Mapping[str, float]) -> dict[str, float]:
+def reference_inputs(network: Network, reference: Mapping[str, float]) -> dict[str, float]:
     """Reference readings with the systematic uncertainty of their sensors."""
     inputs = {**reference, PARAMETERS: 1.0, MODEL: 1.0}
-    plant = assembly.residuals.network.plant
+    plant = network.plant
     for module in plant.modules.values():
         for signal in module.type.signals.values():
             sensor = plant.knowledge.sensors[signal.sensor]

@@ -16,10 +16,10 @@ from rulec.knowledge.degree_unit import for_signal
 from rulec.knowledge.fluid import closed_forms
 from rulec.knowledge.knowledge import FaultType, Knowledge, Variant
 from rulec.knowledge.module_type import FaultUse, ModuleType, Signal
+from rulec.knowledge.plant import Plant
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
 from rulec.language.symbolic import to_sympy
-from rulec.passes.derive_residuals import Residuals
 
 GATHERED = "downstream."
 FLOW = "target.flow"
@@ -120,20 +120,10 @@ class Undone:
     gather_slopes: Mapping[tuple[str, str], sympy.Expr]
 
 
-@dataclass(frozen=True)
-class Models:
-    """Residuals with the differentiated types they are made of."""
-
-    residuals: Residuals
-    types: Mapping[str, TypeModel]
-
-
-def differentiate(residuals: Residuals) -> Models:
-    """Differentiate every module type that the plant uses."""
-    plant = residuals.network.plant
+def differentiate(plant: Plant) -> dict[str, TypeModel]:
+    """Differentiate every module type that the plant uses; models by key of the type."""
     used = {module.type.key: module.type for module in plant.modules.values()}
-    models = {name: type_model(kind.settled(), plant.knowledge) for name, kind in used.items()}
-    return Models(residuals, models)
+    return {name: type_model(kind.settled(), plant.knowledge) for name, kind in used.items()}
 
 
 def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:

@@ -10,21 +10,27 @@ from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
-from rulec.passes.analyse_isolability import Group
+from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
+from rulec.passes.derive_residuals import Residual
+from rulec.passes.derive_rules import Rule
 from rulec.passes.derive_signatures import Signatures
+from rulec.passes.link import Network
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
 
 
-def emit(balanced: Balanced) -> contract.Ruleset:
+def emit(
+    network: Network,
+    residuals: tuple[Residual, ...],
+    assembly: Assembly,
+    signatures: Signatures,
+    rules: tuple[Rule, ...],
+    isolability: Isolability,
+    simulation: contract.Simulation,
+    balanced: Balanced,
+) -> contract.Ruleset:
     """Write the ruleset of a plant. The same sources always give the same ruleset."""
-    ordered = balanced.ordered
-    isolability = ordered.isolability
-    rules = isolability.rules
-    signatures = rules.signatures
-    assembly = signatures.assembly
-    network = assembly.residuals.network
     plant = network.plant
     return contract.Ruleset(
         contract.FORMAT_VERSION,
@@ -39,7 +45,7 @@ def emit(balanced: Balanced) -> contract.Ruleset:
             name: contract.UnitSpec(u.factor, u.offset, tuple(map(float, u.dimension.exponents)))
             for name, u in plant.knowledge.units.units.items()
         },
-        _observers(assembly, signatures),
+        _observers(plant, assembly, signatures),
         tuple(contract.Junction(b.outlets, b.inlets) for b in network.balances),
         tuple(
             contract.ResidualSpec(
@@ -49,7 +55,7 @@ def emit(balanced: Balanced) -> contract.Ruleset:
                 str(r),
                 _rounded(signatures.uncertainties[r.id]),
             )
-            for r in assembly.residuals.residuals
+            for r in residuals
         ),
         (
             *(_fault(h) for h in assembly.hypotheses),
@@ -66,12 +72,12 @@ def emit(balanced: Balanced) -> contract.Ruleset:
                 rule.forms,
                 rule.equation,
             )
-            for rule in rules.rules
+            for rule in rules
         ),
         tuple(_ambiguous(group) for group in isolability.groups),
         _unobserved(isolability.unobserved, balanced),
         _parameters(plant),
-        ordered.simulation,
+        simulation,
         assembly.graph.plan(),
         assembly.undo.plan(),
         balanced.dynamics,
@@ -109,8 +115,9 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
     )
 
 
-def _observers(assembly: Assembly, signatures: Signatures) -> tuple[contract.ObserverSpec, ...]:
-    plant = assembly.residuals.network.plant
+def _observers(
+    plant: Plant, assembly: Assembly, signatures: Signatures
+) -> tuple[contract.ObserverSpec, ...]:
     signals = {f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals}
     result = []
     for module in plant.modules.values():

@@ -13,9 +13,10 @@ import numpy as np
 import sympy
 
 from rulec.algebra.graph import Graph
-from rulec.passes.assemble import Hypothesis
+from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_signatures import Signatures, reference_inputs
 from rulec.passes.differentiate import G
+from rulec.passes.link import Network
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,8 @@ class Linearised:
     targets: Mapping[str, str]
 
 
-def linearise(signatures: Signatures) -> Linearised:
+def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> Linearised:
     """Evaluate gradients and slopes at the reference point."""
-    assembly = signatures.assembly
     outputs = {
         f"{observer}|{name}": node
         for observer, gradient in assembly.gradients.items()
@@ -51,9 +51,9 @@ def linearise(signatures: Signatures) -> Linearised:
     for key, target in assembly.targets.items():
         outputs[f"{key}|value"] = target.value
         outputs |= {f"{key}|d|{o}": node for o, node in target.slopes.items()}
-    inputs = reference_inputs(assembly, signatures.reference)
+    inputs = reference_inputs(network, signatures.reference)
     values = {k: float(v[0]) for k, v in assembly.graph.plan(outputs).run(inputs).items()}
-    excess = _Excess(signatures, values)
+    excess = _Excess(assembly, signatures, values)
     effects: dict[str, dict[str, float]] = {}
     shifts: dict[str, float] = {}
     for h in assembly.hypotheses:
@@ -81,9 +81,11 @@ class _Excess:
     """What is there too much per unit of a fault's degree, as a share; every law is evaluated
     once."""
 
-    def __init__(self, signatures: Signatures, values: Mapping[str, float]) -> None:
+    def __init__(
+        self, assembly: Assembly, signatures: Signatures, values: Mapping[str, float]
+    ) -> None:
         places: dict[sympy.Expr, dict[str, float]] = {}
-        for h in signatures.assembly.hypotheses:
+        for h in assembly.hypotheses:
             found = places.setdefault(h.fault.rule.onset, {})
             if h.fault.fault.acts_on == "flow":
                 found |= {o: signatures.flows[o] for o in h.affects}

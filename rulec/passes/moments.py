@@ -7,11 +7,12 @@ does not grow with the plant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from rulec.algebra.graph import Node
 from rulec.passes.assemble import Assembly, Gradient, combine, covariance
+from rulec.passes.derive_residuals import Residual
 
 Signed = list[tuple[int, Gradient]]
 """A signed sum of gradients."""
@@ -27,8 +28,8 @@ MANY = 8
 class Moments:
     """Second moments over the gradients of an assembly."""
 
-    def __init__(self, assembly: Assembly) -> None:
-        self._assembly, self._graph = assembly, assembly.graph
+    def __init__(self, residuals: Sequence[Residual], assembly: Assembly) -> None:
+        self._residuals, self._assembly, self._graph = residuals, assembly, assembly.graph
         self._known: dict[tuple[int, int], Node] = {}
         self._related: dict[int, frozenset[str]] = {}
         self._sums: dict[tuple[tuple[int, int], ...], Gradient] = {}
@@ -70,7 +71,7 @@ class Moments:
 
     @cached_property
     def _signs(self) -> Mapping[str, Mapping[str, int]]:
-        return {r.id: {o: s for s, o in r.terms} for r in self._assembly.residuals.residuals}
+        return {r.id: {o: s for s, o in r.terms} for r in self._residuals}
 
     @cached_property
     def _readers(self) -> Mapping[str, frozenset[str]]:

@@ -15,7 +15,6 @@ Source: Dulmage and Mendelsohn 1958; Tarjan 1972.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import networkx as nx
@@ -26,8 +25,7 @@ from rulec_runtime.contract.ruleset import Simulation, SimulationStep
 from rulec.algebra.eliminate import independent_without, solved_for
 from rulec.algebra.matching import match, surplus
 from rulec.knowledge.module_type import Signal
-from rulec.passes.analyse_isolability import Isolability
-from rulec.passes.assemble import MODEL, PARAMETERS
+from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.link import Network
 
@@ -35,28 +33,20 @@ VANISHED = 1e-9
 """Share of a flow below which a reading moves nothing any more."""
 
 
-@dataclass(frozen=True)
-class Ordered:
-    """What the passes before found, and how the plant is simulated."""
-
-    isolability: Isolability
-    simulation: Simulation
-
-
-def order_equations(isolability: Isolability) -> Ordered:
+def order_equations(network: Network, assembly: Assembly, signatures: Signatures) -> Simulation:
     """Find what is predicted, and order the equations. A plant may well be diagnosed only."""
-    system = _System(isolability.rules.signatures)
+    system = _System(network, assembly, signatures)
     partner = system.matched(range(len(system.unknowns)))
     if None in partner:
         partner = system.matched(system.by_strength())
     many, unknowns = surplus(system.holders, partner, system.equations)
     if many:
-        return Ordered(isolability, Simulation((), (), system.over_determined(many, unknowns)))
+        return Simulation((), (), system.over_determined(many, unknowns))
     predicted = {
         name for name, own in zip(system.unknowns, partner, strict=True) if own is not None
     }
     given = tuple(name for name in system.used if name not in predicted)
-    return Ordered(isolability, Simulation(given, tuple(_steps(system, partner)), ""))
+    return Simulation(given, tuple(_steps(system, partner)), "")
 
 
 def _steps(system: _System, partner: Sequence[int | None]) -> Iterator[SimulationStep]:
@@ -76,10 +66,8 @@ def _steps(system: _System, partner: Sequence[int | None]) -> Iterator[Simulatio
 class _System:
     """Equations (observers, then balances) and unknowns (flows, then readings) by number."""
 
-    def __init__(self, signatures: Signatures) -> None:
-        self.signatures = signatures
-        self.assembly = signatures.assembly
-        self.network: Network = self.assembly.residuals.network
+    def __init__(self, network: Network, assembly: Assembly, signatures: Signatures) -> None:
+        self.network, self.assembly, self.signatures = network, assembly, signatures
         modules = self.network.plant.modules
         self.observers = tuple(self.assembly.observers)
         self.module_of = [observer.partition(".")[0] for observer in self.observers]

@@ -13,11 +13,11 @@ import numpy as np
 from rulec_runtime.contract.plan import Plan
 
 from rulec.knowledge.plant import Module
-from rulec.passes.differentiate import Models
+from rulec.passes.types import Compilation
 from rulec.passes.undo import undo_graph
 
 
-def true_plan(models: Models, faults: Iterable[str], random: np.random.Generator) -> Plan:
+def true_plan(models: Compilation, faults: Iterable[str], random: np.random.Generator) -> Plan:
     """The undo plan of a plant whose parameters are drawn from their covariance.
 
     Parameters
@@ -25,16 +25,15 @@ def true_plan(models: Models, faults: Iterable[str], random: np.random.Generator
     models : what the pass `differentiate` made; its symbolic work serves every draw.
     faults : ids of all faults, as in the ruleset.
     """
-    return undo_graph(perturbed(models, random), tuple(faults)).plan()
+    drawn = perturbed(models, random)
+    return undo_graph(drawn.network, drawn.types, tuple(faults)).plan()
 
 
-def perturbed(models: Models, random: np.random.Generator) -> Models:
+def perturbed(models: Compilation, random: np.random.Generator) -> Compilation:
     """The models with new values of all uncertain parameters."""
-    network = models.residuals.network
-    modules = {name: _drawn(m, random) for name, m in network.plant.modules.items()}
-    plant = replace(network.plant, modules=modules)
-    residuals = replace(models.residuals, network=replace(network, plant=plant))
-    return replace(models, residuals=residuals)
+    modules = {name: _drawn(m, random) for name, m in models.plant.modules.items()}
+    plant = replace(models.plant, modules=modules)
+    return replace(models, plant=plant, network=replace(models.network, plant=plant))
 
 
 def _drawn(module: Module, random: np.random.Generator) -> Module:

@@ -1,10 +1,17 @@
-"""The order of the passes. Each takes what the one before made, and changes nothing in it."""
+"""The order of the passes.
+
+A pass is a function of the fields of the record that its parameters name; what it returns is one
+more field. It changes none of the others, but for the graph of the assembly, which gets the outputs
+of the rules.
+"""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Iterator
+import inspect
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,33 +26,50 @@ from rulec.passes.derive_rules import derive_rules
 from rulec.passes.derive_signatures import derive_signatures
 from rulec.passes.differentiate import differentiate
 from rulec.passes.emit import emit
+from rulec.passes.invariants import checks_are_on, hold
 from rulec.passes.link import link
 from rulec.passes.order_equations import order_equations
 from rulec.passes.put_balances import put_balances
+from rulec.passes.types import Compilation
 
-PASSES: tuple[Callable[[Any], Any], ...] = (
-    read_plant,  # path -> Sources: documents with positions, schema checked
-    check,  # -> Plant: typed, SI, names and dimensions checked
-    link,  # -> Network: junction balances, sums, readings across modules
-    derive_residuals,  # -> Residuals: pairs of estimates that must agree
-    differentiate,  # -> Models: symbolic work, once per module type
-    assemble,  # -> Assembly: the equations of the plant as one graph
-    derive_signatures,  # -> Signatures: fault-symptom matrix at the reference point
-    derive_rules,  # -> Rules: degrees with uncertainties
-    analyse_isolability,  # -> Isolability: what cannot be told apart
-    order_equations,  # -> Ordered: what a simulation solves, and in which order
-    put_balances,  # -> Balanced: the balances of what stores, as one plan
-    emit,  # -> Ruleset: data for the runtime
-)
+PASSES: Mapping[str, Callable[..., Any]] = {
+    "sources": read_plant,  # documents with positions, schema checked
+    "plant": check,  # typed, SI, names and dimensions checked
+    "network": link,  # junction balances, sums, readings across modules
+    "residuals": derive_residuals,  # pairs of estimates that must agree
+    "types": differentiate,  # symbolic work, once per module type
+    "assembly": assemble,  # the equations of the plant as one graph
+    "signatures": derive_signatures,  # fault-symptom matrix at the reference point
+    "rules": derive_rules,  # degrees with uncertainties
+    "isolability": analyse_isolability,  # what cannot be told apart
+    "simulation": order_equations,  # what a simulation solves, and in which order
+    "balanced": put_balances,  # the balances of what stores, as one plan
+    "ruleset": emit,  # data for the runtime
+}
+"""Each pass by the field that it fills."""
 
 
-def run_passes(start: Any, passes: tuple[Callable[[Any], Any], ...] = PASSES) -> Any:
-    """Run passes one after the other; raises `Refused` with all mistakes of the first bad one."""
-    result = start
+def run_passes(known: Compilation, until: str = "ruleset") -> Compilation:
+    """Run the passes that have not run, up to the one that fills a field.
+
+    Raises `Refused` with all mistakes of the first bad one.
+    """
     with without_collector():
-        for step in passes:
-            result = step(result)
-    return result
+        for field, step in PASSES.items():
+            if getattr(known, field) is None:
+                parts = {name: getattr(known, name) for name in _read_by(step)}
+                known = replace(known, **{field: step(**parts)})
+                if checks_are_on():
+                    hold(field, known)
+            if field == until:
+                break
+    return known
+
+
+def _read_by(step: Callable[..., Any]) -> list[str]:
+    """Fields that a pass reads: its parameters that have no default."""
+    parameters = inspect.signature(step).parameters.values()
+    return [p.name for p in parameters if p.default is inspect.Parameter.empty]
 
 
 @contextmanager
@@ -60,13 +84,6 @@ def without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def up_to(name: str) -> tuple[Callable[[Any], Any], ...]:
-    """The passes from the first to the named one."""
-    names = [p.__name__ for p in PASSES]
-    return PASSES[: names.index(name) + 1]
-
-
 def compile_plant(path: Path) -> Ruleset:
     """Compile a plant folder or file; raises `Refused` with all mistakes of the first bad pass."""
-    ruleset: Ruleset = run_passes(path)
-    return ruleset
+    return run_passes(Compilation(path=path)).ruleset

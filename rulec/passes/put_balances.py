@@ -15,34 +15,28 @@ from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.expression import Rejected
 from rulec.passes.link import Network
 from rulec.passes.lower import Lowering, lower_states, parameter_id
-from rulec.passes.order_equations import Ordered
 from rulec.passes.store_faults import StoreFault, store_faults, with_faults
 
 
 @dataclass(frozen=True)
 class Balanced:
-    """What the passes before found, and the balances; None where nothing is stored.
+    """The balances of what is stored, None where nothing is; `faults` are those that reach what is
+    measured there."""
 
-    `faults` are those that reach what is measured there.
-    """
-
-    ordered: Ordered
     dynamics: Dynamics | None
     faults: tuple[StoreFault, ...] = ()
 
 
-def put_balances(ordered: Ordered) -> Balanced:
+def put_balances(network: Network) -> Balanced:
     """Lower the balances of the plant."""
-    signatures = ordered.isolability.rules.signatures
-    network = signatures.assembly.residuals.network
     if not network.stores:
-        return Balanced(ordered, None)
+        return Balanced(None)
     plant = network.plant
     every = {m.name: store_faults(m, plant.knowledge) for m in plant.modules.values()}
     dynamics = dynamics_of(network, every)
     seen = set(dynamics.faults)
     faults = tuple(f for own in every.values() for f in own if f.id in seen)
-    return Balanced(ordered, dynamics, faults)
+    return Balanced(dynamics, faults)
 
 
 def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dynamics:

@@ -15,6 +15,7 @@ from rulec_runtime.contract.plan import Array, Plan
 
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
+from rulec.passes.derive_residuals import Residual
 from rulec.passes.link import Network
 
 STEPS = 40
@@ -31,7 +32,9 @@ VANISHED = 1e-6
 """Share of the largest flow below which a residual counts as zero."""
 
 
-def solve_reference(assembly: Assembly) -> dict[str, float]:
+def solve_reference(
+    network: Network, residuals: tuple[Residual, ...], assembly: Assembly
+) -> dict[str, float]:
     """Readings (SI) at which all residuals vanish.
 
     What several modules see together, such as the loss of a mixer, is what makers can know least:
@@ -39,23 +42,24 @@ def solve_reference(assembly: Assembly) -> dict[str, float]:
 
     Raises `Refused` (KB088) where no such point is found near the given readings.
     """
-    readings, free = _start(assembly)
+    readings, free = _start(network, assembly)
     if not assembly.observers:
         return readings
     plan, names = _plan(assembly, free)
     shared = _shared(assembly)
     for share in SHARES:
         start = {s: v * share if s in shared else v for s, v in readings.items()}
-        found = _solved(assembly, plan, names, start, free)
+        found = _solved(network, residuals, assembly, plan, names, start, free)
         if found is not None:
             return found
-    network = assembly.residuals.network
     message = "no fault-free operating point was found near the reference readings"
     hint = "give each module 'reference: {...}' with readings that fit together"
     raise Refused([Diagnostic(network.plant.place, "KB088", message, hint)])
 
 
 def _solved(
+    network: Network,
+    residuals: tuple[Residual, ...],
     assembly: Assembly,
     plan: Plan,
     names: Mapping[str, tuple[str, str]],
@@ -63,7 +67,7 @@ def _solved(
     free: list[str],
 ) -> dict[str, float] | None:
     """Newton steps from some readings; None where they lead nowhere."""
-    network, observers = assembly.residuals.network, list(assembly.observers)
+    observers = list(assembly.observers)
     scale = np.array([abs(readings[s]) or 1.0 for s in free])
     values = plan.run(_inputs(readings))
     for _ in range(STEPS):
@@ -73,7 +77,7 @@ def _solved(
         slopes = {pair: values[name][0] for name, pair in names.items()}
         step = _step(network, observers, free, q, slopes, scale)
         size = float(np.max(np.abs(step / scale), initial=0))
-        if size < 1e-9 and _agree(assembly, q):
+        if size < 1e-9 and _agree(residuals, assembly, q):
             return readings
         damping = min(1.0, 0.3 / max(size, 1e-300))
         for _ in range(HALVINGS):
@@ -97,18 +101,18 @@ def _shared(assembly: Assembly) -> set[str]:
     return {signal for signal, modules in users.items() if len(modules) > 1}
 
 
-def _agree(assembly: Assembly, flows: Array) -> bool:
+def _agree(residuals: tuple[Residual, ...], assembly: Assembly, flows: Array) -> bool:
     """Do all residuals vanish? Where no reading may move, no step does not mean no residual."""
     q = dict(zip(assembly.observers, flows, strict=True))
-    left = [abs(sum(s * q[o] for s, o in r.terms)) for r in assembly.residuals.residuals]
+    left = [abs(sum(s * q[o] for s, o in r.terms)) for r in residuals]
     return max(left, default=0.0) <= VANISHED * float(np.max(np.abs(flows), initial=0.0))
 
 
-def _start(assembly: Assembly) -> tuple[dict[str, float], list[str]]:
+def _start(network: Network, assembly: Assembly) -> tuple[dict[str, float], list[str]]:
     """Reference readings as given, and the names of those that may move."""
     readings, free = {}, []
     used = {name for gradient in assembly.gradients.values() for name in gradient}
-    for module in assembly.residuals.network.plant.modules.values():
+    for module in network.plant.modules.values():
         for signal in module.type.signals.values():
             key = f"{module.name}.{signal.name}"
             readings[key] = module.reference.get(signal.name, np.nan)

@@ -19,7 +19,8 @@ from rulec.knowledge.module_type import Fluid
 from rulec.knowledge.read import read_files
 from rulec.language.symbolic import TEMPERATURE
 from rulec.passes.differentiate import TypeModel
-from rulec.passes.pipeline import compile_plant, run_passes, up_to
+from rulec.passes.pipeline import compile_plant, run_passes
+from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 from tests.kb.fit_fluids import (
     LIQUIDS,
@@ -124,7 +125,7 @@ def _plant(folder: Path, fluid: str, modules: str = "  P: {type: straight-pipe}"
 
 
 def _models(folder: Path) -> dict[str, TypeModel]:
-    return dict(run_passes(folder, up_to("differentiate")).types)
+    return dict(run_passes(Compilation(path=folder), "types").types)
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,10 @@ from rulec_runtime.contract.ruleset_file import parse_ruleset
 
 from rulec.commands.matrix import machine_form
 from rulec.knowledge.span import Span
-from rulec.passes.analyse_isolability import Isolability
 from rulec.passes.linearise import Linearised, linearise
 from rulec.passes.neighbourhood import Neighbourhood, apart
-from rulec.passes.pipeline import compile_plant, run_passes, up_to
+from rulec.passes.pipeline import compile_plant, run_passes
+from rulec.passes.types import Compilation
 from tests.conftest import ROOT
 from tests.method.readings import PLANTS, ruleset
 
@@ -36,22 +36,21 @@ def promised(advice: str) -> float:
     return float(re.findall(r"[0-9.]+(?= on$)", advice)[0])
 
 
-def isolability(plant: str) -> Isolability:
+def isolability(plant: str) -> Compilation:
     here = PLANTS / plant
     folder = here if here.is_dir() else ROOT / "plants" / plant
-    made: Isolability = run_passes(folder, up_to("analyse_isolability"))
-    return made
+    return run_passes(Compilation(path=folder), "isolability")
 
 
-def degrees(made: Isolability, faults: Sequence[str], tables: Linearised | None = None) -> Array:
+def degrees(made: Compilation, faults: Sequence[str], tables: Linearised | None = None) -> Array:
     """Degree that tells each fault from each other by two bounds, over all residuals there are."""
-    assembly = made.rules.signatures.assembly
+    assembly = made.assembly
     number = {o: i for i, o in enumerate(assembly.observers)}
     span, independent = Span(), []
-    for residual in assembly.residuals.residuals:
+    for residual in made.residuals:
         if span.add({number[o]: sign for sign, o in residual.terms}):
             independent.append({o: sign for sign, o in residual.terms})
-    tables = tables or linearise(made.rules.signatures)
+    tables = tables or linearise(made.network, made.assembly, made.signatures)
     whole = Neighbourhood.of(tables, independent, [h.id for h in assembly.hypotheses])
     with np.errstate(divide="ignore"):
         found: Array = 4.0 / apart(whole.gram(faults))
@@ -68,7 +67,7 @@ def test_pump_pressure_against_clogging(faults: tuple[str, str], expected: objec
     First order at the fault-free point gives 0.427 and 0.570.
     """
     made = isolability("abc")
-    tables = linearise(made.rules.signatures)
+    tables = linearise(made.network, made.assembly, made.signatures)
     readings = {
         observer: {name: slope for name, slope in gradient.items() if name in tables.uncertainties}
         for observer, gradient in tables.gradients.items()
@@ -87,7 +86,7 @@ def test_mixer_pressure_against_clogging() -> None:
 def test_told_from_is_what_the_whole_plant_tells(plant: str) -> None:
     """Where all modules meet at one junction, the neighbourhood is the plant."""
     made = isolability(plant)
-    for g in made.groups:
+    for g in made.isolability.groups:
         whole = degrees(made, g.faults)
         assert [whole[0, 1], whole[1, 0]] == pytest.approx(g.degrees, rel=1e-6)
 
@@ -97,7 +96,7 @@ def test_neighbourhood_promises_no_more_than_the_plant(plant: str) -> None:
     """Fewer residuals see less: the degrees told are safe ones, and mostly within a tenth."""
     made = isolability(plant)
     ratios = []
-    for g in (g for g in made.groups if g.degrees):
+    for g in (g for g in made.isolability.groups if g.degrees):
         whole = degrees(made, g.faults)
         assert (g.kind == "coincide") == bool(np.isinf(whole[0, 1]))
         assert (g.kind == "coincide") == bool(np.isinf(g.degrees[0]))
@@ -142,11 +141,11 @@ def test_advised_flow_meter_keeps_its_promise(tmp_path: Path) -> None:
     meter = "  Q: {quantity: volume flow, unit: l/h, sensor: turbine-flow}"
     changes = [("signals:\n", f"signals:\n{meter}\n"), observer("meter", "Q")]
     folder = with_sensor(tmp_path, "abc-centrifugal", "static-mixer", changes)
-    made: Isolability = run_passes(folder, up_to("analyse_isolability"))
+    made = run_passes(Compilation(path=folder), "isolability")
     found = degrees(made, faults)
     told = promised(advised.advice)
     assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=0.02)
-    assert faults not in {g.faults for g in made.groups}
+    assert faults not in {g.faults for g in made.isolability.groups}
 
 
 def test_advised_second_reading_keeps_its_promise(tmp_path: Path) -> None:
@@ -156,7 +155,7 @@ def test_advised_second_reading_keeps_its_promise(tmp_path: Path) -> None:
     assert ["B.dp"] == [f"{s.module}.{s.signal}" for s in advised.sensors]
     changes = [SIGNAL, observer("pump", "n*V - (C0 + C1*n + C2*dp_b**2)")]
     folder = with_sensor(tmp_path, "abc-centrifugal", "dosing-pcp", changes)
-    made: Isolability = run_passes(folder, up_to("analyse_isolability"))
+    made = run_passes(Compilation(path=folder), "isolability")
     found = degrees(made, faults)
     told = promised(advised.advice)
     assert told == pytest.approx(max(found[0, 1], found[1, 0]), rel=0.05)

@@ -20,7 +20,7 @@ from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.diagnostics import Place, Refused
 from rulec.language.expression import Expression
-from rulec.passes.derive_residuals import Residuals, derive_residuals
+from rulec.passes.derive_residuals import Residual, derive_residuals
 from rulec.passes.link import Network, link
 
 KINDS = ("pump", "power", "resis", "flow")
@@ -79,13 +79,13 @@ def as_ruleset(network: Network) -> Ruleset:
     return cast(Ruleset, found)
 
 
-def table(derived: Residuals) -> Array:
+def table(network: Network, derived: tuple[Residual, ...]) -> Array:
     """Factors of the observers in each residual, shape (residuals, observers)."""
-    modules = derived.network.plant.modules.values()
+    modules = network.plant.modules.values()
     names = [f"{m.name}.{o}" for m in modules for o in m.type.observers]
     column = {name: i for i, name in enumerate(names)}
-    rows = np.zeros((len(derived.residuals), len(column)))
-    for row, residual in zip(rows, derived.residuals, strict=True):
+    rows = np.zeros((len(derived), len(column)))
+    for row, residual in zip(rows, derived, strict=True):
         for sign, observer in residual.terms:
             row[column[observer]] += sign
     return rows
@@ -103,9 +103,9 @@ def test_residuals_are_complete(graph: Any) -> None:
     if network is None:
         return
     derived = derive_residuals(network)
-    rows, rules = table(derived), as_ruleset(network)
+    rows, rules = table(network, derived), as_ruleset(network)
     basis = residual_basis(rules, np.ones(len(rules.observers), dtype=bool))
-    assert len({r.id for r in derived.residuals}) == len(derived.residuals)
+    assert len({r.id for r in derived}) == len(derived)
     assert set(np.unique(rows)) <= {-1.0, 0.0, 1.0}
     assert len(basis) == rank(rows) == rank(np.vstack([rows, basis]))
 

@@ -43,7 +43,7 @@ def unknowns_of(builder: ModelBuilder, name: str) -> dict[str, float]:
 
 
 def type_of(plant: Path, module: str) -> ModuleType:
-    return models_of(plant).residuals.network.plant.modules[module].type
+    return models_of(plant).plant.modules[module].type
 
 
 def assert_same_course(

@@ -1,0 +1,127 @@
+"""What holds after each pass, checked where `RULEC_CHECKS` is set, as in the tests."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+
+from rulec.passes.types import Compilation
+
+
+class Broken(Exception):
+    """A pass left something that the next ones do not expect; the message says what."""
+
+
+def checks_are_on() -> bool:
+    """Are invariants checked?"""
+    return bool(os.environ.get("RULEC_CHECKS"))
+
+
+def hold(field: str, known: Compilation) -> None:
+    """Check what a pass left; raises `Broken` with all that is wrong."""
+    wrong = list(INVARIANTS[field](known)) if field in INVARIANTS else []
+    if wrong:
+        raise Broken(f"{field}: {'; '.join(wrong)}")
+
+
+def _network(known: Compilation) -> Iterator[str]:
+    """Balances and sums are among the modules of the plant."""
+    modules = known.plant.modules
+    for balance in known.network.balances:
+        for name in (*balance.outlets, *balance.inlets):
+            if name not in modules:
+                yield f"a balance of {name}, which is no module"
+    for (module, _), flow in known.network.sums.items():
+        if not {module, *flow.terms} <= modules.keys():
+            yield f"a sum for {module} over what is no module"
+
+
+def _residuals(known: Compilation) -> Iterator[str]:
+    """Signed sums of observers that there are, each once, with ids of their own."""
+    observers = {f"{m.name}.{o}" for m in known.plant.modules.values() for o in m.type.observers}
+    for residual in known.residuals:
+        names = [o for _, o in residual.terms]
+        if len(set(names)) < len(names) or not set(names) <= observers:
+            yield f"{residual.id} is over {', '.join(names)}"
+        if {sign for sign, _ in residual.terms} - {1, -1}:
+            yield f"{residual.id} has factors other than 1 and -1"
+    ids = [r.id for r in known.residuals]
+    if len(set(ids)) < len(ids):
+        yield "two residuals have one id"
+
+
+def _types(known: Compilation) -> Iterator[str]:
+    """A model for every type in use, with a slope by every reading that an observer has."""
+    for module in known.plant.modules.values():
+        model = known.types.get(module.type.key)
+        if model is None:
+            yield f"no model of {module.type.key}"
+            continue
+        for name in model.observers:
+            if name not in model.gradients:
+                yield f"{module.type.key}.{name} has no gradient"
+
+
+def _assembly(known: Compilation) -> Iterator[str]:
+    """A node and a gradient for every observer and residual; faults are undone where they act."""
+    assembly = known.assembly
+    if assembly.observers.keys() != assembly.gradients.keys():
+        yield "observers without gradient, or gradients without observer"
+    if {r.id for r in known.residuals} != assembly.residual_nodes.keys():
+        yield "nodes are not those of the residuals"
+    for hypothesis in assembly.hypotheses:
+        if not set(hypothesis.affects) <= assembly.observers.keys():
+            yield f"{hypothesis.id} acts on what is no observer"
+
+
+def _signatures(known: Compilation) -> Iterator[str]:
+    """Cells of known faults and residuals, finite and with the sign of their size."""
+    faults = {h.id for h in known.assembly.hypotheses}
+    for cell in known.signatures.cells:
+        if cell.fault not in faults or cell.residual not in known.assembly.residual_nodes:
+            yield f"{cell.fault} in {cell.residual} is no cell of this plant"
+        if not math.isfinite(cell.sensitivity) or cell.sign * cell.sensitivity <= 0.0:
+            yield f"{cell.fault} in {cell.residual}: {cell.sensitivity}"
+
+
+def _rules(known: Compilation) -> Iterator[str]:
+    """A rule for every cell, its forms among the outputs."""
+    if [r.signature for r in known.rules] != list(known.signatures.cells):
+        yield "rules are not those of the cells"
+    outputs = known.assembly.graph.outputs
+    for rule in known.rules:
+        key = f"{rule.signature.fault}:{rule.signature.residual}"
+        missing = [form for form in rule.forms if f"x:{form}:{key}" not in outputs]
+        if missing:
+            yield f"{key} lacks {', '.join(missing)}"
+
+
+def _simulation(known: Compilation) -> Iterator[str]:
+    """No reading is both given and solved for, and none is solved for twice."""
+    steps = known.simulation.steps
+    solved = [name for step in steps for name in step.readings]
+    if len(set(solved)) < len(solved) or set(solved) & set(known.simulation.given):
+        yield "a reading is solved for twice, or given as well"
+
+
+def _ruleset(known: Compilation) -> Iterator[str]:
+    """Every output that the runtime asks for is in the plan."""
+    outputs = known.ruleset.plan.outputs
+    asked = [f"q:{o.id}" for o in known.ruleset.observers]
+    asked += [f"{kind}:{r.id}" for r in known.ruleset.residuals for kind in ("R", "u")]
+    missing = [name for name in asked if name not in outputs]
+    if missing:
+        yield f"no output {', '.join(missing)}"
+
+
+INVARIANTS: Mapping[str, Callable[[Compilation], Iterator[str]]] = {
+    "network": _network,
+    "residuals": _residuals,
+    "types": _types,
+    "assembly": _assembly,
+    "signatures": _signatures,
+    "rules": _rules,
+    "simulation": _simulation,
+    "ruleset": _ruleset,
+}
