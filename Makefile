@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
-.PHONY: help demo test bench figures golden clean
+.PHONY: help demo test prove bench figures golden clean
 
 help: ## list the commands
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
@@ -29,6 +29,9 @@ test: $(VENV)/dev ## lint, types, all tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+prove: $(VENV)/dev ## what takes long: more sealed cases, whole rigs (about ten minutes)
+	$(BIN)/python -m pytest -n 2 -m prove
 
 bench: $(VENV)/dev ## speed: compile, a million samples, start of the command
 	$(BIN)/python -m pytest tests/bench -s

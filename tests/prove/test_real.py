@@ -33,6 +33,7 @@ def told(form: dict[str, Any]) -> str:
     return shown.get()
 
 
+@pytest.mark.prove
 def test_a_quick_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -123,6 +123,7 @@ def test_esp_holds_back_whole_series(folder: Path, tmp_path: Path) -> None:
         assert ("pump.mu [mPas]" in _header(case.analysis)) == ("with viscosity" in case.name)
 
 
+@pytest.mark.prove
 def test_plants_of_all_cases_compile(folder: Path, tmp_path: Path) -> None:
     """The copied plants find their knowledge."""
     prepared: Iterable[Case] = [

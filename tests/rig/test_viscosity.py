@@ -57,11 +57,13 @@ def _call(command: str, *arguments: object) -> None:
     assert main([command, *rest, "--json", target]) == 0
 
 
+@pytest.mark.prove
 def test_viscosity_explains_the_flow_better(misfits: Mapping[str, float]) -> None:
     """With as many parameters, a laminar share of the slip fits better than an exponential."""
     assert misfits["viscosity"] < misfits["exponential"]
 
 
+@pytest.mark.prove
 def test_diagnosis_with_viscosity(
     rig: tuple[Path, list[Cycle], set[int]], misfits: Mapping[str, float]
 ) -> None:

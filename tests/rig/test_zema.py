@@ -63,6 +63,7 @@ def test_nothing_known_fits_where_the_pressure_leaves_its_profile(warm: Score) -
     assert 0 == off["seconds with a fault named"]
 
 
+@pytest.mark.prove
 def test_temperature_in_the_pump_law_pays(warm: Score, cold: Score) -> None:
     """Without oil temperature half of the weak leakages are lost; still no false alarm."""
     assert 0 == _sum(cold.alarmed, "none")

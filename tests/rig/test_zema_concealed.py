@@ -11,6 +11,7 @@ from tests.rig.mismatch import zema
 from tests.rig.mismatch.ask import ask
 
 
+@pytest.mark.prove
 def test_the_oil_temperature_is_told_at_both_laws_that_it_moves(tmp_path: Path) -> None:
     """Friction and slip follow it: no drift of a sensor, no fault, and its course."""
     folder = recordings_folder()

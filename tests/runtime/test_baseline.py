@@ -71,6 +71,7 @@ def test_what_was_learned_is_forgotten() -> None:
     assert np.allclose(blank.covariance, late.covariance, atol=1e-6)
 
 
+@pytest.mark.prove
 def test_bounds_hold_the_truth() -> None:
     """100 recordings, leakage of 0.3 behind a healthy start: 95 % bounds, unit scatter."""
     off, inside = [], []

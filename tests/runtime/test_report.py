@@ -265,6 +265,7 @@ def test_long_recordings_give_small_files(leaking: Judged) -> None:
     assert len(detail(judged.curves()).time) < 600
 
 
+@pytest.mark.prove
 def test_zema_recording_gives_a_small_file() -> None:
     """100,000 samples of a real rig."""
     path = recordings_folder() / "zema-hydraulic" / "recording.csv.gz"

@@ -31,10 +31,13 @@ def told(made: SettledCase, folder: Path) -> Mismatch:
 @pytest.mark.parametrize(
     ("effect", "verdict", "name"),
     [
-        ("leak", "fault", "leakage"),  # it may be there for longer than it is not
+        # It may be there for longer than it is not.
+        pytest.param("leak", "fault", "leakage", marks=pytest.mark.prove),
         ("clogged", "fault", "clogging"),  # a driver may turn about when it begins
-        ("slip-laminar", "named", "slip-linear"),  # more than stated values can make room for
-        ("wear", "named", "wear-slip"),  # a time constant that is not needed
+        # More than stated values can make room for.
+        pytest.param("slip-laminar", "named", "slip-linear", marks=pytest.mark.prove),
+        # A time constant that is not needed.
+        pytest.param("wear", "named", "wear-slip", marks=pytest.mark.prove),
         ("power-gain-creep", "sensor", "gain-drift-time"),  # a course that only bends as much
     ],
 )
@@ -47,6 +50,7 @@ def test_what_was_planted_is_named(effect: str, verdict: str, name: str, tmp_pat
     assert [(name, module)] == [(f.name, f.module) for f in found.findings]
 
 
+@pytest.mark.prove
 def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> None:
     """Each alone gains in some blocks and does harm in others; both are found at once, or one of
     them with another that gives way to the second."""

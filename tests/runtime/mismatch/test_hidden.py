@@ -100,6 +100,7 @@ def test_what_drives_a_slip_shows_in_its_parameter() -> None:
     assert abs(np.corrcoef(found.course, warm)[0, 1]) > 0.9
 
 
+@pytest.mark.prove
 def test_one_driver_behind_two_laws_is_told_at_both() -> None:
     """A temperature nobody recorded moves friction and slip: two courses that are alike."""
     built = {SLIP: TRUE[SLIP], "A.friction-temperature@P_law": {"b": 0.02, "T0": USUAL}}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.compete import contest
@@ -26,6 +28,7 @@ def chain(*names: str) -> Search:
     return Search(plain, best, records, 50)
 
 
+@pytest.mark.prove
 def test_two_that_say_more_than_many_are_told_instead() -> None:
     """Three wrong names give way to two; each of those that were built in is told or left open."""
     found = _or_begun_with_two(trials()[0], chain(*WRONG, MORE), quiet)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
@@ -18,6 +19,7 @@ def quiet(text: str) -> None:
     """Progress that nobody watches."""
 
 
+@pytest.mark.prove
 def test_a_lag_longer_than_the_tanks_remember_is_named() -> None:
     """Recalibrated tanks that look slow are far from the plant as it is stated."""
     found = search(bench(made(joined=(LAG,), more={f"{LAG}.tau": 120.0})), quiet)
@@ -26,6 +28,7 @@ def test_a_lag_longer_than_the_tanks_remember_is_named() -> None:
     assert abs(found.best.values[f"{name}.tau"] - 120.0) < 5.0
 
 
+@pytest.mark.prove
 def test_what_ends_by_nature_is_no_stand_in() -> None:
     """A pump that follows no further at all has a strength at the end of its range."""
     values = {f"{STOP}.c": 1.0, f"{STOP}.s": 3.5}

@@ -128,6 +128,7 @@ def test_faults_begin_when_the_best_of_them_does() -> None:
     assert found[first,] is best
 
 
+@pytest.mark.prove
 def test_a_fault_that_does_the_same_is_told_beside() -> None:
     """Whether a pump delivers less or a line loses it, a level further down says nothing of it."""
     fault = "upper.lost-inflow"
