@@ -55,7 +55,13 @@ class Isolability:
 def analyse_isolability(
     network: Network, residuals: tuple[Residual, ...], assembly: Assembly, signatures: Signatures
 ) -> Isolability:
-    """Compare the rows of the fault-symptom matrix."""
+    """Compare the rows of the fault-symptom matrix.
+
+    >>> from rulec.passes.pipeline import example
+    >>> group = example("isolability").isolability.groups[0]
+    >>> group.faults, group.kind
+    (('A.leakage', 'A.dp.low'), 'nested')
+    """
     faults = [h.id for h in assembly.hypotheses]
     effects = _matrix(residuals, signatures, faults)
     adviser = Adviser(network, assembly, signatures)

@@ -75,7 +75,15 @@ class Assembly:
 def assemble(
     network: Network, residuals: tuple[Residual, ...], types: Mapping[str, TypeModel]
 ) -> Assembly:
-    """Lower all modules of the plant into one graph."""
+    """Lower all modules of the plant into one graph.
+
+    >>> from rulec.passes.pipeline import example
+    >>> assembly = example("assembly").assembly
+    >>> list(assembly.observers)
+    ['A.pump', 'A.power', 'A.plant', 'B.pump', 'B.power', 'B.plant', 'C.resis']
+    >>> [h.affects for h in assembly.hypotheses if h.id == "A.leakage"]
+    [('A.pump', 'A.power')]
+    """
     plant = network.plant
     signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
     graph = Graph([*signals, *(f"u:{s}" for s in signals), PARAMETERS, MODEL])

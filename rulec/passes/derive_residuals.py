@@ -34,6 +34,11 @@ def derive_residuals(network: Network) -> tuple[Residual, ...]:
     The sum of the pumps upstream against the resistance of a mixer, for example, becomes
     ``pump-resis`` of the mixer: `A.pump + B.pump - C.resis`. All comparisons that the junction
     balances allow follow from the residuals.
+
+    >>> from rulec.passes.pipeline import example
+    >>> residual = next(r for r in example("residuals").residuals if r.module == "C")
+    >>> f"{residual.id} = {residual}"
+    'C.pump-resis = A.pump + B.pump - C.resis'
     """
     sums = _told(network)
     found: dict[Terms, Residual] = {}

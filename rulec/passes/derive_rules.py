@@ -39,7 +39,12 @@ class Rule:
 def derive_rules(
     residuals: tuple[Residual, ...], assembly: Assembly, signatures: Signatures
 ) -> tuple[Rule, ...]:
-    """Add observers, residuals, gradients, guards and all rules to the outputs of the graph."""
+    """Add observers, residuals, gradients, guards and all rules to the outputs of the graph.
+
+    >>> from rulec.passes.pipeline import example
+    >>> example("rules").rules[0].equation
+    'x = R/A.pump, R = A.pump-plant'
+    """
     _basic_outputs(assembly)
     hypotheses = {h.id: h for h in assembly.hypotheses}
     moments = Moments(residuals, assembly)

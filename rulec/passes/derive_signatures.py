@@ -55,7 +55,13 @@ class Signatures:
 def derive_signatures(
     network: Network, residuals: tuple[Residual, ...], assembly: Assembly
 ) -> Signatures:
-    """Find every cell of the fault-symptom matrix that is not zero."""
+    """Find every cell of the fault-symptom matrix that is not zero.
+
+    >>> from rulec.passes.pipeline import example
+    >>> cell = example("signatures").signatures.cells[0]
+    >>> cell.fault, cell.residual, cell.sign, round(cell.detectable, 3)
+    ('A.leakage', 'A.pump-plant', 1, 0.017)
+    """
     reference = solve_reference(network, residuals, assembly)
     holding = _residuals_by_observer(residuals)
     candidates = [

@@ -121,7 +121,15 @@ class Undone:
 
 
 def differentiate(plant: Plant) -> dict[str, TypeModel]:
-    """Differentiate every module type that the plant uses; models by key of the type."""
+    """Differentiate every module type that the plant uses; models by key of the type.
+
+    >>> from rulec.passes.pipeline import example
+    >>> model = example("types").types["dosing-pcp"]
+    >>> model.observers["pump"]
+    -C0 - C1*n - C2*dp**2 + V*n
+    >>> model.gradients["pump"]["dp"]
+    -2*C2*dp
+    """
     used = {module.type.key: module.type for module in plant.modules.values()}
     return {name: type_model(kind.settled(), plant.knowledge) for name, kind in used.items()}
 

@@ -30,7 +30,13 @@ def emit(
     simulation: contract.Simulation,
     balanced: Balanced,
 ) -> contract.Ruleset:
-    """Write the ruleset of a plant. The same sources always give the same ruleset."""
+    """Write the ruleset of a plant. The same sources always give the same ruleset.
+
+    >>> from rulec.passes.pipeline import example
+    >>> ruleset = example("ruleset").ruleset
+    >>> len(ruleset.residuals), len(ruleset.faults), len(ruleset.cells)
+    (9, 18, 76)
+    """
     plant = network.plant
     return contract.Ruleset(
         contract.FORMAT_VERSION,

@@ -54,6 +54,12 @@ def link(plant: Plant) -> Network:
     Raises `Refused` (KB087, KB089, KB090, KB113, KB114) where nothing could be compared, where a
     sum downstream is not defined, where a module is connected so that nothing can flow, and where
     what flows into a module that stores does not follow, or follows twice.
+
+    >>> from rulec.passes.pipeline import example
+    >>> [str(m) for m in example("plant").plant.modules]
+    ['A', 'B', 'C']
+    >>> [(b.outlets, b.inlets) for b in example("network").network.balances]
+    [(('A', 'B'), ('C',))]
     """
     every = junctions(plant)
     ends = end_flows(plant, FlowGraph.of(every, plant.modules))

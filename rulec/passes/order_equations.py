@@ -34,7 +34,13 @@ VANISHED = 1e-9
 
 
 def order_equations(network: Network, assembly: Assembly, signatures: Signatures) -> Simulation:
-    """Find what is predicted, and order the equations. A plant may well be diagnosed only."""
+    """Find what is predicted, and order the equations. A plant may well be diagnosed only.
+
+    >>> from rulec.passes.pipeline import example
+    >>> simulation = example("simulation").simulation
+    >>> simulation.given, simulation.steps[0].readings
+    (('A.n', 'B.n'), ('A.dp', 'B.dp', 'C.dp'))
+    """
     system = _System(network, assembly, signatures)
     partner = system.matched(range(len(system.unknowns)))
     if None in partner:

@@ -7,6 +7,7 @@ of the rules.
 
 from __future__ import annotations
 
+import functools
 import gc
 import inspect
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +19,7 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.knowledge.check_plant import check
-from rulec.knowledge.read import read_plant
+from rulec.knowledge.read import read_plant, shipped
 from rulec.passes.analyse_isolability import analyse_isolability
 from rulec.passes.assemble import assemble
 from rulec.passes.derive_residuals import derive_residuals
@@ -82,6 +83,12 @@ def without_collector() -> Iterator[None]:
     finally:
         if was_on:
             gc.enable()
+
+
+@functools.cache
+def example(until: str, plant: str = "abc") -> Compilation:
+    """A shipped plant, compiled up to a field: for the examples of the passes."""
+    return run_passes(Compilation(path=shipped("plants") / plant), until)
 
 
 def compile_plant(path: Path) -> Ruleset:

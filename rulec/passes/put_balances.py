@@ -28,7 +28,14 @@ class Balanced:
 
 
 def put_balances(network: Network) -> Balanced:
-    """Lower the balances of the plant."""
+    """Lower the balances of the plant.
+
+    >>> from rulec.passes.pipeline import example
+    >>> example("balanced").balanced.dynamics is None
+    True
+    >>> example("balanced", "cascaded-tanks").balanced.dynamics.inputs
+    ('pump.u',)
+    """
     if not network.stores:
         return Balanced(None)
     plant = network.plant
