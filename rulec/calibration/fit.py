@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares
 
 from rulec.algebra.graph import Graph
@@ -360,7 +361,7 @@ def _robust(
         best = solution.x
         off = error(best, rows)
         centre = float(np.median(off))
-        spread = 1.4826 * float(np.median(np.abs(off - centre)))
+        spread = spread_about(off, centre)
         kept = rows[np.abs(off - centre) <= FAR * max(spread, 1e-6 * size)]
         loss, width = "linear", 1.0
     return best, kept

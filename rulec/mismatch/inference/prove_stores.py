@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.mismatch.answer_types.result import Errors, Fit, Series
@@ -81,5 +82,4 @@ def _proof(bench: Bench, name: str, errors: list[Array]) -> Proof:
 
 def noise_floor(measured: Array) -> float:
     """Scatter of a reading by its third differences, which no plant that stores has."""
-    third = np.diff(measured, 3)
-    return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if len(third) else 0.0
+    return white_noise(np.diff(measured, 3), 3)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import spread_about
 
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
@@ -93,8 +94,7 @@ class Contestant:
     def sureness_over(self, other: Contestant) -> float:
         """The gain in standard deviations of what blocks scatter that have little part in it."""
         difference = (self.blocks - other.blocks)[self._judged]
-        centre = float(np.median(difference))
-        spread = 1.4826 * float(np.median(np.abs(difference - centre)))
+        spread = spread_about(difference, float(np.median(difference)))
         gain = float(np.sum(difference)) + self.relief_over(other)
         return gain / float(np.sqrt(len(difference) * spread**2 + 1.0))
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import spread_about
 
 KNOTS = (2, 4, 7, 12, 20, 40)
 """Values of a course that is free in time: as few as tell it."""
@@ -46,6 +47,6 @@ def knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
 def clipped(values: Array) -> Array:
     """One odd point is no course."""
     middle = float(np.median(values))
-    spread = 1.4826 * float(np.median(np.abs(values - middle))) or float(np.std(values))
+    spread = spread_about(values, middle) or float(np.std(values))
     near: Array = np.clip(values, middle - 3.0 * spread, middle + 3.0 * spread)
     return near

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Course, Span
@@ -257,6 +258,4 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
 
 def _noise(means: Array) -> float:
     """Standard deviation of a course about its levels, robust against steps."""
-    steps = np.diff(means)
-    robust = 1.4826 * float(np.median(np.abs(steps))) / np.sqrt(2.0)
-    return robust or float(np.std(means)) or 1.0
+    return white_noise(np.diff(means), 1) or float(np.std(means)) or 1.0

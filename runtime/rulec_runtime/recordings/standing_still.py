@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from math import comb
-
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import white_noise
 
 LONGEST, TIMES = 10, 5.0
 """Readings that are all the same: so many at least, and so many times the longest chance run."""
@@ -87,8 +86,8 @@ def _restless(rest: Array, u: float) -> bool:
     known = rest[np.isfinite(rest)]
     if len(known) < 2 * LONGEST or np.mean(np.diff(known) == 0) > REPEATED:
         return False
-    noise = _noise(known, 3)
-    white = noise >= RESTLESS * _least_step(known) and _noise(known, 4) >= RESTLESS * noise
+    noise, finer = (white_noise(np.diff(known, order), order) for order in (3, 4))
+    white = noise >= RESTLESS * _least_step(known) and finer >= RESTLESS * noise
     return bool(white and noise <= INSTRUMENT * u)
 
 
@@ -109,12 +108,6 @@ def last_digit(value: float) -> float:
         if value and abs(value / step - round(value / step)) < 1e-6 and round(value / step):
             return float(f"1e{power}")
     return 1.0
-
-
-def _noise(values: Array, order: int) -> float:
-    """Standard deviation of white noise; differences of an order sum squares of binomials."""
-    size = float(np.sqrt(comb(2 * order, order)))
-    return 1.4826 * float(np.median(np.abs(np.diff(values, order)))) / size
 
 
 def _least_step(values: Array) -> float:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.robust import white_noise
 
 SHORTEST = 3
 """Samples a stretch must have."""
@@ -67,20 +68,15 @@ class Stretches:
 
 
 def noise_of(values: Array) -> float:
-    """Standard deviation of white noise in a record, robust against steps and slopes.
-
-    A second difference of white noise has the variance 6 sigma^2; 1.4826 turns the median of
-    absolute values into a standard deviation of normal noise.
-    """
+    """Standard deviation of white noise in a record, by second differences: steps and slopes hardly
+    move it."""
     return _noise_of_second(np.diff(values[np.isfinite(values)], 2), 0.0)
 
 
 def _noise_of_second(second: Array, unknown: float) -> float:
     """Noise by second differences, some of which may be no numbers; `unknown` where none is."""
     second = second[np.isfinite(second)]
-    if not len(second):
-        return unknown
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+    return white_noise(second, 2) if len(second) else unknown
 
 
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
+from rulec_runtime.recordings.robust import NORMAL
 
 FAR = 8.0
 """A single reading that is so many times the usual step away from both neighbours is none."""
@@ -16,7 +17,7 @@ FAR = 8.0
 def glitches_in(values: Array) -> np.ndarray:
     """Flags of single readings that neither neighbour bears out, shape (n,)."""
     step = np.abs(np.diff(values))
-    usual = 1.4826 * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
+    usual = NORMAL * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
     usual = max(usual, 1e-12 + 0.02 * float(np.nanstd(values)))
     odd = np.zeros(len(values), dtype=bool)
     before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]

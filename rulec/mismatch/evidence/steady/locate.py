@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Spot
 from rulec.mismatch.answer_types.result import Region
@@ -56,8 +57,7 @@ def noise_scale(rows: Rows, residual: Array) -> float:
     for cell in rows.cells:
         table = cell.table(residual).T
         if len(table) > 8:
-            second = np.diff(table, 2, axis=0)
-            sizes.append((len(table), 1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)))
+            sizes.append((len(table), white_noise(np.diff(table, 2, axis=0), 2)))
     if not sizes:
         return 1.0
     counts, spreads = np.array(sizes).T

@@ -11,6 +11,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.recordings.stationary import NEGLIGIBLE, systematic_u
 from rulec_runtime.recordings.thin import filled, resolution, thinned, without_glitches
 
@@ -192,8 +193,7 @@ def _noise(
         if not np.isfinite(values).any():
             continue
         third = np.concatenate([np.diff(p.measured[:, i], 3) for p in pieces])
-        third = third[np.isfinite(third)]
-        white = 1.4826 * float(np.median(np.abs(third))) / np.sqrt(20.0) if len(third) else 0.0
+        white = white_noise(third[np.isfinite(third)], 3)
         level[i] = float(np.nanmedian(values))
         signal = ruleset.signal_by_id[name]
         least = NEGLIGIBLE * float(systematic_u(signal, level[i]))

@@ -1,0 +1,35 @@
+"""Spread and noise by medians, which outliers, steps and slopes hardly move.
+
+Source: Hampel 1974 (median of absolute deviations).
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+
+NORMAL = 1.4826
+"""Standard deviation over the median of absolute values, for normal noise: 1 over its quantile of
+0.75."""
+
+
+def spread_about(values: Array, centre: float) -> float:
+    """Standard deviation of normal noise with the median distance of these from a centre."""
+    return NORMAL * float(np.median(np.abs(values - centre)))
+
+
+def white_noise(differences: Array, order: int) -> float:
+    """Standard deviation of white noise from its differences of an order; none of them: 0.
+
+    The variance of a difference is that of the noise times the sum of the squares of binomials.
+
+    >>> from numpy.random import default_rng
+    >>> round(white_noise(np.diff(default_rng(1).normal(0.0, 3.0, 100_000), 2), 2), 1)
+    3.0
+    """
+    if not differences.size:
+        return 0.0
+    return NORMAL * float(np.median(np.abs(differences))) / float(np.sqrt(comb(2 * order, order)))
