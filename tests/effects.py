@@ -27,7 +27,14 @@ def join(
         key: {driver: parse(by) for driver, by in replaced.items()}
         for key, replaced in (substitutes or {}).items()
     }
-    return Join(reads, gives, falls_with, rises_with, measured, EffectLaw(law, parse(law), table))
+    return Join(
+        reads=reads,
+        gives=gives,
+        falls_with=falls_with,
+        rises_with=rises_with,
+        measured=measured,
+        law=EffectLaw(law, parse(law), table),
+    )
 
 
 def driver(quantity: str, where: str = "own") -> Driver:
@@ -57,16 +64,16 @@ def effect(
     text: str = "{module}: {place}",
 ) -> Effect:
     return Effect(
-        name,
-        name.replace("-", " "),
-        sort,
-        joins,
-        {n: replace(d, name=n) for n, d in (drivers or {}).items()},
-        {n: replace(p, name=n, title=n) for n, p in (parameters or {}).items()},
-        "",
-        text,
-        "",
-        Origin("tests/effects.py", 1, "own"),
+        name=name,
+        title=name.replace("-", " "),
+        sort=sort,
+        joins=joins,
+        drivers={n: replace(d, name=n) for n, d in (drivers or {}).items()},
+        parameters={n: replace(p, name=n, title=n) for n, p in (parameters or {}).items()},
+        regime="",
+        text=text,
+        action="",
+        origin=Origin("tests/effects.py", 1, "own"),
     )
 
 

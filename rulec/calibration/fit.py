@@ -50,7 +50,7 @@ class Readings:
     true: TrueFlow
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObserverFit:
     """What was found for one observer; misfit in m3/s.
 
@@ -65,7 +65,7 @@ class ObserverFit:
     contradicts: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModuleFit:
     """Fitted parameters of a module (SI) with joint covariance, and the range of the readings."""
 
@@ -103,12 +103,12 @@ def fit_module(module: Module, model: TypeModel, readings: Readings) -> ModuleFi
         kept_all[part.rows] = True
     values = np.array([current[n] for n in names])
     return ModuleFit(
-        module.name,
-        tuple(names),
-        values,
-        _joint_covariance(parts, readings),
-        tuple(part.summary for part in parts),
-        _range(model, readings, kept_all),
+        module=module.name,
+        parameters=tuple(names),
+        values=values,
+        covariance=_joint_covariance(parts, readings),
+        observers=tuple(part.summary for part in parts),
+        valid=_range(model, readings, kept_all),
     )
 
 
@@ -168,12 +168,12 @@ def _fit_observer(
         local = {**inputs, **dict(zip(free, at * scale, strict=True))}
         slopes = _input_slopes(plan, model, observer, local)
         return _Near(
-            off,
-            jacobian,
-            at - inverse @ jacobian.T @ off,
-            inverse,
-            -(inverse @ jacobian.T),
-            {name: slope[kept] for name, slope in slopes.items()},
+            off=off,
+            jacobian=jacobian,
+            best=at - inverse @ jacobian.T @ off,
+            inverse=inverse,
+            sensitivity=-(inverse @ jacobian.T),
+            slopes={name: slope[kept] for name, slope in slopes.items()},
         )
 
     alone = near(best)
@@ -186,12 +186,12 @@ def _fit_observer(
     statistical = noise**2 * weight @ joined.inverse @ weight.T + sheet.share(weight)
     total = float(np.sum((readings.true.values[kept] - readings.true.values[kept].mean()) ** 2))
     summary = ObserverFit(
-        observer,
-        _own_misfit(joined, best, sheet, readings, kept),
-        1.0 - float(np.sum(joined.off**2)) / total if total else 0.0,
-        len(kept),
-        len(rows) - len(kept),
-        sheet.is_empty and not stated.is_empty,
+        observer=observer,
+        misfit=_own_misfit(joined, best, sheet, readings, kept),
+        r2=1.0 - float(np.sum(joined.off**2)) / total if total else 0.0,
+        points=len(kept),
+        set_aside=len(rows) - len(kept),
+        contradicts=sheet.is_empty and not stated.is_empty,
     )
     return _Part(
         best * scale,
@@ -203,7 +203,7 @@ def _fit_observer(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Near:
     """Least squares near some values, scaled: where they lead, and how they came about.
 

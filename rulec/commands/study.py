@@ -104,11 +104,11 @@ def settings_of(options: argparse.Namespace) -> tuple[Settings, int]:
         if value < least:
             raise ValueError(f"--{name} {value}: give {least} or more")
     settings = Settings(
-        tuple(degrees),
-        options.points,
-        options.seeds,
-        options.mode,
-        options.lead_in,
+        degrees=tuple(degrees),
+        points=options.points,
+        seeds=options.seeds,
+        mode=options.mode,
+        lead_in=options.lead_in,
         errors=SensorErrors(bounded=options.bounded),
     )
     return settings, jobs

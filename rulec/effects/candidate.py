@@ -17,7 +17,7 @@ MEDIAN = (0.5,)
 """Quantile at which what has none stays."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Unknown:
     """A parameter that a candidate brings in; numbers in SI.
 
@@ -46,7 +46,7 @@ class Unknown:
     neutral: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Candidate:
     """One explanation at one place.
 
@@ -88,7 +88,7 @@ class Candidate:
         return next((u for u in self.unknowns if u.driver == TIME and not u.fixed), None)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Missing:
     """An effect that would join a place, were its driver recorded.
 
@@ -103,7 +103,7 @@ class Missing:
     sensor: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spot:
     """A place where an error of unknown course may sit; `unknown` shifts it, in its own unit.
 
@@ -122,7 +122,7 @@ class Spot:
     unknown: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BaseParameters:
     """Parameters of the plain plant that recalibration may move, SI.
 

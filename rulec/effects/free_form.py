@@ -72,27 +72,27 @@ def _matched(
     spot: Spot, id_: str, law: Expression, unknowns: list[Unknown], drivers: dict[str, str]
 ) -> Matched:
     candidate = Candidate(
-        id_,
-        "free",
-        "free-form",
-        "dependence that no entry names",
-        spot.module,
-        spot.place,
-        spot.observers,
-        tuple(unknowns),
-        drivers,
-        f"{spot.place} = {law}",
-        f"{spot.title} of {spot.module} follows {', '.join(drivers.values())} "
+        id=id_,
+        sort="free",
+        name="free-form",
+        title="dependence that no entry names",
+        module=spot.module,
+        place=spot.place,
+        observers=spot.observers,
+        unknowns=tuple(unknowns),
+        drivers=drivers,
+        equation=f"{spot.place} = {law}",
+        text=f"{spot.title} of {spot.module} follows {', '.join(drivers.values())} "
         "in a way that no entry names",
-        "",
-        "",
+        action="",
+        source="",
     )
     change = Change(
-        ((spot.kind, spot.place),),
-        law,
-        {n: s.removeprefix(f"{spot.module}.") for n, s in drivers.items()},
-        {u.name: _parameter(u) for u in unknowns},
-        {u.name: u.id for u in unknowns},
+        places=((spot.kind, spot.place),),
+        law=law,
+        drivers={n: s.removeprefix(f"{spot.module}.") for n, s in drivers.items()},
+        parameters={u.name: _parameter(u) for u in unknowns},
+        ids={u.name: u.id for u in unknowns},
     )
     return Matched(candidate, change)
 
@@ -104,9 +104,20 @@ def _term(number: int, readings: list[str]) -> str:
 def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
     name, title = f"c{number}", f"share that follows {feature}"
     return Unknown(
-        f"{id_}.{name}", name, title, spot.unit, spot.factor, 0.0, 0.0,
-        -math.inf, math.inf, (), (), None, False,
-    )  # fmt: skip
+        id=f"{id_}.{name}",
+        name=name,
+        title=title,
+        unit=spot.unit,
+        factor=spot.factor,
+        offset=0.0,
+        null=0.0,
+        lowest=-math.inf,
+        highest=math.inf,
+        starts=(),
+        quantiles=(),
+        driver=None,
+        fixed=False,
+    )
 
 
 def _statistic(
@@ -114,11 +125,30 @@ def _statistic(
 ) -> Unknown:
     """A number that comes from the readings of a signal alone, SI."""
     return Unknown(
-        f"{id_}.{name}", name, title, "SI", 1.0, 0.0, None,
-        -math.inf, math.inf, (), quantiles, signal, True,
-    )  # fmt: skip
+        id=f"{id_}.{name}",
+        name=name,
+        title=title,
+        unit="SI",
+        factor=1.0,
+        offset=0.0,
+        null=None,
+        lowest=-math.inf,
+        highest=math.inf,
+        starts=(),
+        quantiles=quantiles,
+        driver=signal,
+        fixed=True,
+    )
 
 
 def _parameter(unknown: Unknown) -> Parameter:
     unit = Unit(unknown.unit, unknown.factor, UNKNOWN)
-    return Parameter(unknown.name, 0.0, 0.0, unit, True, unknown.title, Origin("", 0))
+    return Parameter(
+        name=unknown.name,
+        value=0.0,
+        u=0.0,
+        unit=unit,
+        fit=True,
+        title=unknown.title,
+        origin=Origin("", 0),
+    )

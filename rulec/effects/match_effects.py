@@ -165,7 +165,12 @@ class _Matcher:
             driver = effect.drivers[name]
             sensor = cheapest_sensor(self._plant, driver.quantity)
             yield Missing(
-                effect.name, effect.title, self._module.name, site.name, driver.quantity, sensor
+                name=effect.name,
+                title=effect.title,
+                module=self._module.name,
+                place=site.name,
+                quantity=driver.quantity,
+                sensor=sensor,
             )
 
     def _candidate(
@@ -178,14 +183,16 @@ class _Matcher:
         used = effect.used_by(join)
         parameters = {name: p for name, p in effect.parameters.items() if name in used}
         change = Change(
-            (site.key,),
-            join.law.expression,
-            {n: s for n, s in binding.signals.items() if n in used},
-            {n: _parameter(p, effect.origin) for n, p in parameters.items()},
-            {n: f"{id_}.{n}" for n in parameters},
-            join.law.substitutes,
-            tuple((("end", _END[end]), law.expression) for end, law in join.also.items()),
-            {n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()},
+            places=(site.key,),
+            law=join.law.expression,
+            drivers={n: s for n, s in binding.signals.items() if n in used},
+            parameters={n: _parameter(p, effect.origin) for n, p in parameters.items()},
+            ids={n: f"{id_}.{n}" for n in parameters},
+            substitutes=join.law.substitutes,
+            also=tuple((("end", _END[end]), law.expression) for end, law in join.also.items()),
+            states={
+                n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()
+            },
         )
         drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
         read = {**drivers, PLAIN: self._id(site.name)}
@@ -194,19 +201,19 @@ class _Matcher:
         if equation is None:
             return []
         candidate = Candidate(
-            id_,
-            effect.sort,
-            effect.name,
-            effect.title,
-            self._module.name,
-            site.name,
-            site.observers,
-            unknowns,
-            drivers,
-            equation,
-            self._text(effect.text, {**drivers, "place": site.name}),
-            effect.action,
-            effect.origin.source,
+            id=id_,
+            sort=effect.sort,
+            name=effect.name,
+            title=effect.title,
+            module=self._module.name,
+            place=site.name,
+            observers=site.observers,
+            unknowns=unknowns,
+            drivers=drivers,
+            equation=equation,
+            text=self._text(effect.text, {**drivers, "place": site.name}),
+            action=effect.action,
+            source=effect.origin.source,
         )
         return [Matched(candidate, change)]
 
@@ -241,7 +248,7 @@ class _Matcher:
         )
         if key not in self._equations:
             try:
-                amended = amend(Amended(kind), change)
+                amended = amend(Amended(type=kind), change)
             except Rejected:
                 self._equations[key] = None
             else:
@@ -292,8 +299,22 @@ class _Matcher:
         places: tuple[tuple[str, str], ...] = ((kind.acts_on, fault.target),)
         if kind.acts_on == "flow":
             places = tuple(("observer", name) for name in fault.affects)
-        x = Parameter("x", 0.0, 0.0, Unit("1", 1.0, NONE), True, variant.meaning, kind.origin)
-        change = Change(places, undoing(variant, kind.acts_on), {}, {"x": x}, {"x": f"{id_}.x"})
+        x = Parameter(
+            name="x",
+            value=0.0,
+            u=0.0,
+            unit=Unit("1", 1.0, NONE),
+            fit=True,
+            title=variant.meaning,
+            origin=kind.origin,
+        )
+        change = Change(
+            places=places,
+            law=undoing(variant, kind.acts_on),
+            drivers={},
+            parameters={"x": x},
+            ids={"x": f"{id_}.x"},
+        )
         observers = [o for place in places for o in self._sites[place].observers]
         target = f"{self._module.name}.{fault.target}"
         unknowns = (degree_unknown(f"{id_}.x", variant),)
@@ -319,19 +340,19 @@ class _Matcher:
         """A fault as an explanation."""
         slots = {"where": target, "variant": variant.title, "degree": "{x}"}
         return Candidate(
-            id_,
-            "fault",
-            kind.name,
-            f"{target} {variant.title}" if variant.name else kind.title,
-            self._module.name,
-            place,
-            observers,
-            unknowns,
-            drivers,
-            equation,
-            self._text(kind.text, slots),
-            kind.action,
-            kind.origin.source,
+            id=id_,
+            sort="fault",
+            name=kind.name,
+            title=f"{target} {variant.title}" if variant.name else kind.title,
+            module=self._module.name,
+            place=place,
+            observers=observers,
+            unknowns=unknowns,
+            drivers=drivers,
+            equation=equation,
+            text=self._text(kind.text, slots),
+            action=kind.action,
+            source=kind.origin.source,
         )
 
 
@@ -360,25 +381,33 @@ def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
     """A parameter as a module type has it; its value comes from the analysis."""
     null, unit = parameter.null or 0.0, parameter.unit
     fit = not parameter.fixed
-    return Parameter(parameter.name, null, 0.0, unit, fit, parameter.title, origin)
+    return Parameter(
+        name=parameter.name,
+        value=null,
+        u=0.0,
+        unit=unit,
+        fit=fit,
+        title=parameter.title,
+        origin=origin,
+    )
 
 
 def _unknown(id_: str, parameter: EffectParameter, drivers: Mapping[str, str]) -> Unknown:
     driver = drivers[parameter.driver] if parameter.driver else None
     unit = parameter.unit
     return Unknown(
-        id_,
-        parameter.name,
-        parameter.title,
-        unit.text,
-        unit.factor,
-        unit.offset,
-        parameter.null,
-        parameter.lowest,
-        parameter.highest,
-        parameter.starts,
-        parameter.quantiles,
-        driver,
-        parameter.fixed,
-        parameter.neutral,
+        id=id_,
+        name=parameter.name,
+        title=parameter.title,
+        unit=unit.text,
+        factor=unit.factor,
+        offset=unit.offset,
+        null=parameter.null,
+        lowest=parameter.lowest,
+        highest=parameter.highest,
+        starts=parameter.starts,
+        quantiles=parameter.quantiles,
+        driver=driver,
+        fixed=parameter.fixed,
+        neutral=parameter.neutral,
     )

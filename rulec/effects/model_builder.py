@@ -144,7 +144,7 @@ class ModelBuilder:
 
     def amended(self, module: str, joined: Iterable[str]) -> Amended:
         """The type of a module with its own candidates built in, in order."""
-        result = Amended(self.network.plant.modules[module].type)
+        result = Amended(type=self.network.plant.modules[module].type)
         changes = (self._of(name).change_of(module) for name in joined)
         own = [change for change in changes if change is not None]
         # What reshapes the plain law comes first: a term that was added is no part of that.
@@ -213,14 +213,14 @@ def _base_parameters(models: Compilation) -> BaseParameters:
             factor = np.array(block.factor)
             covariance[np.ix_(rows, rows)] = factor @ factor.T
     return BaseParameters(
-        tuple(moved),
-        tuple(p.unit.text for p in moved.values()),
-        np.array([p.unit.factor for p in moved.values()]),
-        np.array([p.value for p in moved.values()]),
-        covariance,
-        constants,
-        {n: pair for m in plant.modules.values() for n, pair in _sheet(m).items()},
-        frozenset(m.name for m in plant.modules.values() if _contradicts(m)),
+        ids=tuple(moved),
+        units=tuple(p.unit.text for p in moved.values()),
+        factors=np.array([p.unit.factor for p in moved.values()]),
+        values=np.array([p.value for p in moved.values()]),
+        covariance=covariance,
+        constants=constants,
+        sheet={n: pair for m in plant.modules.values() for n, pair in _sheet(m).items()},
+        contradicted=frozenset(m.name for m in plant.modules.values() if _contradicts(m)),
     )
 
 

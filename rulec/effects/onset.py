@@ -55,9 +55,20 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
     start = TRIED * variant.highest if variant.unit else min(TRIED, variant.highest / 2)
     shown = Unit(variant.unit, 1.0, NONE) if variant.unit else PERCENT
     return Unknown(
-        id_, "x", variant.meaning, shown.text, shown.factor, 0.0, 0.0,
-        float(variant.lowest), float(variant.highest), (start,), (), None, False,
-    )  # fmt: skip
+        id=id_,
+        name="x",
+        title=variant.meaning,
+        unit=shown.text,
+        factor=shown.factor,
+        offset=0.0,
+        null=0.0,
+        lowest=float(variant.lowest),
+        highest=float(variant.highest),
+        starts=(start,),
+        quantiles=(),
+        driver=None,
+        fixed=False,
+    )
 
 
 def beginning_change(stored: StoreFault) -> Change:
@@ -65,8 +76,18 @@ def beginning_change(stored: StoreFault) -> Change:
     origin = stored.fault.origin
     parameters = {
         "x": stored.change.parameters["x"],
-        SINCE: Parameter(SINCE, 0.0, 0.0, SECONDS, True, "onset", origin),
-        HALF: Parameter(HALF, 1.0, 0.0, SECONDS, False, "half of the recording", origin),
+        SINCE: Parameter(
+            name=SINCE, value=0.0, u=0.0, unit=SECONDS, fit=True, title="onset", origin=origin
+        ),
+        HALF: Parameter(
+            name=HALF,
+            value=1.0,
+            u=0.0,
+            unit=SECONDS,
+            fit=False,
+            title="half of the recording",
+            origin=origin,
+        ),
     }
     return replace(
         stored.change,
@@ -81,7 +102,19 @@ def beginning_unknowns(stored: StoreFault) -> tuple[Unknown, ...]:
     """Degree and onset of a fault, and half of the recording."""
     ids = {name: f"{stored.id}.{name}" for name in ("x", SINCE, HALF)}
     onset = Unknown(
-        ids[SINCE], SINCE, "onset", "s", 1.0, 0.0, None, 0.0, LATEST, (), QUANTILES, TIME, False
+        id=ids[SINCE],
+        name=SINCE,
+        title="onset",
+        unit="s",
+        factor=1.0,
+        offset=0.0,
+        null=None,
+        lowest=0.0,
+        highest=LATEST,
+        starts=(),
+        quantiles=QUANTILES,
+        driver=TIME,
+        fixed=False,
     )
     half = replace(onset, id=ids[HALF], name=HALF, title="", quantiles=(), fixed=True)
     return degree_unknown(ids["x"], stored.variant), onset, half

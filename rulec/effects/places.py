@@ -24,7 +24,7 @@ from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_i
 _WAY = {INFLOW: "in", OUTFLOW: "out"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Site:
     """A place of a module instance.
 
@@ -127,10 +127,19 @@ class _Surveyor:
             reached = [*self._ids(readers), *self._elsewhere(signal.name)]
             moves = {o: self._slopes[f"q:{self._module.name}.{o}"][signal.name] for o in readers}
             yield Site(
-                "signal", signal.name, signal.quantity, signal.unit.dimension, frozenset(),
-                frozenset(), {}, {}, moves, tuple(dict.fromkeys(reached)), True,
-                signal.quantity,
-            )  # fmt: skip
+                kind="signal",
+                name=signal.name,
+                title=signal.quantity,
+                dimension=signal.unit.dimension,
+                reads=frozenset(),
+                uses=frozenset(),
+                slopes={},
+                shares={},
+                moves=moves,
+                observers=tuple(dict.fromkeys(reached)),
+                measured=True,
+                quantity=signal.quantity,
+            )
         yield from self._moving()
 
     def _moving(self) -> Iterator[Site]:
@@ -140,9 +149,19 @@ class _Surveyor:
         def site(what: str, name: str, title: str, dimension: Dimension, quantity: str) -> Site:
             reached = (f"{module}.{name}",) if what != "end" else self._stored
             return Site(
-                what, name, title, dimension, frozenset(), frozenset(), {}, {}, {}, reached, False,
-                quantity,
-            )  # fmt: skip
+                kind=what,
+                name=name,
+                title=title,
+                dimension=dimension,
+                reads=frozenset(),
+                uses=frozenset(),
+                slopes={},
+                shares={},
+                moves={},
+                observers=reached,
+                measured=False,
+                quantity=quantity,
+            )
 
         for end in ENDS if kind.flows else ():
             if end not in kind.definitions:
@@ -166,17 +185,19 @@ class _Surveyor:
         output = f"q:{self._module.name}.{name}" if observer else f"d:{name}"
         shift = f"shift:{kind}:{name}"
         return Site(
-            kind,
-            name,
-            title,
-            own,
-            reads,
-            self._definitions(expression),
-            {s: self._slopes[output][s] for s in self._read if s in reads},
-            {s: self._share(output, s) for s in self._read if s in reads},
-            {o: self._slopes[f"q:{self._module.name}.{o}"][shift] for o in readers},
-            (*self._ids(readers), *self._moved_by(name)),
-            any(self._kind.signals[s].unit.dimension == own for s in reads & self._signals),
+            kind=kind,
+            name=name,
+            title=title,
+            dimension=own,
+            reads=reads,
+            uses=self._definitions(expression),
+            slopes={s: self._slopes[output][s] for s in self._read if s in reads},
+            shares={s: self._share(output, s) for s in self._read if s in reads},
+            moves={o: self._slopes[f"q:{self._module.name}.{o}"][shift] for o in readers},
+            observers=(*self._ids(readers), *self._moved_by(name)),
+            measured=any(
+                self._kind.signals[s].unit.dimension == own for s in reads & self._signals
+            ),
         )
 
     @property

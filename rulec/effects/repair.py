@@ -64,7 +64,7 @@ class Repair:
     ranges: Mapping[str, tuple[float, float]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Proven:
     """What stands in the machine form beside a repair, that it must keep.
 
@@ -100,12 +100,14 @@ def read_proven(file: Path, recalibrated: bool = False) -> Proven:
         checks = {str(c["signal"]): _number(c[row]) for c in part.get("checks", ())}
         basis = part.get("made_from")
         return Proven(
-            None if basis is None else _basis(basis),
-            tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
-            "" if recalibrated else str(part.get("refused") or ""),
-            told,
-            checks,
-            tuple((_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())),
+            basis=None if basis is None else _basis(basis),
+            left_out=tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
+            refused="" if recalibrated else str(part.get("refused") or ""),
+            told=told,
+            checks=checks,
+            heldout=tuple(
+                (_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())
+            ),
         )
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise _broken(file, error) from None

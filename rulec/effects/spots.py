@@ -37,15 +37,15 @@ def _spot(around: Survey, module: Module, site: Site) -> Spot:
     unit = unit_of(around.network.plant, module, site)
     name = f"{site.kind}:{module.name}.{site.name}"
     return Spot(
-        name,
-        site.kind,
-        module.name,
-        site.name,
-        site.title,
-        unit.text,
-        unit.factor,
-        site.observers,
-        f"{name}.error",
+        id=name,
+        kind=site.kind,
+        module=module.name,
+        place=site.name,
+        title=site.title,
+        unit=unit.text,
+        factor=unit.factor,
+        observers=site.observers,
+        unknown=f"{name}.error",
     )
 
 
@@ -59,16 +59,30 @@ def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator
         reached = (f"{module.name}.{state.name}",)
         title = f"balance of {state.title}"
         yield Spot(
-            name, "balance", module.name, state.name, title, unit, state.unit.factor, reached,
-            f"{name}.error",
-        )  # fmt: skip
+            id=name,
+            kind="balance",
+            module=module.name,
+            place=state.name,
+            title=title,
+            unit=unit,
+            factor=state.unit.factor,
+            observers=reached,
+            unknown=f"{name}.error",
+        )
     for reading in kind.readings:
         signal, name = kind.signals[reading], f"reading:{module.name}.{reading}"
         reached = (f"{module.name}.{reading}",)
         yield Spot(
-            name, "reading", module.name, reading, f"what {reading} shows", signal.unit.text,
-            signal.unit.factor, reached, f"{name}.error",
-        )  # fmt: skip
+            id=name,
+            kind="reading",
+            module=module.name,
+            place=reading,
+            title=f"what {reading} shows",
+            unit=signal.unit.text,
+            factor=signal.unit.factor,
+            observers=reached,
+            unknown=f"{name}.error",
+        )
 
 
 def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:

@@ -52,17 +52,17 @@ class _EffectReader:
         reader = JoinReader(self.document, self.units, drivers, self.known, of_laws, states)
         joins = [(i, join) for i in range(len(data["joins"])) for join in reader.read(i)]
         effect = Effect(
-            data["effect"],
-            data["title"],
-            data["sort"],
-            tuple(join for _, join in joins),
-            drivers,
-            parameters,
-            data["regime"],
-            data["text"],
-            data["action"],
-            origin_of(self.document, "effect", source=data["source"]),
-            states,
+            name=data["effect"],
+            title=data["title"],
+            sort=data["sort"],
+            joins=tuple(join for _, join in joins),
+            drivers=drivers,
+            parameters=parameters,
+            regime=data["regime"],
+            text=data["text"],
+            action=data["action"],
+            origin=origin_of(self.document, "effect", source=data["source"]),
+            states=states,
         )
         if len(self.found) == before:
             self._check_used(effect, joins)

@@ -27,17 +27,26 @@ def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:
             spot = document.place(*path, "degree", "range")
             found.append(Diagnostic(spot, "KB055", "the range is empty", "lower end first"))
         title = part["title"]
-        variants.append(Variant(name, title, law, lowest, highest, part["degree"]["meaning"]))
+        variants.append(
+            Variant(
+                name=name,
+                title=title,
+                law=law,
+                lowest=lowest,
+                highest=highest,
+                meaning=part["degree"]["meaning"],
+            )
+        )
     return FaultType(
-        data["fault"],
-        data["title"],
-        data["acts_on"],
-        tuple(variants),
-        data["tolerance"],
-        data["status"],
-        data["text"],
-        data["action"],
-        origin_of(document, "fault", source=data["source"]),
+        name=data["fault"],
+        title=data["title"],
+        acts_on=data["acts_on"],
+        variants=tuple(variants),
+        tolerance=data["tolerance"],
+        status=data["status"],
+        text=data["text"],
+        action=data["action"],
+        origin=origin_of(document, "fault", source=data["source"]),
     )
 
 

@@ -43,7 +43,13 @@ class _FluidReader:
         definitions = {name: self._definition(name) for name in data.get("definitions", {})}
         properties = {name: self._property(name) for name in PROPERTIES}
         fluid = Fluid(
-            data["fluid"], data["title"], lowest, highest, coefficients, definitions, properties
+            name=data["fluid"],
+            title=data["title"],
+            lowest=lowest,
+            highest=highest,
+            coefficients=coefficients,
+            definitions=definitions,
+            properties=properties,
         )
         if len(self.found) == before:
             check_lengths(self.document, _named(fluid), (), self.found)

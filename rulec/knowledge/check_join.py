@@ -74,17 +74,17 @@ class JoinReader:
                 self._check_states(own)
             named = {k: quantity if k == kind else "" for k in _KINDS}
             yield Join(
-                named["reads"],
-                named["gives"],
-                slopes.get("falls_with", ""),
-                slopes.get("rises_with", ""),
-                part.get("measured", False),
-                law,
-                part.get("steep"),
-                named["stores"],
-                named["shows"],
-                named["flows"],
-                also,
+                reads=named["reads"],
+                gives=named["gives"],
+                falls_with=slopes.get("falls_with", ""),
+                rises_with=slopes.get("rises_with", ""),
+                measured=part.get("measured", False),
+                law=law,
+                steep=part.get("steep"),
+                stores=named["stores"],
+                shows=named["shows"],
+                flows=named["flows"],
+                also=also,
             )
 
     def _report(self, place: Place, code: str, message: str, hint: str = "") -> None:

@@ -40,7 +40,9 @@ def check_knowledge(sources: Sources) -> Knowledge:
         check_comparisons(document, modules[document.data["module"]], found)
     if found:
         raise Refused(found)
-    return Knowledge(units, sensors, faults, modules, fluids, effects)
+    return Knowledge(
+        units=units, sensors=sensors, faults=faults, modules=modules, fluids=fluids, effects=effects
+    )
 
 
 def _refuse_twins(
@@ -71,12 +73,12 @@ def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> Se
         hint = did_you_mean(data["measures"], units.quantities)
         found.append(Diagnostic(document.place("measures"), "KB054", message, hint))
     return SensorClass(
-        data["sensor"],
-        data["title"],
-        part["of"],
-        part["bound"] * unit.factor / data["coverage"],
-        unit,
-        float(data.get("cost", 1.0)),
-        data.get("measures", ""),
-        origin_of(document, "systematic", source=data["source"]),
+        name=data["sensor"],
+        title=data["title"],
+        kind=part["of"],
+        standard=part["bound"] * unit.factor / data["coverage"],
+        unit=unit,
+        cost=float(data.get("cost", 1.0)),
+        measures=data.get("measures", ""),
+        origin=origin_of(document, "systematic", source=data["source"]),
     )

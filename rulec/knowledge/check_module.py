@@ -85,18 +85,18 @@ class _ModuleReader:
         every = (*self._expressions(expressions, observers), *stated.values())
         gathers = {name for e in every for name, _ in e.gathered()}
         kind = ModuleType(
-            data["module"],
-            data["version"],
-            data["title"],
-            signals,
-            provides,
-            parameters,
-            definitions,
-            observers,
-            self._residuals(observers),
-            self._fault_uses(signals, definitions, observers, of_states.flows),
-            tuple(sorted(gathers)),
-            self.document.path,
+            name=data["module"],
+            version=data["version"],
+            title=data["title"],
+            signals=signals,
+            provides=provides,
+            parameters=parameters,
+            definitions=definitions,
+            observers=observers,
+            residuals=self._residuals(observers),
+            faults=self._fault_uses(signals, definitions, observers, of_states.flows),
+            gathers=tuple(sorted(gathers)),
+            file=self.document.path,
             states=states,
             readings=readings,
         )
@@ -135,30 +135,30 @@ class _ModuleReader:
             hint = "take a class for this quantity"
             self._report(place(*path, "sensor"), "KB033", message, hint)
         return Signal(
-            name,
-            part["quantity"],
-            unit,
-            part["sensor"],
-            None if high is None else (high - low) * unit.factor,
-            _si(unit, low),
-            _si(unit, high),
-            _si(unit, part.get("minimum")),
-            _si(unit, part.get("reference")),
-            part.get("input", False),
-            part.get("between", "hold"),
+            name=name,
+            quantity=part["quantity"],
+            unit=unit,
+            sensor=part["sensor"],
+            full_scale=None if high is None else (high - low) * unit.factor,
+            lowest=_si(unit, low),
+            highest=_si(unit, high),
+            minimum=_si(unit, part.get("minimum")),
+            reference=_si(unit, part.get("reference")),
+            is_input=part.get("input", False),
+            between=part.get("between", "hold"),
         )
 
     def _parameter(self, name: str, part: Mapping[str, Any]) -> Parameter:
         path = ("parameters", name)
         unit = read_unit(self.document, (*path, "unit"), self.units, self.found)
         return Parameter(
-            name,
-            unit.to_si(part["value"]),
-            part["u"] * unit.factor,
-            unit,
-            part.get("fit", True),
-            part.get("title", name),
-            origin_of(self.document, *path, source=part["source"]),
+            name=name,
+            value=unit.to_si(part["value"]),
+            u=part["u"] * unit.factor,
+            unit=unit,
+            fit=part.get("fit", True),
+            title=part.get("title", name),
+            origin=origin_of(self.document, *path, source=part["source"]),
         )
 
     def _check_own_names(self) -> None:

@@ -42,15 +42,15 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     if reader.found:
         raise Refused(reader.found)
     return Plant(
-        document.data["plant"],
-        document.data["title"],
-        modules,
-        connections,
-        columns,
-        time_column,
-        knowledge,
-        sources.digest(),
-        document.place("plant"),
+        name=document.data["plant"],
+        title=document.data["title"],
+        modules=modules,
+        connections=connections,
+        columns=columns,
+        time_column=time_column,
+        knowledge=knowledge,
+        digest=sources.digest(),
+        place=document.place("plant"),
     )
 
 
@@ -116,7 +116,17 @@ class _PlantReader:
             if signal.reference is not None:
                 reference.setdefault(signal.name, signal.reference)
         title = part.get("title", kind.title)
-        return Module(name, title, kind, parameters, parameters, (), {}, {}, reference)
+        return Module(
+            name=name,
+            title=title,
+            type=kind,
+            stated=parameters,
+            parameters=parameters,
+            blocks=(),
+            misfit={},
+            valid={},
+            reference=reference,
+        )
 
     def _value(
         self,

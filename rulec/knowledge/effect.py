@@ -51,7 +51,7 @@ class EffectParameter:
     neutral: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Join:
     """A kind of place that an effect can join, and the law it has there.
 
@@ -132,7 +132,7 @@ class EffectState:
         return {name for _, e in self.equations() for name, _ in e.names()}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """Physics, ageing or a sensor error that a relation may leave out; `sort` says which."""
 

@@ -36,7 +36,16 @@ def fill(module: Module, fluid: Fluid) -> Module:
 def _factor(fluid: Fluid, part: Property) -> Parameter:
     title = f"error of the {part.name} of {fluid.title}"
     name = factor_name(fluid, part.name)
-    return Parameter(name, 1.0, part.u, Unit("1", 1.0, NONE), False, title, part.origin, True)
+    return Parameter(
+        name=name,
+        value=1.0,
+        u=part.u,
+        unit=Unit("1", 1.0, NONE),
+        fit=False,
+        title=title,
+        origin=part.origin,
+        shared=True,
+    )
 
 
 def factor_name(fluid: Fluid, name: str) -> str:

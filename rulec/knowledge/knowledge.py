@@ -12,7 +12,7 @@ from rulec.language.origin import Origin
 from rulec.language.units import Unit, UnitTable
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorClass:
     """Systematic uncertainty of a class of sensors.
 
@@ -37,7 +37,7 @@ class SensorClass:
         return self.standard * size[self.kind]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Variant:
     """One direction of a fault: `law` gives what is there from what should be there.
 
@@ -58,7 +58,7 @@ class Variant:
         return self.highest if self.unit else 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FaultType:
     """What a fault does; sign, gain, rule and matrix row are derived from it."""
 
@@ -73,7 +73,7 @@ class FaultType:
     origin: Origin
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Knowledge:
     """The checked knowledge base."""
 

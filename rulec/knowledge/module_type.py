@@ -16,7 +16,7 @@ ENDS = (INFLOW, OUTFLOW)
 law of the module; without one the flow follows from what is connected."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Signal:
     """A measured value of a module type; limits and reference in SI.
 
@@ -36,7 +36,7 @@ class Signal:
     between: str = "hold"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """A constant of a module type, value and standard uncertainty in SI.
 
@@ -133,7 +133,7 @@ class Property:
     origin: Origin
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fluid:
     """A liquid, all in SI.
 
@@ -150,7 +150,7 @@ class Fluid:
     properties: Mapping[str, Property]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModuleType:
     """Everything a maker says of a module. Definitions are in order of use.
 

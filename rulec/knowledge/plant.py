@@ -18,7 +18,7 @@ class Block:
     factor: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Module:
     """An instance of a module type with its values.
 
@@ -48,7 +48,7 @@ class Column:
     offset: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plant:
     """Instances and directed connections, with the knowledge they rest on."""
 

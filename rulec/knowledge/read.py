@@ -22,7 +22,7 @@ plant takes to compile."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sources:
     """All documents that a plant or a check needs, by kind, with the schema already checked.
 
@@ -108,7 +108,15 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
     if found:
         raise Refused(found)
     kept = tuple(d for d in calibrations if d is not None)
-    return Sources(kb, by_kind["units"][-1], by_kind, plant, columns, kept, adjacency)
+    return Sources(
+        kb=kb,
+        units=by_kind["units"][-1],
+        by_kind=by_kind,
+        plant=plant,
+        columns=columns,
+        calibrations=kept,
+        adjacency=adjacency,
+    )
 
 
 def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], list[Diagnostic]]:
@@ -133,7 +141,7 @@ def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], l
         found += [] if found else [_no_units(kb)]
         return None, given["plant"], found
     merged = {k: (*around.get(k, ()), *given[k]) for k in _KNOWLEDGE}
-    return Sources(kb, units[0], merged), given["plant"], found
+    return Sources(kb=kb, units=units[0], by_kind=merged), given["plant"], found
 
 
 def _no_units(kb: Path) -> Diagnostic:

@@ -23,7 +23,7 @@ LONGEST_NAME = 36
 """Names are cut to this, so that a number behind them fits."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Change:
     """A law to be built in at some places, ``(kind, name)`` each.
 
@@ -49,7 +49,7 @@ class Change:
         yield from ((kind, place, law) for (kind, place), law in self.also)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Amended:
     """A module type with changes built in.
 

@@ -28,7 +28,7 @@ PARAMETERS = "u:parameters"
 MODEL = "u:model"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TargetNodes:
     """What a fault scales: value, slopes of all observers it reaches, curvatures, inverses."""
 
@@ -56,7 +56,7 @@ class Hypothesis:
     scales: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Assembly:
     """The equations of a plant as nodes of `graph`, keyed by ids such as ``A.pump``."""
 
@@ -102,16 +102,16 @@ def assemble(
     _react(parts, readers, targets)
     nodes, residual_gradients, variances = _residual_nodes(graph, residuals, observers, gradients)
     return Assembly(
-        graph,
-        observers,
-        gradients,
-        guards,
-        targets,
-        hypotheses,
-        nodes,
-        residual_gradients,
-        variances,
-        undo_graph(network, types, tuple(h.id for h in hypotheses)),
+        graph=graph,
+        observers=observers,
+        gradients=gradients,
+        guards=guards,
+        targets=targets,
+        hypotheses=hypotheses,
+        residual_nodes=nodes,
+        residual_gradients=residual_gradients,
+        residual_variances=variances,
+        undo=undo_graph(network, types, tuple(h.id for h in hypotheses)),
     )
 
 
@@ -207,15 +207,17 @@ class _Instance:
     def lower_targets(self, targets: dict[str, TargetNodes]) -> None:
         for name, target in self.model.targets.items():
             targets[self.id(name)] = TargetNodes(
-                self.lower(target.value),
-                self.gradient(target.gradient),
-                {self.id(o): self.lower(e) for o, e in target.slopes.items()},
-                {self.id(o): self.gradient(g) for o, g in target.slope_gradients.items()},
-                {self.id(o): self.lower(e) for o, e in target.curvatures.items()},
-                {self.id(o): (e, self.nodes) for o, e in target.inverse.items()},
-                self.lower(target.whole),
-                self.gradient(target.whole_gradient),
-                self.graph.zero,
+                value=self.lower(target.value),
+                gradient=self.gradient(target.gradient),
+                slopes={self.id(o): self.lower(e) for o, e in target.slopes.items()},
+                slope_gradients={
+                    self.id(o): self.gradient(g) for o, g in target.slope_gradients.items()
+                },
+                curvatures={self.id(o): self.lower(e) for o, e in target.curvatures.items()},
+                inverse={self.id(o): (e, self.nodes) for o, e in target.inverse.items()},
+                whole=self.lower(target.whole),
+                whole_gradient=self.gradient(target.whole_gradient),
+                reaction=self.graph.zero,
             )
 
     def signals_of(self, target: str) -> tuple[str, ...]:

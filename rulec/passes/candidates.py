@@ -21,7 +21,15 @@ def candidates(module: Module, knowledge: Knowledge, tables: Linearised) -> Iter
         reading = f"{module.name}.{signal.name}"
         cost, u = knowledge.sensors[signal.sensor].cost, tables.uncertainties[reading]
         title = f"a second reading of {reading}"
-        yield Sensor(module.name, signal.name, title, cost, reading, False, u)
+        yield Sensor(
+            module=module.name,
+            signal=signal.name,
+            title=title,
+            cost=cost,
+            existing=reading,
+            is_estimate=False,
+            u=u,
+        )
     if observers and not any(_is_flow(signal) for signal in used):
         yield from _flow_meter(module, knowledge, observers[0], tables.flows[observers[0]])
 
@@ -44,7 +52,15 @@ def _flow_meter(
     for sensor, name, full_scale in sorted(declared or fitting, key=lambda k: k[0].cost)[:1]:
         u = sensor.uncertainty(full_scale, flow)
         title = f"a flow meter in {module.name}"
-        yield Sensor(module.name, name, title, sensor.cost, estimate, True, u)
+        yield Sensor(
+            module=module.name,
+            signal=name,
+            title=title,
+            cost=sensor.cost,
+            existing=estimate,
+            is_estimate=True,
+            u=u,
+        )
 
 
 def _is_flow(signal: Signal) -> bool:

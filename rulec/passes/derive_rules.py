@@ -122,7 +122,7 @@ def _exact_excess(
     return graph.sub(cell.scaled, graph.lower(expression, {**nodes, flow: should}))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Spread:
     """Variances and doubled covariances of R, g and mu, and dmu/dg."""
 
@@ -155,17 +155,25 @@ def _spread(
     own = moments.between(scaled, scaled)
     with_residual = _twice(graph, moments.with_residual(cell.residual, scaled))
     if hypothesis.fault.fault.acts_on == "flow":
-        return _Spread(variance, own, with_residual, zero, zero, zero, zero)
+        return _Spread(
+            residual=variance,
+            scaled=own,
+            residual_scaled=with_residual,
+            slope=zero,
+            residual_slope=zero,
+            scaled_slope=zero,
+            curvature=zero,
+        )
     target = assembly.targets[hypothesis.target]
     slope = moments.gathered([(s, target.slope_gradients[o]) for s, o in cell.faulty])
     return _Spread(
-        variance,
-        own,
-        with_residual,
-        moments.between(slope, slope),
-        _twice(graph, moments.with_residual(cell.residual, slope)),
-        _twice(graph, moments.between(scaled, slope)),
-        graph.signed_sum((s, target.curvatures[o]) for s, o in cell.faulty),
+        residual=variance,
+        scaled=own,
+        residual_scaled=with_residual,
+        slope=moments.between(slope, slope),
+        residual_slope=_twice(graph, moments.with_residual(cell.residual, slope)),
+        scaled_slope=_twice(graph, moments.between(scaled, slope)),
+        curvature=graph.signed_sum((s, target.curvatures[o]) for s, o in cell.faulty),
     )
 
 

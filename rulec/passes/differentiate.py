@@ -68,7 +68,7 @@ class DegreeRule:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TypeFault:
     """A fault variant of a module type.
 
@@ -91,7 +91,7 @@ class Condition:
     value: sympy.Expr
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TypeModel:
     """A module type differentiated; local variables are its symbols by name."""
 
@@ -142,14 +142,16 @@ def type_model(kind: ModuleType, knowledge: Knowledge) -> TypeModel:
     faults = tuple(_faults(kind, knowledge, symbols, observers))
     targets = {f.target: None for f in faults if f.fault.acts_on != "flow"}
     return TypeModel(
-        kind,
-        symbols,
-        observers,
-        {name: _gradient(e, symbols) for name, e in observers.items()},
-        {o.name: tuple(_guards(kind, o.expression, symbols)) for o in kind.observers.values()},
-        {name: _target(kind, name, symbols, observers) for name in targets},
-        faults,
-        _undone(kind, faults, symbols),
+        type=kind,
+        symbols=symbols,
+        observers=observers,
+        gradients={name: _gradient(e, symbols) for name, e in observers.items()},
+        guards={
+            o.name: tuple(_guards(kind, o.expression, symbols)) for o in kind.observers.values()
+        },
+        targets={name: _target(kind, name, symbols, observers) for name in targets},
+        faults=faults,
+        undone=_undone(kind, faults, symbols),
     )
 
 
@@ -265,7 +267,14 @@ def _faults(
     for use, variant, name in fault_names(kind.faults, knowledge, kind.signals):
         fault = knowledge.faults[use.fault]
         affects = _affected(kind, fault, use.target, symbols, observers)
-        yield TypeFault(name, fault, variant, use.target, affects, _rule(fault, variant))
+        yield TypeFault(
+            id=name,
+            fault=fault,
+            variant=variant,
+            target=use.target,
+            affects=affects,
+            rule=_rule(fault, variant),
+        )
 
 
 def fault_names(

@@ -39,21 +39,23 @@ def emit(
     """
     plant = network.plant
     return contract.Ruleset(
-        contract.FORMAT_VERSION,
-        plant.name,
-        plant.title,
-        plant.digest,
-        {m.name: m.title for m in plant.modules.values()},
-        _signals(plant, signatures),
-        tuple(contract.ColumnMap(c.signal, c.column, c.factor, c.offset) for c in plant.columns),
-        plant.time_column,
-        {
+        format_version=contract.FORMAT_VERSION,
+        plant=plant.name,
+        title=plant.title,
+        sources=plant.digest,
+        modules={m.name: m.title for m in plant.modules.values()},
+        signals=_signals(plant, signatures),
+        columns=tuple(
+            contract.ColumnMap(c.signal, c.column, c.factor, c.offset) for c in plant.columns
+        ),
+        time_column=plant.time_column,
+        units={
             name: contract.UnitSpec(u.factor, u.offset, tuple(map(float, u.dimension.exponents)))
             for name, u in plant.knowledge.units.units.items()
         },
-        _observers(plant, assembly, signatures),
-        tuple(contract.Junction(b.outlets, b.inlets) for b in network.balances),
-        tuple(
+        observers=_observers(plant, assembly, signatures),
+        junctions=tuple(contract.Junction(b.outlets, b.inlets) for b in network.balances),
+        residuals=tuple(
             contract.ResidualSpec(
                 r.id,
                 r.module,
@@ -63,11 +65,11 @@ def emit(
             )
             for r in residuals
         ),
-        (
+        faults=(
             *(_fault(h) for h in assembly.hypotheses),
             *(_of_store(f) for f in balanced.faults if not f.settled),
         ),
-        tuple(
+        cells=tuple(
             contract.Cell(
                 rule.signature.fault,
                 rule.signature.residual,
@@ -80,13 +82,13 @@ def emit(
             )
             for rule in rules
         ),
-        tuple(_ambiguous(group) for group in isolability.groups),
-        _unobserved(isolability.unobserved, balanced),
-        _parameters(plant),
-        simulation,
-        assembly.graph.plan(),
-        assembly.undo.plan(),
-        balanced.dynamics,
+        ambiguous=tuple(_ambiguous(group) for group in isolability.groups),
+        unobserved=_unobserved(isolability.unobserved, balanced),
+        parameters=_parameters(plant),
+        simulation=simulation,
+        plan=assembly.graph.plan(),
+        undo=assembly.undo.plan(),
+        dynamics=balanced.dynamics,
     )
 
 
@@ -102,22 +104,22 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
     sensor = plant.knowledge.sensors[signal.sensor]
     low, high = module.valid.get(signal.name, (None, None))
     return contract.SignalSpec(
-        f"{module.name}.{signal.name}",
-        f"{signal.quantity} of {module.title}",
-        signal.unit.text,
-        signal.unit.factor,
-        signal.unit.offset,
-        sensor.kind,
-        sensor.standard,
-        signal.full_scale,
-        signal.lowest,
-        signal.highest,
-        signal.minimum,
-        low,
-        high,
-        signal.is_input,
-        _rounded(reference, 12) if reference == reference else 0.0,
-        signal.between,
+        id=f"{module.name}.{signal.name}",
+        title=f"{signal.quantity} of {module.title}",
+        unit=signal.unit.text,
+        factor=signal.unit.factor,
+        offset=signal.unit.offset,
+        kind=sensor.kind,
+        standard=sensor.standard,
+        full_scale=signal.full_scale,
+        lowest=signal.lowest,
+        highest=signal.highest,
+        minimum=signal.minimum,
+        valid_from=low,
+        valid_to=high,
+        is_input=signal.is_input,
+        reference=_rounded(reference, 12) if reference == reference else 0.0,
+        between=signal.between,
     )
 
 
@@ -132,18 +134,18 @@ def _observers(
             guards = assembly.guards[key]
             result.append(
                 contract.ObserverSpec(
-                    key,
-                    module.name,
-                    observer.component,
-                    f"{key} = {observer.expression}",
-                    tuple(sorted(n for n in assembly.gradients[key] if n in signals)),
-                    tuple(
+                    id=key,
+                    module=module.name,
+                    component=observer.component,
+                    equation=f"{key} = {observer.expression}",
+                    signals=tuple(sorted(n for n in assembly.gradients[key] if n in signals)),
+                    guards=tuple(
                         contract.Guard(f"guard:{key}:{i}", text)
                         for i, (text, _) in enumerate(guards)
                     ),
-                    module.misfit.get(observer.name, 0.0),
-                    _rounded(signatures.flows[key]),
-                    _origin(observer.origin),
+                    misfit=module.misfit.get(observer.name, 0.0),
+                    reference=_rounded(signatures.flows[key]),
+                    origin=_origin(observer.origin),
                 )
             )
     return tuple(result)
@@ -168,22 +170,22 @@ def _spec(
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
     return contract.FaultSpec(
-        where.id,
-        where.module,
-        fault.name,
-        f"{where.target} {variant.title}" if variant.name else fault.title,
-        _sentence(fault.text, where.module, where.target, variant),
-        fault.action,
-        fault.status,
-        float(variant.lowest),
-        float(variant.highest),
-        float(fault.tolerance),
-        variant.meaning,
-        affects,
-        scales,
-        fault.acts_on == "signal",
-        _origin(fault.origin),
-        variant.unit,
+        id=where.id,
+        module=where.module,
+        fault=fault.name,
+        title=f"{where.target} {variant.title}" if variant.name else fault.title,
+        text=_sentence(fault.text, where.module, where.target, variant),
+        action=fault.action,
+        status=fault.status,
+        lowest=float(variant.lowest),
+        highest=float(variant.highest),
+        tolerance=float(fault.tolerance),
+        meaning=variant.meaning,
+        affects=affects,
+        scales=scales,
+        in_sensor=fault.acts_on == "signal",
+        origin=_origin(fault.origin),
+        unit=variant.unit,
     )
 
 

@@ -19,7 +19,7 @@ from rulec.passes.differentiate import G
 from rulec.passes.link import Network
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearised:
     """Slopes at the reference point, SI.
 
@@ -65,15 +65,17 @@ def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> L
         if h.fault.fault.acts_on == "signal":
             shifts[h.id] = shift
     return Linearised(
-        {
+        gradients={
             observer: {name: values[f"{observer}|{name}"] for name in gradient}
             for observer, gradient in assembly.gradients.items()
         },
-        signatures.flows,
-        {k.removeprefix("u:"): v for k, v in inputs.items() if k.startswith("u:") and "." in k},
-        effects,
-        shifts,
-        {h.id: h.target for h in assembly.hypotheses if h.id in shifts},
+        flows=signatures.flows,
+        uncertainties={
+            k.removeprefix("u:"): v for k, v in inputs.items() if k.startswith("u:") and "." in k
+        },
+        effects=effects,
+        shifts=shifts,
+        targets={h.id: h.target for h in assembly.hypotheses if h.id in shifts},
     )
 
 

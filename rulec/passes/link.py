@@ -20,7 +20,7 @@ from rulec.passes.downstream import Downstream, Gathered, Undefined
 from rulec.passes.end_flows import EndFlows, end_flows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Network:
     """A plant with its connections resolved.
 
@@ -77,7 +77,14 @@ def link(plant: Plant) -> Network:
         hint = "a connection is missing, or points the wrong way"
         raise Refused([Diagnostic(plant.place, "KB090", message, hint)])
     gathers = _gathers(plant, balances, graph)
-    return Network(plant, balances, graph, gathers, _sums(plant, graph), ends)
+    return Network(
+        plant=plant,
+        balances=balances,
+        graph=graph,
+        gathers=gathers,
+        sums=_sums(plant, graph),
+        ends=ends,
+    )
 
 
 def junctions(plant: Plant) -> tuple[Balance, ...]:

@@ -109,7 +109,7 @@ class Lowering:
     def of(self, module: str) -> Amended:
         """The type of a module with its changes."""
         known = self.amended.get(module)
-        return known or Amended(self.network.plant.modules[module].type)
+        return known or Amended(type=self.network.plant.modules[module].type)
 
 
 def lower_module(what: Lowering, module: str, definitions: bool = False) -> Plan:

@@ -22,7 +22,7 @@ NO_SPREAD = 1e-9
 """Least standard uncertainty of a residual, as share of the largest: nothing is known exactly."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sensor:
     """A reading that could be added.
 

@@ -64,7 +64,7 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
     used = {n: p for n, p in parameters.items() if n in plan.used_inputs}
     moved = plan.select(n for n in plan.outputs if n.partition(":")[0] not in ENDS).used_inputs
     return Dynamics(
-        tuple(
+        states=tuple(
             StateSpec(
                 f"{m.name}.{s.name}",
                 f"{s.title} of {m.title}",
@@ -75,10 +75,10 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
             for m in modules
             for s in m.type.states.values()
         ),
-        tuple(name for name in signals if name in plan.used_inputs),
-        tuple(outputs),
-        tuple(f.id for m in modules for f in faults[m.name] if f.degree in moved),
-        {name: p.value for name, p in used.items()},
-        {name: p.u for name, p in used.items()},
-        plan,
+        inputs=tuple(name for name in signals if name in plan.used_inputs),
+        outputs=tuple(outputs),
+        faults=tuple(f.id for m in modules for f in faults[m.name] if f.degree in moved),
+        values={name: p.value for name, p in used.items()},
+        uncertainties={name: p.u for name, p in used.items()},
+        plan=plan,
     )

@@ -23,7 +23,7 @@ ORDER = ("definition", "observer", "signal", "reading", "end")
 """Kinds of places in the order in which laws are built in: what flows is behind all laws of it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StoreFault:
     """A fault of a module; `settled` tells that equations without time know it as well."""
 
@@ -51,11 +51,31 @@ def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
     for (use, variant), name in named.items():
         fault, id_ = knowledge.faults[use.fault], f"{module.name}.{name}"
         places, law = _acting(module, fault, variant, use.target)
-        x = Parameter("x", 0.0, 0.0, Unit("1", 1.0, NONE), True, variant.meaning, fault.origin)
-        change = Change(places, law, {}, {"x": x}, {"x": f"x.{id_}"})
+        x = Parameter(
+            name="x",
+            value=0.0,
+            u=0.0,
+            unit=Unit("1", 1.0, NONE),
+            fit=True,
+            title=variant.meaning,
+            origin=fault.origin,
+        )
+        change = Change(
+            places=places, law=law, drivers={}, parameters={"x": x}, ids={"x": f"x.{id_}"}
+        )
         settled = use in still.faults
         target = f"{module.name}.{use.target}"
-        result.append(StoreFault(id_, module.name, fault, variant, target, settled, change))
+        result.append(
+            StoreFault(
+                id=id_,
+                module=module.name,
+                fault=fault,
+                variant=variant,
+                target=target,
+                settled=settled,
+                change=change,
+            )
+        )
     return result
 
 
@@ -68,7 +88,7 @@ def _named(
 
 def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
     """The type of a module with all of its faults built in; without degrees it is as before."""
-    result = Amended(module.type)
+    result = Amended(type=module.type)
     for fault in sorted(faults, key=lambda f: ORDER.index(f.change.places[0][0])):
         result = amend(result, fault.change)
     return result

@@ -61,7 +61,11 @@ def draw_curve(judged: Sequence[Judged]) -> Figure | None:
         parts.append(plot(svg, last, "strength: gain in log likelihood of the true model"))
     key = "blue: right name, with 95 % interval; orange: right place; numbers: cases"
     return Figure(
-        "curve", "What is named of how strong an effect", key, "".join(parts), _say(names)
+        name="curve",
+        title="What is named of how strong an effect",
+        key=key,
+        body="".join(parts),
+        caption=_say(names),
     )
 
 
@@ -131,7 +135,9 @@ def draw_ratio(judged: Sequence[Judged]) -> Figure | None:
     )
     key = f"dashed: goal; outer bins also hold what is below {low:.3g} and above {high:.3g}"
     body = plot(svg, True, "held-out error over that of the true model refitted")
-    return Figure("ratio", "How near repairs come to the truth", key, body, words)
+    return Figure(
+        name="ratio", title="How near repairs come to the truth", key=key, body=body, caption=words
+    )
 
 
 def _edges(ratios: np.ndarray) -> np.ndarray:

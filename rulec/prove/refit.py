@@ -52,7 +52,7 @@ CLEAR = 3.0
 Planned = Sequence[Planted]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Refitted:
     """A case with the gains of the truth and of what was told, over the plain model.
 
@@ -136,13 +136,13 @@ def _stationary(
     laws = [plain, *nameless[:1], *(_with(plain, order, builder) for order in orders)]
     true = max(laws, key=lambda c: gain_in_sample(c, plain))
     return Refitted(
-        answer["case"],
-        gain_in_sample(true, plain),
-        gain_in_sample(told, plain),
-        needed(plain, len(builder.candidates)),
-        tuple(c.id for c in true.fitted.setting.joined),
-        tuple(c.id for c in best.setting.joined),
-        course_at(folder, nameless),
+        case=answer["case"],
+        true=gain_in_sample(true, plain),
+        told=gain_in_sample(told, plain),
+        needed=needed(plain, len(builder.candidates)),
+        laws=tuple(c.id for c in true.fitted.setting.joined),
+        names=tuple(c.id for c in best.setting.joined),
+        course=course_at(folder, nameless),
     )
 
 
@@ -186,12 +186,12 @@ def _dynamic(
     # As far as what was told, which was exchanged and fitted again.
     true = searcher.polished(true)
     return Refitted(
-        answer["case"],
-        searcher.gain(true, plain),
-        searcher.gain(told, plain),
-        needed_of_stores(len(bench.candidates)),
-        true.ids,
-        told.ids,
+        case=answer["case"],
+        true=searcher.gain(true, plain),
+        told=searcher.gain(told, plain),
+        needed=needed_of_stores(len(bench.candidates)),
+        laws=true.ids,
+        names=told.ids,
     )
 
 

@@ -25,7 +25,7 @@ PARAMETERS, LAWS, SENSORS = range(3)
 """Streams of random numbers that do not depend on each other."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Settings:
     """Size of a study.
 

@@ -56,7 +56,9 @@ def judge(
     """Diagnose a recording of one sample a second with a fault from sample `onset` on."""
     samples = len(next(iter(readings.values())))
     time, segment = np.arange(float(samples)), np.zeros(samples, dtype=int)
-    diagnosis = diagnose(Recording(time, readings, segment, (), ()), ruleset, mode)
+    diagnosis = diagnose(
+        Recording(time=time, values=readings, segment=segment, missing=(), notes=()), ruleset, mode
+    )
     ends = [f.until for f in diagnosis.findings] + [p.until for p in diagnosis.unknown]
     early = any(end < onset for end in ends)
     finding = _longest(diagnosis.findings, onset)

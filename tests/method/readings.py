@@ -152,7 +152,13 @@ def noisy(
 def recording(rules: Ruleset, columns: Mapping[str, Array]) -> Recording:
     """A recording as the reader would give it."""
     time = columns["time [s]"]
-    return Recording(time, to_si(rules, columns), np.zeros(time.size, dtype=int), (), ())
+    return Recording(
+        time=time,
+        values=to_si(rules, columns),
+        segment=np.zeros(time.size, dtype=int),
+        missing=(),
+        notes=(),
+    )
 
 
 def signs(values: Mapping[str, Array], residuals: list[str], flow: float) -> list[str]:

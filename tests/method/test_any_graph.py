@@ -42,8 +42,31 @@ def module(name: str, kinds: Iterable[str], declared: bool, measured: bool) -> M
     pairs = [(a, b) for a in kinds for b in kinds if a < b] if declared else []
     provides = {"loss": "dp"} if measured else {}
     made = cast(Any, observers)
-    kind = ModuleType(name, 1, name, {}, provides, {}, {}, made, tuple(pairs), (), (), "none")
-    return Module(name, name, kind, {}, {}, (), {}, {}, {})
+    kind = ModuleType(
+        name=name,
+        version=1,
+        title=name,
+        signals={},
+        provides=provides,
+        parameters={},
+        definitions={},
+        observers=made,
+        residuals=tuple(pairs),
+        faults=(),
+        gathers=(),
+        file="none",
+    )
+    return Module(
+        name=name,
+        title=name,
+        type=kind,
+        stated={},
+        parameters={},
+        blocks=(),
+        misfit={},
+        valid={},
+        reference={},
+    )
 
 
 def plant(
@@ -55,7 +78,17 @@ def plant(
     """A plant; the modules of `measured` provide a loss."""
     made = {n: module(n, kinds, declared, n in measured) for n, kinds in modules.items()}
     connected = tuple(sorted(set(connections)))
-    return Plant("p", "p", made, connected, (), "", cast(Knowledge, None), "", Place("p"))
+    return Plant(
+        name="p",
+        title="p",
+        modules=made,
+        connections=connected,
+        columns=(),
+        time_column="",
+        knowledge=cast(Knowledge, None),
+        digest="",
+        place=Place("p"),
+    )
 
 
 def linked(graph: tuple[list[list[str]], set[tuple[int, int]], bool]) -> Network | None:

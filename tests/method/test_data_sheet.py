@@ -60,7 +60,13 @@ def recording(**faults: float) -> Recording:
     values["P14.f"] = 49.4 + 0.0 * noisy[0]
     values["P14.Q"], values["P14.P_el"] = flow / 3600 * noisy[0], power * 1e3 * noisy[1]
     values["channel.l"] = 2.0 * noisy[2]
-    return Recording(900.0 * np.arange(SAMPLES), values, np.zeros(SAMPLES), (), ())
+    return Recording(
+        time=900.0 * np.arange(SAMPLES),
+        values=values,
+        segment=np.zeros(SAMPLES),
+        missing=(),
+        notes=(),
+    )
 
 
 def found(diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:
@@ -118,7 +124,7 @@ def test_a_pump_that_mostly_stands_has_settled_stretches(station: Ruleset) -> No
     short = recording()
     running = np.arange(SAMPLES) >= SAMPLES - 8
     values = {n: v * running if n.startswith("P14") else v for n, v in short.values.items()}
-    rarely = Recording(short.time, values, short.segment, (), ())
+    rarely = Recording(time=short.time, values=values, segment=short.segment, missing=(), notes=())
     noise = noise_at_work(rarely, station)
     stretches = find_stretches(rarely, station, noise)
     judged = observe(station, points_of_samples(rarely, station, noise)).valid.any(axis=0)

@@ -24,7 +24,9 @@ def quiet(what: str, done: int, all_: int) -> None:
 
 
 def told(true: float, found: float, least: float = 20.0) -> Refitted:
-    return Refitted("it", true, found, least, ("A.slip",), ("A.loss",))
+    return Refitted(
+        case="it", true=true, told=found, needed=least, laws=("A.slip",), names=("A.loss",)
+    )
 
 
 @pytest.mark.parametrize(

@@ -79,30 +79,30 @@ WARM = Finding(
 )
 
 PLACE = Location(
-    "A",
-    "Q_gap",
-    "gap flow of the dosing pump",
-    0.83,
-    (Region("A.T", 45.0, None, "degC", 0.97),),
-    (),
+    module="A",
+    place="Q_gap",
+    title="gap flow of the dosing pump",
+    share=0.83,
+    region=(Region("A.T", 45.0, None, "degC", 0.97),),
+    periods=(),
 )
 
 FIT = Fit(
-    "A.Q",
-    "l/h",
-    Errors(6.1, 4.2, 0.91, 0.9, 300),
-    Errors(6.4, 4.4, 0.93, 0.9, 100),
-    (0.71, 0.85),
-    0.97,
+    signal="A.Q",
+    unit="l/h",
+    estimation=Errors(shipped=6.1, recalibrated=4.2, repaired=0.91, noise=0.9, points=300),
+    heldout=Errors(shipped=6.4, recalibrated=4.4, repaired=0.93, noise=0.9, points=100),
+    gain_interval=(0.71, 0.85),
+    closed=0.97,
 )
 
 OTHER = Fit(
-    "A.dp",
-    "bar",
-    Errors(0.09, 0.07, 0.021, 0.02, 300),
-    Errors(0.08, 0.06, 0.022, 0.02, 100),
-    (0.5, 0.7),
-    0.99,
+    signal="A.dp",
+    unit="bar",
+    estimation=Errors(shipped=0.09, recalibrated=0.07, repaired=0.021, noise=0.02, points=300),
+    heldout=Errors(shipped=0.08, recalibrated=0.06, repaired=0.022, noise=0.02, points=100),
+    gain_interval=(0.5, 0.7),
+    closed=0.99,
 )
 
 NAMED = Mismatch(
@@ -221,12 +221,12 @@ UNNAMED = replace(
 )
 
 PLAIN = Fit(
-    "A.Q",
-    "l/h",
-    Errors(1.4, 0.92, NAN, 0.9, 300),
-    Errors(1.5, 0.91, NAN, 0.9, 100),
-    (NAN, NAN),
-    NAN,
+    signal="A.Q",
+    unit="l/h",
+    estimation=Errors(shipped=1.4, recalibrated=0.92, repaired=NAN, noise=0.9, points=300),
+    heldout=Errors(shipped=1.5, recalibrated=0.91, repaired=NAN, noise=0.9, points=100),
+    gain_interval=(NAN, NAN),
+    closed=NAN,
 )
 
 NONE = replace(
@@ -295,8 +295,15 @@ def broken(mismatch: Mismatch) -> Mismatch:
         )
         for place in mismatch.locations
     )
-    nothing = Errors(NAN, NAN, NAN, NAN, 0)
-    unknown = Fit("", "", nothing, nothing, (NAN, NAN), NAN)
+    nothing = Errors(shipped=NAN, recalibrated=NAN, repaired=NAN, noise=NAN, points=0)
+    unknown = Fit(
+        signal="",
+        unit="",
+        estimation=nothing,
+        heldout=nothing,
+        gain_interval=(NAN, NAN),
+        closed=NAN,
+    )
     hidden = mismatch.hidden
     return replace(
         mismatch,

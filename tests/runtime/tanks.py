@@ -51,7 +51,9 @@ def made(
     for signal in (ruleset.signal_by_id[n] for n in readings):
         readings[signal.id] = np.clip(readings[signal.id], signal.lowest, signal.highest)
     missing = tuple(n for n in dynamics.outputs if n not in readings)
-    return Recording(time, readings, np.zeros(count, dtype=int), missing, ())
+    return Recording(
+        time=time, values=readings, segment=np.zeros(count, dtype=int), missing=missing, notes=()
+    )
 
 
 def _true(

@@ -25,7 +25,9 @@ def test_a_leak_and_a_meter_that_reads_low_are_told_together(true: str, course: 
     grown = np.clip((time - 60.0) / 150.0, 0.0, 1.0) if course == "ramp" else time >= 60.0
     found = simulate(rules, {}, {true: 0.1 * grown})
     values = sense(rules, found.values, SensorErrors(), np.random.default_rng(5), {})
-    recording = Recording(time, values, np.zeros(SAMPLES, dtype=int), (), ())
+    recording = Recording(
+        time=time, values=values, segment=np.zeros(SAMPLES, dtype=int), missing=(), notes=()
+    )
     findings = diagnose(recording, rules).findings
     assert findings
     for finding in findings:

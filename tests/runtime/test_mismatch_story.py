@@ -147,8 +147,15 @@ def test_other_readings_are_told_in_a_row() -> None:
 
 def test_bars_are_as_long_as_errors() -> None:
     """The longest error fills the bar; a quarter of it a quarter."""
-    errors = Errors(8.0, 4.0, 2.0, 1.0, 10)
-    fit = Fit("A.Q", "l/h", errors, errors, (0.1, 0.2), 0.9)
+    errors = Errors(shipped=8.0, recalibrated=4.0, repaired=2.0, noise=1.0, points=10)
+    fit = Fit(
+        signal="A.Q",
+        unit="l/h",
+        estimation=errors,
+        heldout=errors,
+        gain_interval=(0.1, 0.2),
+        closed=0.9,
+    )
     rows = story(dataclasses.replace(NAMED, fit=fit)).splitlines()
     lengths = [next(r for r in rows if name in r).count("█") for name in ("as shipped", "repaired")]
     assert [30, 7] == lengths
@@ -156,8 +163,15 @@ def test_bars_are_as_long_as_errors() -> None:
 
 def test_a_repair_that_makes_worse_is_said_to() -> None:
     """No success is told where the held-out error rises."""
-    errors = Errors(8.0, 4.0, 5.0, 1.0, 1)
-    fit = Fit("A.Q", "l/h", errors, errors, (-0.5, -0.1), -0.6)
+    errors = Errors(shipped=8.0, recalibrated=4.0, repaired=5.0, noise=1.0, points=1)
+    fit = Fit(
+        signal="A.Q",
+        unit="l/h",
+        estimation=errors,
+        heldout=errors,
+        gain_interval=(-0.5, -0.1),
+        closed=-0.6,
+    )
     expected = (
         "On 1 held-out point the error rises by 25 % against recalibration (95 %: −50 % to −10 %); "
         "−60 % of the explainable mismatch is closed."

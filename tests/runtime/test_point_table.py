@@ -31,7 +31,9 @@ def _rows(recording: Recording, rows: NDArray[np.intp]) -> Recording:
     """Some rows, in a new order, one second apart."""
     values = {name: readings[rows] for name, readings in recording.values.items()}
     segment = np.zeros(len(rows), dtype=int)
-    return Recording(np.arange(len(rows), dtype=float), values, segment, (), ())
+    return Recording(
+        time=np.arange(len(rows), dtype=float), values=values, segment=segment, missing=(), notes=()
+    )
 
 
 def _points(recording: Recording) -> NDArray[np.intp]:
@@ -70,7 +72,14 @@ def test_one_noisy_sensor_makes_no_table(run: Recording, abc: Ruleset) -> None:
     held = _rows(run, np.full(40, _points(run)[0]))
     noisy = held.values["A.dp"] * np.random.default_rng(5).uniform(0.5, 1.5, 40)
     assert not is_point_table(
-        Recording(held.time, {**held.values, "A.dp": noisy}, held.segment, (), ()), abc
+        Recording(
+            time=held.time,
+            values={**held.values, "A.dp": noisy},
+            segment=held.segment,
+            missing=(),
+            notes=(),
+        ),
+        abc,
     )
 
 

@@ -31,7 +31,15 @@ def test_shares_by_hand() -> None:
     """Four cases: right, a little low, far too high, a false alarm."""
     true, degree = np.array([0.2, 0.4, 0.9, 0.0]), np.array([0.21, 0.3, 1.9, 0.12])
     named = np.array([True, True, True, False])
-    cases = Cases(("x",), np.array([0, 0, 0, -1]), true, degree, degree, degree, named)
+    cases = Cases(
+        names=("x",),
+        fault=np.array([0, 0, 0, -1]),
+        true=true,
+        degree=degree,
+        lower=degree,
+        upper=degree,
+        named=named,
+    )
     expected = np.zeros((9, 5))
     expected[4, 1] = expected[3, 2] = expected[8, 4] = expected[5, 0] = 0.25
     np.testing.assert_array_equal(expected, shares(cases))

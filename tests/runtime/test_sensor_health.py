@@ -55,7 +55,13 @@ def of_columns(ruleset: Ruleset, columns: dict[str, Array]) -> Recording:
             shown = np.array([float(f"{v:.6g}") for v in column])
             values[signal.id] = shown * signal.factor + signal.offset
     n = len(columns["time [s]"])
-    return Recording(columns["time [s]"], values, np.zeros(n, dtype=int), (), ())
+    return Recording(
+        time=columns["time [s]"],
+        values=values,
+        segment=np.zeros(n, dtype=int),
+        missing=(),
+        notes=(),
+    )
 
 
 Bend = Callable[[Recording, Ruleset], Recording]

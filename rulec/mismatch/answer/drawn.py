@@ -20,7 +20,7 @@ FEWEST = 3
 """Points that a median needs."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drawn:
     """Samples in order of time, shape (n,) each, in the unit of the signal.
 
@@ -63,17 +63,17 @@ class Drawn:
     def at(self, chosen: slice | np.ndarray) -> Drawn:
         """Some of the samples."""
         return Drawn(
-            self.signal,
-            self.unit,
-            self.time[chosen],
-            self.measured[chosen],
-            self.shipped[chosen],
-            self.recalibrated[chosen],
-            self.repaired[chosen],
-            self.heldout[chosen],
-            self.located[chosen],
-            self.judged[chosen],
-            {title: readings[chosen] for title, readings in self.drivers.items()},
+            signal=self.signal,
+            unit=self.unit,
+            time=self.time[chosen],
+            measured=self.measured[chosen],
+            shipped=self.shipped[chosen],
+            recalibrated=self.recalibrated[chosen],
+            repaired=self.repaired[chosen],
+            heldout=self.heldout[chosen],
+            located=self.located[chosen],
+            judged=self.judged[chosen],
+            drivers={title: readings[chosen] for title, readings in self.drivers.items()},
         )
 
 
@@ -84,17 +84,17 @@ def curves_of(mismatch: Mismatch) -> Drawn | None:
         return None
     repaired = curves.repaired if mismatch.findings else np.full(len(curves.time), np.nan)
     drawn = Drawn(
-        fit.signal if fit is not None else "predicted signal",
-        fit.unit if fit is not None else "",
-        curves.time,
-        curves.measured,
-        curves.shipped,
-        curves.recalibrated,
-        repaired,
-        np.asarray(curves.heldout, dtype=bool),
-        _located(mismatch, curves),
-        np.asarray(curves.inside, dtype=bool),
-        curves.drivers,
+        signal=fit.signal if fit is not None else "predicted signal",
+        unit=fit.unit if fit is not None else "",
+        time=curves.time,
+        measured=curves.measured,
+        shipped=curves.shipped,
+        recalibrated=curves.recalibrated,
+        repaired=repaired,
+        heldout=np.asarray(curves.heldout, dtype=bool),
+        located=_located(mismatch, curves),
+        judged=np.asarray(curves.inside, dtype=bool),
+        drivers=curves.drivers,
     )
     order = np.argsort(curves.time, kind="stable")
     return drawn.at(order[np.isfinite(curves.time[order])])

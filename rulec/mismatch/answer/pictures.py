@@ -88,7 +88,7 @@ def _over_time(drawn: Drawn, name: str, title: str, caption: str) -> Figure:
     key = ["thin: measured"]
     key += ["shaded: where the mismatch was located"] if drawn.located.any() else []
     key += ["grey at the foot: held out"] if drawn.heldout.any() else []
-    return Figure(name, title, "; ".join(key), body, caption)
+    return Figure(name=name, title=title, key="; ".join(key), body=body, caption=caption)
 
 
 def _shades(drawn: Drawn, panel: Panel) -> list[str]:
@@ -122,11 +122,11 @@ def _over_driver(drawn: Drawn, index: int, title: str, readings: Array) -> Figur
     if drawn.is_repaired:
         key = f"above before the repair, below after it; {key}"
     return Figure(
-        f"driver{index}",
-        f"Error over {title}",
-        key,
-        "".join(parts),
-        say_driver(drawn, title, readings),
+        name=f"driver{index}",
+        title=f"Error over {title}",
+        key=key,
+        body="".join(parts),
+        caption=say_driver(drawn, title, readings),
         narrow=True,
     )
 
@@ -149,7 +149,12 @@ def _agreement(drawn: Drawn) -> Figure:
         key = f"blue: repaired; {key}"
     body = plot(svg, True, f"measured {drawn.signal}{drawn.in_unit}")
     return Figure(
-        "agreement", "Predicted against measured", key, body, say_agreement(drawn), narrow=True
+        name="agreement",
+        title="Predicted against measured",
+        key=key,
+        body=body,
+        caption=say_agreement(drawn),
+        narrow=True,
     )
 
 
@@ -172,7 +177,11 @@ def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], ind
     name = f"{finding.module}.{finding.name}"
     body = plot(panel.drawn(name, f"{name}, degree [1]", lines, [], True), True)
     return Figure(
-        f"periods{index}", titled(finding), "band: 95 % bounds", body, say_periods(periods)
+        name=f"periods{index}",
+        title=titled(finding),
+        key="band: 95 % bounds",
+        body=body,
+        caption=say_periods(periods),
     )
 
 
@@ -183,7 +192,13 @@ def _course(hidden: HiddenDriver) -> Figure:
     name = f"{hidden.module}.{hidden.place}"
     unit = "" if hidden.unit == "1" else f" [{hidden.unit}]"
     body = plot(panel.drawn(f"course at {name}", f"shift of {name}{unit}", [line], [], True), True)
-    return Figure("hidden", "Course of what is not recorded", "", body, say_hidden(hidden))
+    return Figure(
+        name="hidden",
+        title="Course of what is not recorded",
+        key="",
+        body=body,
+        caption=say_hidden(hidden),
+    )
 
 
 def _cloud(panel: Panel, x: Array, y: Array) -> tuple[Array, Array]:

@@ -104,9 +104,25 @@ def fit_of(
     told = []
     for part, own in zip(inside, explained, strict=True):
         first, second, third = (rms(e[part]) for e in shown)
-        told.append(Errors(first, second, third, noise / signal.factor, int(part.sum()), own))
+        told.append(
+            Errors(
+                shipped=first,
+                recalibrated=second,
+                repaired=third,
+                noise=noise / signal.factor,
+                points=int(part.sum()),
+                explained=own,
+            )
+        )
     gain = gain_interval(shown[1][inside[1]], shown[2][inside[1]])
-    return Fit(signal.id, signal.unit, told[0], told[1], gain, closed_share(told[1]))
+    return Fit(
+        signal=signal.id,
+        unit=signal.unit,
+        estimation=told[0],
+        heldout=told[1],
+        gain_interval=gain,
+        closed=closed_share(told[1]),
+    )
 
 
 def refusal(
@@ -195,5 +211,14 @@ def _files(recording: Recording) -> list[RecordingFile]:
         rows = recording.segment == segment
         values = {name: v[rows] for name, v in recording.values.items()}
         path = Path(f"file {int(segment) + 1}")
-        found.append(RecordingFile(path, Header(), recording.time[rows], values, None, False))
+        found.append(
+            RecordingFile(
+                path=path,
+                header=Header(),
+                time=recording.time[rows],
+                values=values,
+                zones=None,
+                comma=False,
+            )
+        )
     return found

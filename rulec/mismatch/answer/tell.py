@@ -169,10 +169,10 @@ def location_of(best: Contestant, finding: Finding) -> Location:
     region = region_of(system, term, drivers) or region_of(system, term, variables)
     periods = tuple((p.since, p.until) for p in finding.periods)
     return Location(
-        finding.module,
-        finding.place,
-        system.ruleset.modules.get(finding.module, finding.module),
-        finding.closed,
-        () if periods else region,
-        periods or (periods_of(system.data.time, term) if system.data.timed else ()),
+        module=finding.module,
+        place=finding.place,
+        title=system.ruleset.modules.get(finding.module, finding.module),
+        share=finding.closed,
+        region=() if periods else region,
+        periods=periods or (periods_of(system.data.time, term) if system.data.timed else ()),
     )

@@ -94,13 +94,13 @@ def location_of(bench: Bench, best: Fitted, finding: Finding) -> Location:
     variables = variables_of(bench, best, finding.module)
     region = region_in(term, driving(candidate, variables)) or region_in(term, variables)
     return Location(
-        finding.module,
-        finding.place,
-        bench.ruleset.modules.get(finding.module, finding.module),
-        finding.closed,
-        () if finding.periods else region,
-        tuple((p.since, p.until) for p in finding.periods) or _when(bench, term),
-        _elsewhere(bench, finding) if finding.probability < CERTAIN else (),
+        module=finding.module,
+        place=finding.place,
+        title=bench.ruleset.modules.get(finding.module, finding.module),
+        share=finding.closed,
+        region=() if finding.periods else region,
+        periods=tuple((p.since, p.until) for p in finding.periods) or _when(bench, term),
+        also=_elsewhere(bench, finding) if finding.probability < CERTAIN else (),
     )
 
 
@@ -124,11 +124,11 @@ def place_of(bench: Bench, fitted: Fitted, suspect: Suspect, also: tuple[Suspect
     contribution = np.where(bench.record.open, suspect.course**2, np.nan)
     variables = variables_of(bench, fitted, spot.module)
     return Location(
-        spot.module,
-        spot.place,
-        spot.title,
-        suspect.share,
-        region_in(contribution, variables),
-        _when(bench, contribution),
-        tuple(f"{s.spot.module}.{s.spot.place}" for s in also),
+        module=spot.module,
+        place=spot.place,
+        title=spot.title,
+        share=suspect.share,
+        region=region_in(contribution, variables),
+        periods=_when(bench, contribution),
+        also=tuple(f"{s.spot.module}.{s.spot.place}" for s in also),
     )

@@ -199,7 +199,9 @@ def _noise(ruleset: Ruleset, system: System, name: str) -> float:
     """Standard uncertainty of measured less simulated by the noise of all readings, SI."""
     data = system.data
     table = dict(data.values)
-    file = RecordingFile(_NOWHERE, Header(), data.time, table, None, False)
+    file = RecordingFile(
+        path=_NOWHERE, header=Header(), time=data.time, values=table, zones=None, comma=False
+    )
     plain = predict(ruleset, [file])
     variance = data.noise[name] ** 2
     for given in plain.given:

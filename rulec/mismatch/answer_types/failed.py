@@ -85,4 +85,11 @@ def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
 def failed_at(finding: Finding) -> Location:
     """Where a sensor fails."""
     periods = tuple((p.since, p.until) for p in finding.periods)
-    return Location(finding.module, finding.place, "", float("nan"), (), periods)
+    return Location(
+        module=finding.module,
+        place=finding.place,
+        title="",
+        share=float("nan"),
+        region=(),
+        periods=periods,
+    )

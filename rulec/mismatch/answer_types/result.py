@@ -31,7 +31,7 @@ class Region:
     share: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Location:
     """A place that is wrong: `share` of the whole mismatch, where and when (periods in s).
 
@@ -118,7 +118,7 @@ class Finding:
     members: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Errors:
     """Root mean square errors of the predicted signal, as shown.
 
@@ -135,7 +135,7 @@ class Errors:
     explained: float = float("nan")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """How well the predicted signal is met; `gain_interval` is the 95 % block-bootstrap interval
     of the fall of the held-out error by the repair, as a share of the recalibrated error.
@@ -173,7 +173,7 @@ class Confounded:
     correlation: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HiddenDriver:
     """Course of something that drives a mismatch and is not recorded.
 
@@ -247,7 +247,7 @@ class Series:
     courses: tuple[Course, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mismatch:
     """The whole answer.
 

@@ -96,13 +96,13 @@ def prove(predictor: Predictor, models: Models) -> Proof:
     parts = (judged & data.open, judged & (data.part == HELDOUT))
     estimation, heldout = (_errors(errors, noise / factor, part) for part in parts)
     found = Fit(
-        predictor.signal.id,
-        predictor.signal.unit,
-        estimation,
-        heldout,
-        gain_interval(errors[1][parts[1]], errors[2][parts[1]]),
-        closed_share(heldout),
-        predictor.residual.id,
+        signal=predictor.signal.id,
+        unit=predictor.signal.unit,
+        estimation=estimation,
+        heldout=heldout,
+        gain_interval=gain_interval(errors[1][parts[1]], errors[2][parts[1]]),
+        closed=closed_share(heldout),
+        relation=predictor.residual.id,
     )
     return Proof(found, predictions[0], predictions[1], predictions[2], judged, int(faulty.sum()))
 
@@ -135,7 +135,13 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
 
 def _errors(errors: list[Array], noise: Array, part: np.ndarray) -> Errors:
     shipped, recalibrated, repaired = (rms(e[part]) for e in errors)
-    return Errors(shipped, recalibrated, repaired, rms(noise[part]), int(part.sum()))
+    return Errors(
+        shipped=shipped,
+        recalibrated=recalibrated,
+        repaired=repaired,
+        noise=rms(noise[part]),
+        points=int(part.sum()),
+    )
 
 
 def rms(values: Array) -> float:

@@ -65,16 +65,22 @@ def _proof(bench: Bench, name: str, errors: list[Array]) -> Proof:
     noise = noise_floor(measured[known]) / signal.factor
     parts = (known & record.open, known & ~record.open)
     estimation, heldout = (
-        Errors(rms(shown[0][p]), rms(shown[1][p]), rms(shown[2][p]), noise, int(p.sum()))
+        Errors(
+            shipped=rms(shown[0][p]),
+            recalibrated=rms(shown[1][p]),
+            repaired=rms(shown[2][p]),
+            noise=noise,
+            points=int(p.sum()),
+        )
         for p in parts
     )
     fit = Fit(
-        name,
-        signal.unit,
-        estimation,
-        heldout,
-        gain_interval(shown[1][parts[1]], shown[2][parts[1]]),
-        closed_share(heldout),
+        signal=name,
+        unit=signal.unit,
+        estimation=estimation,
+        heldout=heldout,
+        gain_interval=gain_interval(shown[1][parts[1]], shown[2][parts[1]]),
+        closed=closed_share(heldout),
     )
     shipped, recalibrated, repaired = (e + measured for e in errors)
     return Proof(fit, shipped, recalibrated, repaired)

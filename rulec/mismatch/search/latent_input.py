@@ -79,7 +79,7 @@ def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
         since = float(until)
     values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
     course = Course(spot.unknown, segment, tuple(periods), at - segment)
-    return Trial(_candidate(spot), values, {}, 0.0, course)
+    return Trial(candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course)
 
 
 def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
@@ -91,28 +91,45 @@ def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
     if course is None or not here or here[0].id in fitted.setting.spots:
         return None
     same = replace(course, unknown=here[0].unknown)
-    return Trial(_candidate(here[0]), dict.fromkeys(same.names(), 0.0), {}, trial.gain, same)
+    return Trial(
+        candidate=_candidate(here[0]),
+        values=dict.fromkeys(same.names(), 0.0),
+        fixed={},
+        gain=trial.gain,
+        course=same,
+    )
 
 
 def _candidate(spot: Spot) -> Candidate:
     unknown = Unknown(
-        spot.unknown, "e", "error", spot.unit, spot.factor, 0.0, 0.0, -np.inf, np.inf,
-        (), (), None, False,
-    )  # fmt: skip
+        id=spot.unknown,
+        name="e",
+        title="error",
+        unit=spot.unit,
+        factor=spot.factor,
+        offset=0.0,
+        null=0.0,
+        lowest=-np.inf,
+        highest=np.inf,
+        starts=(),
+        quantiles=(),
+        driver=None,
+        fixed=False,
+    )
     return Candidate(
-        spot.id,
-        HIDDEN,
-        HIDDEN,
-        "Something that is not recorded",
-        spot.module,
-        spot.place,
-        spot.observers,
-        (unknown,),
-        {},
-        "",
-        f"{spot.module}.{spot.place} follows something that is not recorded",
-        "",
-        "",
+        id=spot.id,
+        sort=HIDDEN,
+        name=HIDDEN,
+        title="Something that is not recorded",
+        module=spot.module,
+        place=spot.place,
+        observers=spot.observers,
+        unknowns=(unknown,),
+        drivers={},
+        equation="",
+        text=f"{spot.module}.{spot.place} follows something that is not recorded",
+        action="",
+        source="",
     )
 
 

@@ -219,7 +219,7 @@ def _trial(
     term = column * (course.degrees(values) - null)[fitted.rows.point]
     wide = np.array([np.inf])
     gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks)
-    return Trial(candidate, values, {}, gain, course)
+    return Trial(candidate=candidate, values=values, fixed={}, gain=gain, course=course)
 
 
 def _joined(

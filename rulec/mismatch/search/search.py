@@ -168,7 +168,13 @@ def _eased(now: Contestant) -> Contestant:
         if candidate.sort not in ("physics", "ageing") or setting.released & {*candidate.modules}:
             continue
         there = with_open_references(
-            system, Trial(candidate, _own(setting.values, candidate), setting.fixed, 0.0)
+            system,
+            Trial(
+                candidate=candidate,
+                values=_own(setting.values, candidate),
+                fixed=setting.fixed,
+                gain=0.0,
+            ),
         )
         if there is not None:
             bare = setting.leaving(candidate.id)

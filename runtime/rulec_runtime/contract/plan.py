@@ -221,14 +221,21 @@ class Plan:
             if is_array[i] and i not in targets:
                 rows[i] = held[i] = free.pop() if free else count
                 count = max(count, rows[i] + 1)
-        return _Schedule(tuple(steps[False]), tuple(steps[True]), varying, rows, count, targets)
+        return _Schedule(
+            scalars=tuple(steps[False]),
+            steps=tuple(steps[True]),
+            varying=varying,
+            rows=rows,
+            count=count,
+            targets=targets,
+        )
 
 
 _Step = tuple[Callable[..., Any], int, int, int]
 """``(ufunc, a, b, value)``; `b` is -1 for unary ones."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Schedule:
     """How to run a plan once it is known which inputs are arrays.
 

@@ -29,7 +29,7 @@ SELDOM = {"seldom": True}
 """Mark of a field that stands in a file only where it has another value than its default."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SignalSpec:
     """A measured value: SI = reading * factor + offset.
 
@@ -84,7 +84,7 @@ class Guard:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ObserverSpec:
     """An estimate of the flow through a module; `signals` are all readings it depends on."""
 
@@ -126,7 +126,7 @@ class ResidualSpec:
     u: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FaultSpec:
     """A hypothesis.
 
@@ -251,7 +251,7 @@ class StateSpec:
     offset: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Dynamics:
     """Balances of a plant that stores.
 
@@ -271,7 +271,7 @@ class Dynamics:
     plan: Plan
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Ruleset:
     """Everything the runtime needs to judge recordings of one plant."""
 

@@ -16,7 +16,7 @@ from rulec_runtime.recordings.stationary import SHORTEST, settle
 from rulec_runtime.recordings.wall_clock import Calendar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """What the recording says about the plant."""
 
@@ -62,7 +62,17 @@ def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
         period = Period(
             float(recording.time[0]), float(recording.time[-1]), _restless(len(recording))
         )
-        return Diagnosis(ruleset, mode, len(recording), 0, "C", (), (), (period,), tuple(notes))
+        return Diagnosis(
+            ruleset=ruleset,
+            mode=mode,
+            samples=len(recording),
+            judged=0,
+            status="C",
+            findings=(),
+            unknown=(),
+            not_judged=(period,),
+            notes=tuple(notes),
+        )
     findings: list[Finding] = []
     unknown: list[Period] = []
     not_judged: list[Period] = []
@@ -75,15 +85,15 @@ def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
         judged |= seen.isolation.judged
     samples = int(stretches.lengths[judged].sum())
     return Diagnosis(
-        ruleset,
-        mode,
-        len(recording),
-        samples,
-        _status(findings, unknown, samples),
-        tuple(sorted(findings, key=lambda f: f.since)),
-        tuple(sorted(unknown, key=lambda p: p.since)),
-        tuple(sorted(not_judged, key=lambda p: p.since)),
-        tuple(notes),
+        ruleset=ruleset,
+        mode=mode,
+        samples=len(recording),
+        judged=samples,
+        status=_status(findings, unknown, samples),
+        findings=tuple(sorted(findings, key=lambda f: f.since)),
+        unknown=tuple(sorted(unknown, key=lambda p: p.since)),
+        not_judged=tuple(sorted(not_judged, key=lambda p: p.since)),
+        notes=tuple(notes),
     )
 
 
@@ -98,15 +108,15 @@ def _of_stores(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
         notes.append(f"mode {mode} knows no balances of what is stored: judged as by default")
     samples = int(said.covered.sum())
     return Diagnosis(
-        ruleset,
-        mode,
-        len(recording),
-        samples,
-        _status(list(said.findings), list(said.unknown), samples),
-        tuple(sorted(said.findings, key=lambda f: f.since)),
-        said.unknown,
-        said.not_judged,
-        (*notes, *said.notes),
+        ruleset=ruleset,
+        mode=mode,
+        samples=len(recording),
+        judged=samples,
+        status=_status(list(said.findings), list(said.unknown), samples),
+        findings=tuple(sorted(said.findings, key=lambda f: f.since)),
+        unknown=said.unknown,
+        not_judged=said.not_judged,
+        notes=(*notes, *said.notes),
     )
 
 

@@ -22,7 +22,7 @@ __all__ = ["Recording", "RecordingRefused", "read_recording"]
 SHOWN = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """Readings of one plant.
 
@@ -102,19 +102,19 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
     notes += _strangers(strangers, missing, ruleset)
     return Recording(
-        np.concatenate([part.time for part in parts]),
-        {
+        time=np.concatenate([part.time for part in parts]),
+        values={
             name: np.concatenate(
                 [part.values.get(name, np.full(len(part.time), np.nan)) for part in parts]
             )
             for name in signals
         },
-        np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
-        missing,
-        tuple(dict.fromkeys(notes)),
-        tuple(lost),
-        one_clock,
-        tuple(clock for part in parts for clock in part.clock),
+        segment=np.concatenate([np.full(len(part.time), i) for i, part in enumerate(parts)]),
+        missing=missing,
+        notes=tuple(dict.fromkeys(notes)),
+        left_out=tuple(lost),
+        one_clock=one_clock,
+        clock=tuple(clock for part in parts for clock in part.clock),
         scales=scales,
         calendar=calendar,
     )

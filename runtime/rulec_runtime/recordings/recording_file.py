@@ -23,7 +23,7 @@ BEYOND = 1e6
 no sensor spans six decades above what its plant runs at, and sums of squares stay exact below."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecordingFile:
     """Readings as they stand in a file.
 
@@ -83,7 +83,15 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
         most = _largest(ruleset.signal_by_id[target.signal])
         values[target.signal] = _readings(path, column, target, most, notes)
     comma = any("," in column.decimals for column in table.columns)
-    return RecordingFile(path, header, time, values, zones, comma, table.left_out)
+    return RecordingFile(
+        path=path,
+        header=header,
+        time=time,
+        values=values,
+        zones=zones,
+        comma=comma,
+        left_out=table.left_out,
+    )
 
 
 def _largest(signal: SignalSpec) -> float:

@@ -30,7 +30,14 @@ def draw_cases(cases: Cases) -> Figure:
     svg = panel.drawn("diagnosed against true degree", "diagnosed degree [1]", drawn, marks, True)
     body = plot(svg, True, "true degree [1]")
     key = "● rightly named, with 95 % bounds; × another fault, none or a false alarm; dashed: truth"
-    return Figure("cases", "Diagnosed against true degree", key, body, say_cases(cases), True)
+    return Figure(
+        name="cases",
+        title="Diagnosed against true degree",
+        key=key,
+        body=body,
+        caption=say_cases(cases),
+        narrow=True,
+    )
 
 
 def draw_shares(cases: Cases) -> Figure:
@@ -50,7 +57,14 @@ def draw_shares(cases: Cases) -> Figure:
         f'<tr class="total"><th scope="row">total</th>{foot}</tr></tbody></table></div>'
     )
     key = "share of cases; bins centred as written, outer ones open; a fault not named counts as 0"
-    return Figure("shares", "Discrepancy", key, body, say_shares(cases, table), True)
+    return Figure(
+        name="shares",
+        title="Discrepancy",
+        key=key,
+        body=body,
+        caption=say_shares(cases, table),
+        narrow=True,
+    )
 
 
 def _signed(value: float) -> str:

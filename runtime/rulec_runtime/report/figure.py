@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from rulec_runtime.report.text import safe
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Figure:
     """A picture as HTML, its title, how to read it, and the sentence below it."""
 

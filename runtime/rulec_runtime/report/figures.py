@@ -65,7 +65,9 @@ def draw_estimates(whole: Curves) -> Figure:
     key += [_part(curves)] if len(curves.time) < len(whole.time) else []
     key += _grey(curves.time, curves.judged)
     title = f"Flow estimates of {module}"
-    return Figure("estimates", title, "; ".join(key), body, say_estimates(curves))
+    return Figure(
+        name="estimates", title=title, key="; ".join(key), body=body, caption=say_estimates(curves)
+    )
 
 
 def draw_residuals(curves: Curves) -> Figure:
@@ -81,7 +83,14 @@ def draw_residuals(curves: Curves) -> Figure:
     key += ["only judged samples are drawn"] if _is_long(curves) else []
     key += _grey(curves.time, curves.judged)
     body, caption = "".join(parts), say_residuals(curves)
-    return Figure("residuals", "Residuals", "; ".join(key), body, caption, tall=True)
+    return Figure(
+        name="residuals",
+        title="Residuals",
+        key="; ".join(key),
+        body=body,
+        caption=caption,
+        tall=True,
+    )
 
 
 def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
@@ -129,7 +138,9 @@ def draw_degrees(diagnosis: Diagnosis, trace: Trace, truth: Truth | None) -> Fig
     key += _grey(trace.time, _with_degree(trace)) if names else []
     caption = say_degrees(diagnosis, missed)
     title = "Degree of the diagnosed faults"
-    return Figure("degrees", title, "; ".join(key), "".join(parts), caption)
+    return Figure(
+        name="degrees", title=title, key="; ".join(key), body="".join(parts), caption=caption
+    )
 
 
 def _degree_panel(

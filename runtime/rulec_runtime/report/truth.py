@@ -37,7 +37,7 @@ class Truth:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cases:
     """Judged samples whose truth is known, n of them.
 
@@ -188,7 +188,15 @@ def cases_of(truth: Truth, trace: Trace, ruleset: Ruleset) -> Cases:
     degree, lower, upper = (
         np.where(counts, t[said, index], 0.0) for t in (trace.degree, trace.lower, trace.upper)
     )
-    return Cases(truth.faults, fault, true, degree, lower, upper, named)
+    return Cases(
+        names=truth.faults,
+        fault=fault,
+        true=true,
+        degree=degree,
+        lower=lower,
+        upper=upper,
+        named=named,
+    )
 
 
 def shares(cases: Cases) -> Array:

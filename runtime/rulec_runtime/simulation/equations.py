@@ -90,17 +90,19 @@ class Equations:
         signals = [self.ruleset.signal_by_id[name] for name in step.readings]
         scales = np.array([abs(s.reference - s.offset) or s.full_scale or 1.0 for s in signals])
         return StepEquations(
-            step.readings,
-            tuple(step.flows),
-            observers,
-            plan,
-            known,
-            tuple(n for n in plan.inputs if n not in step.readings and not n.startswith(DEGREE)),
-            zeros,
-            _rows(tuple(step.flows.values()), order),
-            scales,
-            np.array([s.reference for s in signals]) / scales,
-            np.array([self.flow_scales[name] for name in step.flows]),
+            readings=step.readings,
+            flows=tuple(step.flows),
+            observers=observers,
+            plan=plan,
+            known_flows=known,
+            known_readings=tuple(
+                n for n in plan.inputs if n not in step.readings and not n.startswith(DEGREE)
+            ),
+            zeros=zeros,
+            sums=_rows(tuple(step.flows.values()), order),
+            scales=scales,
+            start=np.array([s.reference for s in signals]) / scales,
+            flow_scales=np.array([self.flow_scales[name] for name in step.flows]),
         )
 
     def _module(self, name: str) -> str:
@@ -108,7 +110,7 @@ class Equations:
         return observer.module if observer is not None else name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StepEquations:
     """Equations that are solved together.
 

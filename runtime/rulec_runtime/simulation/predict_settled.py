@@ -53,7 +53,13 @@ def predict_settled(
         *_more_than_one(equations, given, degrees, simulated),
     ]
     gains = _gains(equations, given, degrees, simulated)
-    return Exact(equations.given, values, simulated.solved, tuple(notes), gains)
+    return Exact(
+        given=equations.given,
+        values=values,
+        whole=simulated.solved,
+        notes=tuple(notes),
+        gains=gains,
+    )
 
 
 def times_of(files: Sequence[RecordingFile]) -> Array:

@@ -88,12 +88,12 @@ def _together(first: Exact, second: Exact) -> Exact:
     values = {**first.values, **second.values}
     given = dict.fromkeys((*first.given, *second.given))
     return Exact(
-        tuple(name for name in given if name not in values),
-        values,
-        np.asarray(np.isfinite(list(values.values())).all(axis=0)),
-        (*first.notes, *second.notes),
-        {**first.gains, **second.gains},
-        (*first.limited, *second.limited),
+        given=tuple(name for name in given if name not in values),
+        values=values,
+        whole=np.asarray(np.isfinite(list(values.values())).all(axis=0)),
+        notes=(*first.notes, *second.notes),
+        gains={**first.gains, **second.gains},
+        limited=(*first.limited, *second.limited),
     )
 
 
@@ -132,7 +132,7 @@ def _stored(
     values = {name: shown[:, i] for i, name in enumerate(names)}
     told += _beyond_sensors(ruleset, values)
     whole = np.asarray(np.isfinite(shown).all(axis=1))
-    return Exact(tuple(given), values, whole, tuple(told), limited=names)
+    return Exact(given=tuple(given), values=values, whole=whole, notes=tuple(told), limited=names)
 
 
 def _integrated(

@@ -24,7 +24,7 @@ class Injected:
     until: float = np.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Exact:
     """What perfect sensors would show in n rows.
 

@@ -114,13 +114,13 @@ def _begun(equations: Equations, given: Given, degrees: Given, offsets: Given) -
     asked = [*given.values(), *degrees.values(), *offsets.values()]
     (n,) = np.broadcast_shapes((1,), *(np.shape(v) for v in asked))
     return _Course(
-        equations,
-        {s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals},
-        {name: _spread(degree, n) for name, degree in degrees.items()},
-        {name: _spread(offset, n) for name, offset in offsets.items()},
-        np.full(n, -1),
-        np.ones(n),
-        np.full((n, 2), -1.0),
+        equations=equations,
+        known={s.id: _spread(given.get(s.id, s.reference), n) for s in equations.given_signals},
+        degrees={name: _spread(degree, n) for name, degree in degrees.items()},
+        offsets={name: _spread(offset, n) for name, offset in offsets.items()},
+        failed=np.full(n, -1),
+        reached=np.ones(n),
+        worst=np.full((n, 2), -1.0),
     )
 
 
@@ -128,7 +128,7 @@ def _spread(value: Array | float, n: int) -> Array:
     return np.broadcast_to(np.asarray(value, dtype=float), (n,))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Course:
     """Steps taken so far: what is known (readings, SI, and flows), and where which step ended.
 

@@ -156,7 +156,13 @@ def recorded(
         errors = SensorErrors(bounded=True)
         values = sense(ruleset, values, errors, np.random.default_rng(seed))
     n = len(next(iter(values.values())))
-    return Recording(np.arange(n, dtype=float), values, np.zeros(n, dtype=int), (), ())
+    return Recording(
+        time=np.arange(n, dtype=float),
+        values=values,
+        segment=np.zeros(n, dtype=int),
+        missing=(),
+        notes=(),
+    )
 
 
 def rows_at(

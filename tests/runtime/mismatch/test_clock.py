@@ -34,7 +34,13 @@ def table(recording: Recording) -> Recording:
     rows = np.arange(HOLD // 2, len(recording), HOLD)
     values = {name: v[rows] for name, v in recording.values.items()}
     n = len(rows)
-    return Recording(np.arange(n, dtype=float), values, np.zeros(n, dtype=int), (), ())
+    return Recording(
+        time=np.arange(n, dtype=float),
+        values=values,
+        segment=np.zeros(n, dtype=int),
+        missing=(),
+        notes=(),
+    )
 
 
 def system_of(recording: Recording) -> System:

@@ -20,7 +20,13 @@ def coming(fitted: Fitted, there: np.ndarray) -> Trial:
     segment = np.where(there, 0, -1)
     spans = (Span(0.0, 1.0, 0), Span(2.0, 3.0, 0))
     course = Course(candidate.unknowns[0].id, segment, spans)
-    return Trial(candidate, dict.fromkeys(course.names(), 0.1), {}, 1.0, course)
+    return Trial(
+        candidate=candidate,
+        values=dict.fromkeys(course.names(), 0.1),
+        fixed={},
+        gain=1.0,
+        course=course,
+    )
 
 
 def test_points_that_say_nothing_of_a_fault_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,5 +138,10 @@ def test_too_few_points_predict_nothing() -> None:
     rules, _ = alone()
     recording = recorded(alone(), tour(rules, 60))
     broken = {**recording.values, "A.dp": np.full(60, 1.0)}
-    found = rows_at(alone(), Recording(recording.time, broken, recording.segment, (), ())).system
+    found = rows_at(
+        alone(),
+        Recording(
+            time=recording.time, values=broken, segment=recording.segment, missing=(), notes=()
+        ),
+    ).system
     assert [] == predictors_for(found, ("A.plant",), frozenset())

@@ -99,7 +99,13 @@ def test_a_table_of_points_has_a_point_per_row(run: Recording) -> None:
     rows = np.arange(HOLD // 2, SAMPLES, HOLD)
     values = {name: v[rows] for name, v in run.values.items()}
     n = len(rows)
-    table = Recording(np.arange(n, dtype=float), values, np.zeros(n, dtype=int), (), ())
+    table = Recording(
+        time=np.arange(n, dtype=float),
+        values=values,
+        segment=np.zeros(n, dtype=int),
+        missing=(),
+        notes=(),
+    )
     data = prepared(table)
     assert data.of_rows
     assert n == len(data)
@@ -122,7 +128,11 @@ def test_gaps_and_lost_readings_are_left_out(run: Recording) -> None:
 def test_nothing_settled_cannot_be_judged(run: Recording) -> None:
     """Two samples are no stretch; the answer says what to record."""
     short = Recording(
-        run.time[:2], {n: v[:2] for n, v in run.values.items()}, run.segment[:2], (), ()
+        time=run.time[:2],
+        values={n: v[:2] for n, v in run.values.items()},
+        segment=run.segment[:2],
+        missing=(),
+        notes=(),
     )
     assert prepare(short, alone()[0]) is None
     found = compared(alone(), short)

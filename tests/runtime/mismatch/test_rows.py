@@ -38,7 +38,13 @@ def quiet(plant: str) -> Recording:
     found = simulate(rules, given, {})
     assert found.solved.all()
     n = np.arange(SAMPLES, dtype=float)
-    return Recording(n, {**given, **found.values}, np.zeros(SAMPLES, dtype=int), (), ())
+    return Recording(
+        time=n,
+        values={**given, **found.values},
+        segment=np.zeros(SAMPLES, dtype=int),
+        missing=(),
+        notes=(),
+    )
 
 
 @pytest.mark.parametrize("plant", ["abc", "mixing-rig"])
@@ -98,7 +104,9 @@ def test_a_pump_that_stands_leaves_the_rest_comparable() -> None:
     values = dict(solved(rules, builder, given))
     values["B.n"] = np.where(stands, 0.0, values["B.n"])
     values["B.P_el"] = np.where(stands, 0.0, values["B.P_el"])
-    recording = Recording(np.arange(240.0), values, np.zeros(240, dtype=int), (), ())
+    recording = Recording(
+        time=np.arange(240.0), values=values, segment=np.zeros(240, dtype=int), missing=(), notes=()
+    )
     rows = rows_at(opened("abc"), recording)
     system = rows.system
     sets = {frozenset(system.observers[i].id for i in c.observers) for c in rows.cells}

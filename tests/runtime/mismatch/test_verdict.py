@@ -28,7 +28,16 @@ FAULT = replace(SURE, sort="fault", title="Flow lost")
 SENSOR = replace(SURE, sort="sensor", title="Reading shifted")
 AGEING = replace(SURE, sort="ageing", title="Wear")
 FREE = replace(SURE, sort="free")
-LACKING = (Missing("e", "An effect", "A", "Q_gap", "temperature", "thermometer"),)
+LACKING = (
+    Missing(
+        name="e",
+        title="An effect",
+        module="A",
+        place="Q_gap",
+        quantity="temperature",
+        sensor="thermometer",
+    ),
+)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +79,9 @@ def test_verdict_and_headline(
 
 def test_what_has_no_name_is_told_at_its_own_place() -> None:
     """Not where something beside it has one, were it larger."""
-    large = Location(UNSURE.module, UNSURE.place, "", 0.8, (), ())
+    large = Location(
+        module=UNSURE.module, place=UNSURE.place, title="", share=0.8, region=(), periods=()
+    )
     small = replace(large, module="B", place="Q_imp", share=0.2)
     assert "missing at B.Q_imp that no" in headline_of("unnamed", (UNSURE,), (large, small))
     assert f"missing at A.{UNSURE.place} that no" in headline_of("unnamed", (UNSURE,), (large,))
@@ -87,8 +98,17 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
 )
 def test_a_name_that_is_not_all_says_so(verdict: str, noise: float, expected: str) -> None:
     """Where the repaired model is far beyond noise on readings that it was not fitted to."""
-    errors = Errors(2.0, 1.0, 0.4, noise, 10)
-    fits = [Fit("A.Q", "l/min", errors, errors, (0.0, 0.0), 1.0)]
+    errors = Errors(shipped=2.0, recalibrated=1.0, repaired=0.4, noise=noise, points=10)
+    fits = [
+        Fit(
+            signal="A.Q",
+            unit="l/min",
+            estimation=errors,
+            heldout=errors,
+            gain_interval=(0.0, 0.0),
+            closed=1.0,
+        )
+    ]
     assert expected == remainder_of(verdict, fits)
 
 
@@ -128,10 +148,27 @@ def test_a_repair_that_does_harm_is_not_to_be_adopted(
     repaired: float, interval: tuple[float, float], noise: float, spoiled: bool
 ) -> None:
     """On a real station two of eight pumps were predicted worse, and the rest better."""
-    well, errors = Errors(2.0, 1.0, 0.5, noise, 10), Errors(2.0, 1.0, repaired, noise, 10)
+    well, errors = (
+        Errors(shipped=2.0, recalibrated=1.0, repaired=0.5, noise=noise, points=10),
+        Errors(shipped=2.0, recalibrated=1.0, repaired=repaired, noise=noise, points=10),
+    )
     fits = [
-        Fit("A.dp", "bar", well, well, (0.4, 0.6), 1.0),
-        Fit("A.Q", "l/min", errors, errors, interval, 1.0),
+        Fit(
+            signal="A.dp",
+            unit="bar",
+            estimation=well,
+            heldout=well,
+            gain_interval=(0.4, 0.6),
+            closed=1.0,
+        ),
+        Fit(
+            signal="A.Q",
+            unit="l/min",
+            estimation=errors,
+            heldout=errors,
+            gain_interval=interval,
+            closed=1.0,
+        ),
     ]
     refused = refusal("named", fits, ["A.x@Q"], "")
     assert spoiled == refused.startswith("simulated with it, A.Q is off by 1.2 l/min")
@@ -141,11 +178,25 @@ def test_a_repair_that_does_harm_is_not_to_be_adopted(
 
 def test_what_is_worse_than_recalibration_is_not_written() -> None:
     """However little, where it is the reading that the proof is about; fitted data do not count."""
-    fitted, held = Errors(2.0, 1.0, 0.1, 0.1, 10), Errors(2.0, 1.0, 1.001, 0.1, 10)
-    fit = Fit("A.Q", "l/min", fitted, held, (-0.1, 0.1), 1.0)
+    fitted, held = (
+        Errors(shipped=2.0, recalibrated=1.0, repaired=0.1, noise=0.1, points=10),
+        Errors(shipped=2.0, recalibrated=1.0, repaired=1.001, noise=0.1, points=10),
+    )
+    fit = Fit(
+        signal="A.Q",
+        unit="l/min",
+        estimation=fitted,
+        heldout=held,
+        gain_interval=(-0.1, 0.1),
+        closed=1.0,
+    )
     assert "off by 1 l/min on held-out samples" in refusal("named", [fit], ["A.x@Q"], "")
     assert "" == refusal("named", [fit], [], "")
-    perhaps = replace(fit, heldout=Errors(2.0, 1.0, 0.9, 0.1, 10), gain_interval=(-0.004, 0.2))
+    perhaps = replace(
+        fit,
+        heldout=Errors(shipped=2.0, recalibrated=1.0, repaired=0.9, noise=0.1, points=10),
+        gain_interval=(-0.004, 0.2),
+    )
     chance = refusal("named", [perhaps], ["A.x@Q"], "")
     assert "0.4 to 20 % (95 %) beside recalibrated values alone" in chance
     better = replace(perhaps, gain_interval=(0.02, 0.2))

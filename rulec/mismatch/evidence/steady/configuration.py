@@ -67,7 +67,7 @@ class Course:
         return share
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Setting:
     """What is joined and the values of what is free; numbers in SI.
 

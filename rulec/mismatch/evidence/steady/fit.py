@@ -53,7 +53,7 @@ CONVERGED = 1e-4
 """Gain in log likelihood per step below which a fit has ended, as share of the points."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Prior:
     """Normal prior of the free values: means and precision, shape (values,), (values, values).
 
@@ -119,7 +119,14 @@ def prior_of(
         if anchors and name in anchors:
             mean[i], spread_ = anchors[name]
             precision[i, i] = spread_**-2 if spread_ > 0 else 0.0
-    return Prior((*names, *errors, *unknowns), mean, precision, lowest, highest, scale)
+    return Prior(
+        names=(*names, *errors, *unknowns),
+        mean=mean,
+        precision=precision,
+        lowest=lowest,
+        highest=highest,
+        size=scale,
+    )
 
 
 def _adrift(setting: Setting) -> set[str]:

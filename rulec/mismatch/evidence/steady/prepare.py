@@ -51,7 +51,7 @@ STATISTICAL = 0.3
 """Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Data:
     """Settled points.
 
@@ -130,18 +130,18 @@ def prepare(
     sample = _points_of_samples(stretches, rests)
     timed = recording.one_clock and (not of_rows or follows_a_course(recording, ruleset))
     return Data(
-        points,
-        time,
-        statistical,
-        block,
-        part,
-        of_rows,
-        text,
-        digest,
-        moving,
-        stretches,
-        sample,
-        timed,
+        points=points,
+        time=time,
+        noise=statistical,
+        block=block,
+        part=part,
+        of_rows=of_rows,
+        split=text,
+        digest=digest,
+        moving=moving,
+        stretches=stretches,
+        sample=sample,
+        timed=timed,
     )
 
 

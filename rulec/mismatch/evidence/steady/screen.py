@@ -37,7 +37,7 @@ FAR = 2.5
 """Residuals beyond this many scales count less, in the second of two looks."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trial:
     """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
 
@@ -54,7 +54,7 @@ class Trial:
     held: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Look:
     """The weighted linear problem around a fit; what base values can mend is projected out.
 
@@ -145,7 +145,15 @@ def _look(fitted: Fitted, weights: Array, prior: Prior) -> Look:
     strained = float(pull @ (at - part - prior.mean))
     total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
     count = int(np.sum(weights > 0))
-    return Look(weights, residual, jacobian, inverse, pull, max(total, 1e-300), count)
+    return Look(
+        weights=weights,
+        residual=residual,
+        jacobian=jacobian,
+        inverse=inverse,
+        pull=pull,
+        total=max(total, 1e-300),
+        count=count,
+    )
 
 
 def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
@@ -198,7 +206,9 @@ def _best_of(
                 values = {
                     u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
                 }
-                best = Trial(candidate, {**values, **shape}, fixed, gain)
+                best = Trial(
+                    candidate=candidate, values={**values, **shape}, fixed=fixed, gain=gain
+                )
     return [replace(best, held=held)] if best is not None and best.gain > 0 else []
 
 

@@ -26,7 +26,7 @@ BLOCKS = 25
 """Blocks of a recording."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Record:
     """Samples in order of time.
 
@@ -102,7 +102,18 @@ def record_of(
     odd = np.any([strange[n] for n in measured], axis=0)
     timed = recording.one_clock
     return Record(
-        time, inputs, measured, steps, glitches, part, text, digest, sample, read, odd, timed
+        time=time,
+        inputs=inputs,
+        measured=measured,
+        resolution=steps,
+        glitches=glitches,
+        part=part,
+        split=text,
+        digest=digest,
+        sample=sample,
+        read=read,
+        odd=odd,
+        timed=timed,
     )
 
 

@@ -43,13 +43,13 @@ def hiding_pairs(
     if len(terms) < 2:
         return []
     look = Look(
-        np.ones(len(residual)),
-        residual,
-        slopes,
-        np.asarray(np.linalg.pinv(slopes.T @ slopes, hermitian=True), dtype=float),
-        np.zeros(slopes.shape[1]),  # strains of the priors are rows like errors
-        float(residual @ residual),
-        max(round(searcher.news(plain)), 2),
+        weights=np.ones(len(residual)),
+        residual=residual,
+        jacobian=slopes,
+        inverse=np.asarray(np.linalg.pinv(slopes.T @ slopes, hermitian=True), dtype=float),
+        pull=np.zeros(slopes.shape[1]),  # strains of the priors are rows like errors
+        total=float(residual @ residual),
+        count=max(round(searcher.news(plain)), 2),
     )
     alone: dict[str, float] = {}
     for term in terms:

@@ -58,7 +58,7 @@ CLOCK = Condition(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorFinding:
     """A reading that is none, over a period; times in s.
 

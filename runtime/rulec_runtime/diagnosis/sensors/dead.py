@@ -68,7 +68,13 @@ def dead_finding(
     shown = (float(np.nanmedian(recording.values[signal.id][part])) - signal.offset) / signal.factor
     text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} while {because}"
     time = recording.time
-    return SensorFinding(DEAD, signal.id, float(time[part.start]), float(time[part.stop - 1]), text)
+    return SensorFinding(
+        condition=DEAD,
+        signal=signal.id,
+        since=float(time[part.start]),
+        until=float(time[part.stop - 1]),
+        text=text,
+    )
 
 
 def _run_around(zero: np.ndarray, sample: int) -> tuple[int, int]:

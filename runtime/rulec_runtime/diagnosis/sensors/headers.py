@@ -52,7 +52,7 @@ NOISY, SHARE = 5.0, 0.05
 share of it. Nothing that is nearly zero becomes a reading by a factor."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Misread:
     """Columns read differently: per signal factor and offset, or the signal to take instead."""
 
@@ -206,12 +206,12 @@ def _candidates(
         a, b = plain.points.values[one.id], plain.points.values[other.id]
         text = f"{one.id} and {other.id} are swapped: each shows what the other one should"
         yield Misread(
-            SWAPPED,
-            (one.id, other.id),
-            {one.id: b, other.id: a},
-            {one.id: a, other.id: b},
-            {one.id: plain.noise[other.id], other.id: plain.noise[one.id]},
-            text,
+            condition=SWAPPED,
+            signals=(one.id, other.id),
+            values={one.id: b, other.id: a},
+            recorded={one.id: a, other.id: b},
+            noise={one.id: plain.noise[other.id], other.id: plain.noise[one.id]},
+            text=text,
         )
 
 
@@ -232,7 +232,14 @@ def _other_units(
                 f"{mixup.true} ({by})"
             )
             recorded = {name: plain.points.values[name]}
-            yield Misread(UNIT, (name,), {name: values}, recorded, {name: noise}, text)
+            yield Misread(
+                condition=UNIT,
+                signals=(name,),
+                values={name: values},
+                recorded=recorded,
+                noise={name: noise},
+                text=text,
+            )
 
 
 def _like_a_reading(plain: Bench, name: str, values: Array, noise: float) -> bool:

@@ -101,7 +101,7 @@ def stuck_finding(
     shown = (float(recording.values[signal.id][first]) - signal.offset) / signal.factor
     text = f"{signal.id} is stuck at {shown:.6g} {signal.unit}: {because}"
     since, until = float(recording.time[first]), float(recording.time[last - 1])
-    return SensorFinding(STUCK, signal.id, since, until, text)
+    return SensorFinding(condition=STUCK, signal=signal.id, since=since, until=until, text=text)
 
 
 def without(recording: Recording, found: Iterable[Found]) -> Recording:
@@ -133,7 +133,9 @@ def _clock(recording: Recording) -> list[SensorFinding]:
         text = f"the clock was set back by {duration(one.seconds)}: times were written twice"
         if one.rows:
             text = f"the clock stood still for {one.rows} rows: they have one and the same time"
-        found.append(SensorFinding(CLOCK, "", one.time, one.time, text))
+        found.append(
+            SensorFinding(condition=CLOCK, signal="", since=one.time, until=one.time, text=text)
+        )
     return found
 
 
@@ -187,6 +189,15 @@ def misread_of(
     since, until = float(recording.time[0]), float(recording.time[-1])
     every = slice(0, len(recording))
     return [
-        (SensorFinding(misread.condition, signal, since, until, misread.text), every)
+        (
+            SensorFinding(
+                condition=misread.condition,
+                signal=signal,
+                since=since,
+                until=until,
+                text=misread.text,
+            ),
+            every,
+        )
         for signal in misread.signals
     ]

@@ -58,4 +58,10 @@ def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) ->
         f"({low:.4g} to {high:.4g} {signal.unit}): that is no measurement"
     )
     time = recording.time
-    return SensorFinding(RANGE, signal.id, float(time[first]), float(time[last - 1]), text)
+    return SensorFinding(
+        condition=RANGE,
+        signal=signal.id,
+        since=float(time[first]),
+        until=float(time[last - 1]),
+        text=text,
+    )

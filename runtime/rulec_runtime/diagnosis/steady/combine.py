@@ -89,7 +89,15 @@ def combine(
     basis = residual_basis(ruleset, valid)
     later = np.repeat([0.0, 1.0], [len(learned), len(points)])
     spread = partial(stacked_covariance, observed, valid, basis, stack)
-    test = HypothesisTest(ruleset, observed, valid, basis, stack, spread, later)
+    test = HypothesisTest(
+        ruleset=ruleset,
+        observed=observed,
+        valid=valid,
+        basis=basis,
+        members=stack,
+        spread=spread,
+        present=later,
+    )
     fits = list(_onset(test, isolation, members))
     if len(learned):
         fits += _backward(replace(test, present=np.ones(len(stack))), THROUGHOUT)

@@ -15,7 +15,7 @@ Faults = tuple[FaultSpec, ...]
 """The faults of one hypothesis, at the same time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Undoing:
     """Faults undone in the observers they touch, at n points.
 

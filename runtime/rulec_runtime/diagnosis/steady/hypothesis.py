@@ -107,7 +107,7 @@ class _State:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HypothesisTest:
     """Tests hypotheses on points that share their usable observers.
 
@@ -265,7 +265,14 @@ class HypothesisTest:
                 share = self._offsets[places] / self._flows[places]
             kept -= np.where(np.isfinite(share), share, 0.0)
         measured = self._flows[places]
-        undoing = Undoing(self.ruleset, faults, touched, self._readings, measured, kept)
+        undoing = Undoing(
+            ruleset=self.ruleset,
+            faults=faults,
+            touched=touched,
+            readings=self._readings,
+            measured=measured,
+            kept=kept,
+        )
         if self.present is None:
             return undoing, places
         usable, points = len(self._flows), len(self.present)

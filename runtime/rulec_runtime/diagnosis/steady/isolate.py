@@ -41,7 +41,7 @@ SAME = 8
 rounding but their order in the ruleset says which one is named."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Isolation:
     """Result per point, n of them, and fault.
 
@@ -89,17 +89,17 @@ def quantile(chance: float) -> float:
 def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
     """Blank result."""
     return Isolation(
-        np.zeros(n, dtype=bool),
-        np.zeros(n, dtype=bool),
-        np.zeros(n),
-        np.zeros(n, dtype=int),
-        np.zeros((faults, n)),
-        np.full((faults, n), np.inf),
-        np.full((faults, n), np.inf),
-        np.full((faults, n), np.inf),
-        np.zeros((faults, n)),
-        np.full((n, 2), -1),
-        chance,
+        judged=np.zeros(n, dtype=bool),
+        deviating=np.zeros(n, dtype=bool),
+        misfit=np.zeros(n),
+        freedom=np.zeros(n, dtype=int),
+        degree=np.zeros((faults, n)),
+        u=np.full((faults, n), np.inf),
+        floor=np.full((faults, n), np.inf),
+        distance=np.full((faults, n), np.inf),
+        probability=np.zeros((faults, n)),
+        pair=np.full((n, 2), -1),
+        chance=chance,
     )
 
 
@@ -131,7 +131,9 @@ def test_of(
         result: Array = basis @ own @ basis.T
         return result
 
-    return HypothesisTest(ruleset, observed, valid, basis, members, spread)
+    return HypothesisTest(
+        ruleset=ruleset, observed=observed, valid=valid, basis=basis, members=members, spread=spread
+    )
 
 
 def _scaled(covariance: Array, factors: Array) -> Array:

@@ -52,7 +52,7 @@ class Points:
         return Points(values, u, systematic, bad, self.why, time)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Observed:
     """What the plan says about points.
 
@@ -189,18 +189,20 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         valid[i] &= _usable(ruleset, observer, points, out, n)
     scatter, noise, lasting, shared = _errors(ruleset, points, n)
     return Observed(
-        points,
-        flows,
-        valid,
-        noise,
-        scatter,
-        shared,
-        np.zeros_like(flows),
-        noise + lasting,
-        np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
-        np.array([out[name] for name in spreads]).reshape(-1, n),
-        np.array([np.broadcast_to(systematic[name], (n,)) for name in spreads]).reshape(-1, n),
-        _extrapolated(ruleset, points),
+        points=points,
+        flows=flows,
+        valid=valid,
+        noise=noise,
+        scatter=scatter,
+        shared=shared,
+        offsets=np.zeros_like(flows),
+        covariance=noise + lasting,
+        residuals=np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
+        residual_u=np.array([out[name] for name in spreads]).reshape(-1, n),
+        residual_systematic=np.array(
+            [np.broadcast_to(systematic[name], (n,)) for name in spreads]
+        ).reshape(-1, n),
+        extrapolated=_extrapolated(ruleset, points),
     )
 
 

@@ -31,7 +31,7 @@ PAPER = "paper"
 """The mode that follows the seed paper to the letter."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Seen:
     """Everything known of points, as far as one block of estimates goes.
 
@@ -71,7 +71,15 @@ def see_block(
     if mode == PAPER:
         # The paper knows no baseline.
         paper = _by_paper(ruleset, plain, isolate(ruleset, plain))
-        return Seen(block, plain, plain, _nothing(plain), paper, False, wander)
+        return Seen(
+            block=block,
+            plain=plain,
+            observed=plain,
+            baselines=_nothing(plain),
+            isolation=paper,
+            combined=False,
+            wander=wander,
+        )
     if halves is not None:
         wander = wander_of(ruleset, plain, halves)
         plain = wandering(plain, wander)
@@ -80,9 +88,25 @@ def see_block(
     isolation = isolate(ruleset, compared)
     lasting = throughout(ruleset, plain, isolation)
     if lasting is None:
-        return Seen(block, plain, compared, baselines, isolation, True, wander)
+        return Seen(
+            block=block,
+            plain=plain,
+            observed=compared,
+            baselines=baselines,
+            isolation=isolation,
+            combined=True,
+            wander=wander,
+        )
     # What was learned from these stretches is the fault.
-    return Seen(block, plain, plain, _nothing(plain), lasting, True, wander)
+    return Seen(
+        block=block,
+        plain=plain,
+        observed=plain,
+        baselines=_nothing(plain),
+        isolation=lasting,
+        combined=True,
+        wander=wander,
+    )
 
 
 def _nothing(observed: Observed) -> Baselines:

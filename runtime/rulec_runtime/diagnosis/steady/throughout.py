@@ -104,4 +104,12 @@ def _stacked(ruleset: Ruleset, observed: Observed, judged: np.ndarray) -> Hypoth
     points, valid = spread_evenly(observed, judged)
     basis = residual_basis(ruleset, valid)
     spread = partial(stacked_covariance, observed, valid, basis, points)
-    return HypothesisTest(ruleset, observed, valid, basis, points, spread, np.ones(len(points)))
+    return HypothesisTest(
+        ruleset=ruleset,
+        observed=observed,
+        valid=valid,
+        basis=basis,
+        members=points,
+        spread=spread,
+        present=np.ones(len(points)),
+    )

@@ -27,7 +27,7 @@ LARGE = 1.5
 """Usual misfit over noise from which on it is worth a remark."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StoresJudged:
     """What a recording says of a plant that stores; `covered` flags its judged samples."""
 
@@ -58,14 +58,14 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
         else:
             findings.append(_finding(ruleset, windows, found, spell, spell.cause))
     return StoresJudged(
-        windows,
-        found,
-        tuple(spells),
-        tuple(findings),
-        tuple(unknown),
-        tuple(sorted(not_judged, key=lambda p: p.since)),
-        tuple(_notes(ruleset, windows, found)),
-        _covered(recording, found.judged),
+        windows=windows,
+        weighed=found,
+        spells=tuple(spells),
+        findings=tuple(findings),
+        unknown=tuple(unknown),
+        not_judged=tuple(sorted(not_judged, key=lambda p: p.since)),
+        notes=tuple(_notes(ruleset, windows, found)),
+        covered=_covered(recording, found.judged),
     )
 
 

@@ -49,7 +49,7 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     starts = np.array([found[f"start:{s.id}"].item() for s in dynamics.states])
     guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
     try:
-        window = Window(time, inputs, blank, 0, 0, "")
+        window = Window(time=time, inputs=inputs, measured=blank, piece=0, first=0, because="")
         _, slopes, _ = model.simulate(window, guess, dynamics.faults)
     except RanAway:
         return None

@@ -38,7 +38,7 @@ KNOWN = 0.8
 NO_READING = "{}: no reading, or none within its range"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Window:
     """Samples in a row.
 
@@ -60,7 +60,7 @@ class Window:
         return float(0.5 * (self.time[0] + self.time[-1]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Windows:
     """Windows in order of time, each overlapping with half of the next of its piece.
 
@@ -112,7 +112,14 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
         ]
     measured = np.concatenate([p.measured for p in pieces]) if pieces else np.zeros((0, 0))
     noise, level = _noise(ruleset, dynamics, pieces, measured)
-    return Windows(tuple(pieces), tuple(members), noise, level, factor, tuple(short))
+    return Windows(
+        pieces=tuple(pieces),
+        members=tuple(members),
+        noise=noise,
+        level=level,
+        thinned=factor,
+        too_short=tuple(short),
+    )
 
 
 def _pieces(recording: Recording) -> Iterator[slice]:
@@ -137,7 +144,14 @@ def _piece(
     signals = [ruleset.signal_by_id[name] for name in dynamics.outputs]
     measured = {s.id: _inside(s, column(s.id)) for s in signals}
     time, inputs, measured = thinned(time, inputs, measured, factor)
-    return Window(time, _table(inputs, len(time)), _table(measured, len(time)), 0, 0, "")
+    return Window(
+        time=time,
+        inputs=_table(inputs, len(time)),
+        measured=_table(measured, len(time)),
+        piece=0,
+        first=0,
+        because="",
+    )
 
 
 def _inside(signal: SignalSpec, values: Array) -> Array:
@@ -180,7 +194,14 @@ def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: in
         because.append(NO_READING.format(" and ".join(names)))
     if not because:
         inputs = np.column_stack([filled(c) for c in inputs.T]) if inputs.size else inputs
-    return Window(piece.time[first:last], inputs, measured, number, first, "; ".join(because))
+    return Window(
+        time=piece.time[first:last],
+        inputs=inputs,
+        measured=measured,
+        piece=number,
+        first=first,
+        because="; ".join(because),
+    )
 
 
 def _noise(

@@ -71,7 +71,21 @@ def _stranger(name: str, values: Array) -> SignalSpec:
     """Something that is given and no signal: the clock, or a degree that comes and goes."""
     middle = float(np.median(values))
     return SignalSpec(
-        name, name, "1", 1.0, 0.0, "value", 0.0, None, None, None, None, None, None, True, middle
+        id=name,
+        title=name,
+        unit="1",
+        factor=1.0,
+        offset=0.0,
+        kind="value",
+        standard=0.0,
+        full_scale=None,
+        lowest=None,
+        highest=None,
+        minimum=None,
+        valid_from=None,
+        valid_to=None,
+        is_input=True,
+        reference=middle,
     )
 
 
@@ -203,4 +217,4 @@ def recorded(built: Built, random: np.random.Generator, without: Sequence[str] =
     time = built.given[TIME]
     used = {s for o in ruleset.observers for s in o.signals}
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in kept)
-    return Recording(time, kept, np.zeros(len(time)), missing, ())
+    return Recording(time=time, values=kept, segment=np.zeros(len(time)), missing=missing, notes=())

@@ -69,7 +69,13 @@ def made(
     y = course.shown[:, balances.outputs.index("shown:lower.y")]
     y = np.clip(y + NOISE * np.random.default_rng(seed + 100).standard_normal(n), 0.0, 10.0)
     file = np.zeros(n, dtype=int)
-    return Recording(time, {"pump.u": u, "lower.y": np.round(y, 3)}, file, ("upper.y",), ())
+    return Recording(
+        time=time,
+        values={"pump.u": u, "lower.y": np.round(y, 3)},
+        segment=file,
+        missing=("upper.y",),
+        notes=(),
+    )
 
 
 def bench(recording: Recording) -> Bench:
