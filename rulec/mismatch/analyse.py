@@ -14,18 +14,18 @@ from rulec_runtime.report.text import counted, fixed, listed
 
 from rulec.effects.candidate import Spot
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch.answer.public import checks_of, refusal
+from rulec.mismatch.answer.answered import Explained, answered
 from rulec.mismatch.answer.tell import findings_of, location_of, shares_of, term_of
-from rulec.mismatch.answer.verdict import headline_of, next_step, remainder_of, verdict_of
+from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.answer.writable import Told, Writable, told, writable
 from rulec.mismatch.answer_types.failed import failed_at, impossible, stuck
 from rulec.mismatch.answer_types.result import (
     Curves,
+    Evidence,
     Finding,
     HiddenDriver,
     Location,
     Mismatch,
-    Repair,
     Series,
 )
 from rulec.mismatch.evidence.rows_used import NO_CLOCK, counted_rows, evidence_of, unread
@@ -120,11 +120,11 @@ def analyse(
     predictors, proofs = [p for p, _ in opened], [proof for _, proof in opened]
     tell("writing the plants and simulating them")
     model = writable(settled, models.faulty)
-    repairs = model.repairs
-    shown = told(recording, model, predictors, proofs, repairs)
-    answer = _answer(recording, found, findings, proofs, model, repairs, shown, hidden, begin)
+    shown = told(recording, model, predictors, proofs, model.repairs)
     judged = np.any([proof.judged for proof in proofs], axis=0) if proofs else None
-    return replace(answer, evidence=evidence_of(recording, data, rows, judged, models.faulty))
+    counted = evidence_of(recording, data, rows, judged, models.faulty)
+    explained = _explained(recording, found, findings, proofs, model, shown, hidden, counted, begin)
+    return answered(recording, ruleset, explained)
 
 
 def _hidden(found: Search) -> tuple[Reconstruction, ...]:
@@ -163,65 +163,49 @@ def _predictors(
     return sorted(found.values(), key=lambda p: not p.of_flow)
 
 
-def _answer(
+def _explained(
     recording: Recording,
     found: Search,
     findings: tuple[Finding, ...],
     proofs: Sequence[Proof],
     model: Writable,
-    repairs: tuple[Repair, Repair],
     shown: Told,
     hidden: Sequence[Reconstruction],
+    evidence: tuple[Evidence, ...],
     begin: float,
-) -> Mismatch:
+) -> Explained:
     fitted = found.best.fitted
     system = fitted.rows.system
-    ruleset = system.ruleset
     locations = tuple(location_of(found.best, f) for f in findings)
-    failing = (*impossible(recording, ruleset), *stuck(recording, ruleset))
+    failing = (*impossible(recording, system.ruleset), *stuck(recording, system.ruleset))
     findings = (*findings, *failing)
-    locations = (*locations, *(failed_at(f) for f in failing))
-    driver = _driver(system, hidden) if hidden else None
     shares = shares_of(found.accepted)
-    locations = (*locations, *(_location(fitted, h, shares[h.spot.id]) for h in hidden))
-    verdict = verdict_of(findings, bool(hidden))
-    plain, repair = repairs
-    fits, plants = shown.fits, shown.plants
-    spans = heldout_spans(system.data.time, ~system.data.open)
-    checks = checks_of(plants, recording, spans) if plants else ()
-    refused = refusal(verdict, fits, repair.joined, plants.refused if plants else "", checks)
-    return Mismatch(
-        plant=ruleset.plant,
-        title=ruleset.title,
-        recording="",
-        verdict=verdict,
-        headline=headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
-        locations=locations,
+    return Explained(
         findings=findings,
-        fit=fits[0] if fits else None,
-        fits=fits,
+        locations=(
+            *locations,
+            *(failed_at(f) for f in failing),
+            *(_location(fitted, h, shares[h.spot.id]) for h in hidden),
+        ),
+        unnamed=bool(hidden),
+        hidden=_driver(system, hidden) if hidden else None,
+        missing=system.builder.missing,
         confounded=confounded(fitted),
-        hidden=driver,
         untested=_untested(system, findings),
-        next=next_step(verdict, findings, driver, system.builder.missing, refused),
+        fits=shown.fits,
+        plants=shown.plants,
+        repairs=model.repairs,
+        left_out=model.left_out,
+        heldout=heldout_spans(system.data.time, ~system.data.open),
+        curves=_curves(system, shown, model.used, findings) if shown.fits else None,
+        series=shown.series,
+        evidence=evidence,
+        notes=(*([shown.note] if shown.note else []), *_notes(recording, proofs, fitted)),
         split=system.data.split,
         digest=system.data.digest,
         noise=_noise_told(fitted),
         tried=found.tried,
-        notes=(*([shown.note] if shown.note else []), *_notes(recording, proofs, fitted)),
-        joined=repair.joined,
-        parameters=repair.parameters,
-        covariance=repair.covariance,
-        curves=_curves(system, shown, model.used, findings) if fits else None,
-        seconds=time.perf_counter() - begin,
-        fixed=repair.fixed,
-        misfit=repair.misfit,
-        ranges=repair.ranges,
-        series=shown.series,
-        left_out=model.left_out,
-        refused=refused,
-        plain=plain,
-        checks=checks,
+        begin=begin,
     )
 
 

@@ -13,12 +13,12 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import listed
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch.answer.public import checks_of, refusal
+from rulec.mismatch.answer.answered import Explained, answered
 from rulec.mismatch.answer.tell_stores import findings_of, location_of, place_of
-from rulec.mismatch.answer.verdict import FAR, headline_of, next_step, remainder_of, verdict_of
+from rulec.mismatch.answer.verdict import FAR
 from rulec.mismatch.answer.writable_stores import Told, Writable, told, writable
 from rulec.mismatch.answer_types.failed import failed_at, impossible
-from rulec.mismatch.answer_types.result import Curves, Finding, Location, Mismatch, Repair
+from rulec.mismatch.answer_types.result import Curves, Finding, Location, Mismatch
 from rulec.mismatch.evidence.rows_used import NO_CLOCK, stored_evidence
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
@@ -98,10 +98,9 @@ def analyse_stores(
     findings = (*findings_of(searcher, best, accepted), *broken)
     tell("writing the plants and simulating them")
     model = writable(bench, found.plain, best, searcher.kept(best))
-    repairs = model.repairs
     proofs = sorted(proofs, key=lambda p: -_worse(p))
-    shown = told(recording, bench, model, proofs, repairs)
-    answer = _answer(
+    shown = told(recording, bench, model, proofs, model.repairs)
+    explained = _explained(
         recording,
         bench,
         found,
@@ -111,11 +110,11 @@ def analyse_stores(
         left,
         proofs,
         model,
-        repairs,
         shown,
+        _took_part(dropped),
         begin,
     )
-    return replace(answer, notes=(*_took_part(dropped), *answer.notes))
+    return answered(recording, ruleset, explained)
 
 
 def _took_part(dropped: Sequence[str]) -> list[str]:
@@ -167,7 +166,7 @@ def _floors(bench: Bench) -> dict[str, float]:
     }
 
 
-def _answer(
+def _explained(
     recording: Recording,
     bench: Bench,
     found: Found,
@@ -177,61 +176,43 @@ def _answer(
     left: list[Suspect],
     proofs: Sequence[Proof],
     model: Writable,
-    repairs: tuple[Repair, Repair],
     shown: Told | None,
+    notes: Sequence[str],
     begin: float,
-) -> Mismatch:
-    ruleset = bench.ruleset
+) -> Explained:
+    nameless = _nameless(bench, best, left, len(bench.candidates))
     locations = tuple(
         location_of(bench, best, f) if f.id in best.ids else failed_at(f) for f in findings
     )
-    nameless = _nameless(bench, best, left, len(bench.candidates))
-    if not best.joined:
-        locations = (*nameless, *locations)
-    unnamed = bool(nameless) and not best.joined
-    verdict = verdict_of(findings, unnamed)
-    plain, repair = repairs
     fits = shown.fits if shown else tuple(p.fit for p in proofs)
-    refused = refusal(verdict, fits, repair.joined, shown.plants.refused if shown else "")
-    spans = heldout_spans(bench.record.time, ~bench.record.open)
-    return Mismatch(
-        plant=ruleset.plant,
-        title=ruleset.title,
-        recording="",
-        verdict=verdict,
-        headline=headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
-        locations=locations,
+    return Explained(
         findings=findings,
-        fit=fits[0],
-        fits=fits,
-        confounded=confounded(best),
+        locations=locations if best.joined else (*nameless, *locations),
+        unnamed=bool(nameless) and not best.joined,
         hidden=None,
+        missing=bench.builder.missing,
+        confounded=confounded(best),
         untested=_untested(bench, best, findings),
-        next=next_step(verdict, findings, None, bench.builder.missing, refused),
-        split=bench.record.split,
-        digest=bench.record.digest,
-        noise=_noise_told(best),
-        tried=found.tried,
+        fits=fits,
+        plants=shown.plants if shown else None,
+        repairs=model.repairs,
+        left_out=model.left_out,
+        heldout=heldout_spans(bench.record.time, ~bench.record.open),
+        curves=_curves(bench, best, fits[0].signal, _predicted(shown, proofs), findings),
+        series=shown.series if shown else series_of(bench, proofs),
+        evidence=stored_evidence(recording, bench.record),
         notes=(
+            *notes,
             *_hiding(found, accepted),
             *_still(nameless, findings),
             *_notes(recording, bench),
             *_unproven(shown, model),
         ),
-        joined=repair.joined,
-        parameters=repair.parameters,
-        covariance=repair.covariance,
-        curves=_curves(bench, best, fits[0].signal, _predicted(shown, proofs), findings),
-        seconds=time.perf_counter() - begin,
-        fixed=repair.fixed,
-        misfit=repair.misfit,
-        ranges=repair.ranges,
-        series=shown.series if shown else series_of(bench, proofs),
-        evidence=stored_evidence(recording, bench.record),
-        left_out=model.left_out,
-        refused=refused,
-        plain=plain,
-        checks=checks_of(shown.plants, recording, spans) if shown else (),
+        split=bench.record.split,
+        digest=bench.record.digest,
+        noise=_noise_told(best),
+        tried=found.tried,
+        begin=begin,
     )
 
 

@@ -111,12 +111,7 @@ def named(mismatch: Mismatch, finding: str) -> Finding:
     return next(f for f in mismatch.findings if f.id == finding)
 
 
-SLOW = ("leakage at times",)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.prove) if n in SLOW else n for n in CASES]
-)
+@pytest.mark.parametrize("name", CASES)
 def test_what_was_planted_is_told(name: str) -> None:
     """Verdict and name; nothing else is found beside it."""
     case, found = CASES[name], answer(name)
