@@ -55,3 +55,18 @@ def test_links_of_pages_lead_somewhere() -> None:
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_files_named_in_the_architecture_exist() -> None:
+    """Each path leads to a file or a folder, from the top or by its end; so tables do."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:[\w.-]+/)*(?:[\w-]+\.(?:py|yaml|json|txt))?)`", text)
+    parts = [part for top in ("rulec", "runtime") for part in (ROOT / top).rglob("*")]
+    paths = [f"/{part.relative_to(ROOT).as_posix()}" for part in parts]
+    gone = [
+        name
+        for name in filter(None, named)
+        if not (ROOT / name).exists()
+        and not any(path.endswith(f"/{name.rstrip('/')}") for path in paths)
+    ]
+    assert [] == gone
