@@ -67,14 +67,14 @@ def test_stale_figures_are_told(ledger: Ledger) -> None:
 
 
 def test_a_wrong_figure_on_a_page_is_told(ledger: Ledger, copy: Path) -> None:
-    """Somebody writes 0.99 for what was measured."""
+    """Somebody writes another number than was measured."""
     page = copy / "README.md"
     text = page.read_text(encoding="utf-8")
-    was = f"{isolation(ledger).value:.2f}"
+    was = f"{100 * isolation(ledger).value:.0f}"
     row = next(line for line in text.splitlines() if "right fault named at degree" in line)
-    page.write_text(text.replace(row, row.replace(was, "0.71", 1)), encoding="utf-8")
+    page.write_text(text.replace(row, row.replace(was, "71", 1)), encoding="utf-8")
     told = misprints(ledger, copy)
-    assert [f"README.md: isolation.sound-start.0.1:.2f: prints 0.71, measured {was}"] == told
+    assert [f"README.md: isolation.sound-start.0.1:.0%: prints 71, measured {was}"] == told
 
 
 def test_a_new_number_is_told(ledger: Ledger, copy: Path) -> None:
