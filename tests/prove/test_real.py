@@ -13,6 +13,9 @@ from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.prove.campaign import Changed
 from rulec.prove.command import main
 from tests.conftest import recordings_folder
+from tests.figures.commands import picked
+from tests.figures.ledger import read_ledger
+from tests.prove.__main__ import form as errors_of
 from tests.prove.real import SOURCES, Answer, answers
 from tests.prove.tell_real import tell_real
 from tests.rig.esp import FOLDER
@@ -90,6 +93,18 @@ def test_what_is_not_explained_is_told() -> None:
     assert "• free curve, no name, at" in said
     assert "• not explained: an error of A.h" in said
     assert "▲ 1.5" in said
+
+
+def test_errors_are_picked_for_the_ledger() -> None:
+    """By recording and signal, as the keys of its real recordings say; none without an answer."""
+    form = mismatch_form(NAMED, "plant.yaml")
+    held = {fit["signal"]: fit["heldout"]["repaired"] for fit in form["fits"]}
+    found = errors_of([Answer("rig", "abc", form), Answer("other", "abc", {"error": "none"})])
+    for signal, repaired in held.items():
+        assert repaired == picked(found, f"rig/{signal}/repaired").value
+    assert {} == found["other"]
+    real = [f for f in read_ledger().figures.values() if f.id.startswith("real.")]
+    assert all(f"--only '{f.key.split('/')[0]}' " in f.command for f in real)
 
 
 def test_no_answer_is_told() -> None:
