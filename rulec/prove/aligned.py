@@ -10,17 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec.prove.limits import CHUNKS, FEWEST_IN_A_COURSE, FOLDS, LAGS, SAME
+
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 TIME = "time [s]"
-CHUNKS = 12
-FOLDS = 3
-LAGS = (0, 1, 2, 4, 8, 16, 32)
-"""Samples."""
-
-SAME = 1e-6
-"""Relative difference below which a column is the predicted reading itself."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +162,7 @@ def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
     """
     usable = np.isfinite(course)
     truth = np.interp(time[usable], clock, driver)
-    if usable.sum() < 3 or np.std(course[usable]) == 0 or np.std(truth) == 0:
+    if usable.sum() < FEWEST_IN_A_COURSE or np.std(course[usable]) == 0 or np.std(truth) == 0:
         return 0.0
     return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
 

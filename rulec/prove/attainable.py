@@ -15,15 +15,8 @@ import math
 from collections.abc import Sequence
 from statistics import NormalDist
 
+from rulec.prove.limits import CLAIMED, LOOKED_AT
 from rulec.prove.results import Judged
-
-CANDIDATES, FALSE = 100, 0.01
-"""Explanations that are compared, and share of clean recordings on which one is claimed."""
-
-LOOKED_AT = 0.8
-"""Share of the samples; the rest proves what was found."""
-
-CLAIMED = math.log(CANDIDATES / FALSE)
 
 
 def seen(judged: Judged) -> float:

@@ -11,11 +11,10 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from rulec.prove.limits import INTERRUPT_AGAIN
+
 INPUT = 0
 """File descriptor of standard input."""
-
-AGAIN = 0.5
-"""Seconds until a process that has lost its lifeline is interrupted again."""
 
 
 @contextlib.contextmanager
@@ -57,7 +56,7 @@ def _listen(left: threading.Event) -> None:
     # as compiled code (numpy's random numbers) swallows an exception that is raised below it.
     while main is not None and not left.is_set():
         signal.pthread_kill(main, signal.SIGTERM)
-        left.wait(AGAIN)
+        left.wait(INTERRUPT_AGAIN)
 
 
 def end_with_parent() -> None:

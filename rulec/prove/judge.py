@@ -11,14 +11,9 @@ import numpy as np
 from rulec.prove.aligned import TIME, Course, columns_of, courses_of, likeness
 from rulec.prove.analyst import SERIES
 from rulec.prove.baselines import Baselines, dynamic_baselines, stationary_baselines
+from rulec.prove.limits import AS_LIKELY, CERTAIN, COVERAGE_OF_DEGREES
 from rulec.prove.results import Heldout, Judged
 from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
-
-CERTAIN = 0.6
-"""Probability below which a name is one of several."""
-
-AS_LIKELY = 0.25
-"""Odds from which on an alternative belongs to the set."""
 
 NAN = float("nan")
 Form = Mapping[str, Any]
@@ -160,7 +155,7 @@ def _estimate(effect: Form, name: str) -> tuple[float, float] | None:
     periods = effect.get("periods") or []
     if periods and periods[0].get("u") is not None:
         degree, u = float(periods[0]["degree"]), float(periods[0]["u"])
-        return degree - 1.96 * u, degree + 1.96 * u
+        return degree - COVERAGE_OF_DEGREES * u, degree + COVERAGE_OF_DEGREES * u
     return None
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec.prove.limits import WORST_CASES
 from rulec.prove.results import Judged
 from rulec.prove.scores import NAN
 
@@ -73,7 +74,7 @@ class Bad:
     why: str
 
 
-def worst(judged: Sequence[Judged], count: int = 10) -> list[Bad]:
+def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
     """Wrong and certain, false claims on clean cases, no answer, then what was missed.
 
     In each sort the strongest effect comes first.

@@ -25,9 +25,7 @@ from rulec.mismatch.search.time_varying import wandering
 from rulec.mismatch.search.weigh import gain_in_sample
 from rulec.prove.aligned import driver_of, likeness
 from rulec.prove.campaign import DRIVER
-
-TRIED = 3
-"""Curves in tanks that are fitted to the end, the best as they were first tried."""
+from rulec.prove.limits import CURVES_REFITTED
 
 
 def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]:
@@ -59,7 +57,7 @@ def in_its_tank(
     """The best model of a plant that stores, with a free curve at one of some places."""
     spots = [s for s in searcher.bench.builder.spots if f"{s.module}.{s.place}" in places]
     tasks = curves(searcher, [plain], spots)
-    drawn = searcher.refined(searcher.ranked(tasks, plain)[:TRIED], plain)
+    drawn = searcher.refined(searcher.ranked(tasks, plain)[:CURVES_REFITTED], plain)
     return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
 
 

@@ -10,6 +10,7 @@ from rulec_runtime.report.chart import Axis, Panel, axis
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.text import counted, fixed, number, percent
 
+from rulec.prove.limits import ENOUGH_CASES, MOSTLY
 from rulec.prove.results import Judged
 from rulec.prove.scores import HALVES, RATIO, Bin, curve, seen
 
@@ -20,9 +21,6 @@ WIDTHS = (0.01, 0.02, 0.05)
 """Of the bins of ratios; the first that needs no more than so many bins is taken."""
 
 BINS = 36
-
-ENOUGH = 10
-"""Cases above a strength of which something is said in words."""
 
 ENDS = (0.5, 2.0)
 """Ratios beyond stand in the outer bins."""
@@ -93,9 +91,9 @@ def _say(names: dict[str, list[Bin]]) -> str:
         if not bins:
             continue
         above = [bins[i:] for i in range(len(bins))]
-        above = [part for part in above if sum(b.count for b in part) >= ENOUGH] or [bins]
+        above = [part for part in above if sum(b.count for b in part) >= ENOUGH_CASES] or [bins]
         shares = [sum(b.hits for b in part) / sum(b.count for b in part) for part in above]
-        good = [b.low for b, share in zip(bins, shares, strict=False) if share >= 0.9]
+        good = [b.low for b, share in zip(bins, shares, strict=False) if share >= MOSTLY]
         told.append(
             f"{half}: of effects with a gain above {number(good[0], 2)}, nine of ten are named "
             "rightly"

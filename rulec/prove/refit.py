@@ -43,11 +43,9 @@ from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OPENED
 from rulec.prove.judge import name_right, place_right, unnamed_right
 from rulec.prove.kept import CASES
+from rulec.prove.limits import CLEAR
 from rulec.prove.nameless import at_its_place, course_at, in_its_tank
 from rulec.prove.truth.sealed import Planted
-
-CLEAR = 3.0
-"""Gain in log likelihood by which the true laws must lead to be told from others: odds of 20."""
 
 Planned = Sequence[Planted]
 

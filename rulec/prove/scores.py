@@ -8,13 +8,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec.prove.limits import (
+    BINS_PER_DECADE,
+    BOOTSTRAP_SAMPLES,
+    GOAL_CLEAN,
+    GOAL_COURSE,
+    GOAL_INSIDE,
+    GOAL_NAMES,
+    GOAL_PLACES,
+    GOAL_RATIO,
+    GOAL_SORTS,
+    GOAL_UNNAMED,
+    NORMAL_QUANTILE,
+    PLAIN_GAIN,
+    PLAIN_MARGIN,
+    TAILS,
+)
 from rulec.prove.results import Judged
 from rulec.prove.truth.sealed import CONCEALMENTS
 
-Z = 1.959963984540054
-"""Normal quantile of two-sided 95 %."""
-
-DRAWS = 2000
 HALVES = ("stationary", "dynamic")
 
 
@@ -71,18 +83,24 @@ class Row:
 
 
 NAN = float("nan")
+
+
+def _at_least(share: float) -> Goal:
+    return Goal(share, 1.0, f"{100 * share:.0f} %")
+
+
 SHARES: tuple[tuple[str, str, Goal], ...] = (
-    ("place right", "place_right", Goal(0.95, 1.0, "95 %")),
-    ("name right", "name_right", Goal(0.90, 1.0, "90 %")),
-    ("clean called clean", "clean_right", Goal(0.99, 1.0, "99 %")),
-    ("unnamed called unnamed, with its place", "unnamed_right", Goal(0.90, 1.0, "90 %")),
-    ("fault and sensor told from physics", "told_right", Goal(0.95, 1.0, "95 %")),
+    ("place right", "place_right", _at_least(GOAL_PLACES)),
+    ("name right", "name_right", _at_least(GOAL_NAMES)),
+    ("clean called clean", "clean_right", _at_least(GOAL_CLEAN)),
+    ("unnamed called unnamed, with its place", "unnamed_right", _at_least(GOAL_UNNAMED)),
+    ("fault and sensor told from physics", "told_right", _at_least(GOAL_SORTS)),
 )
 """Scores that are shares of cases: title, attribute, goal."""
 
-INSIDE = Goal(0.93, 0.97, "93–97 %")
-RATIO = Goal(0.0, 1.05, "1.05")
-COURSE = Goal(0.9, 1.0, "0.9")
+INSIDE = Goal(*GOAL_INSIDE, "–".join(f"{100 * end:.0f}" for end in GOAL_INSIDE) + " %")
+RATIO = Goal(0.0, GOAL_RATIO, f"{GOAL_RATIO:g}")
+COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 
 
 def table(judged: Sequence[Judged]) -> list[Row]:
@@ -96,12 +114,6 @@ def table(judged: Sequence[Judged]) -> list[Row]:
     rows.append(_number(f"{title}, mean", RATIO, ratios, np.mean))
     title = "course of an unrecorded driver, mean correlation"
     return [*rows, _number(title, COURSE, courses, np.mean)]
-
-
-PLAIN_GAIN, PLAIN_MARGIN = 100.0, 10.0
-"""Strength and margin from which on what is missing is plain to see: what is told must gain about
-15 where it was not fitted, in four fifths of the samples, beside neighbours that are alike; a
-margin of 10 are odds of 22 000 against the next name."""
 
 
 def plain(judged: Sequence[Judged]) -> list[Judged]:
@@ -122,9 +134,9 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
     """
     if not count:
         return NAN, NAN
-    p, z2 = hits / count, Z**2 / count
+    p, z2 = hits / count, NORMAL_QUANTILE**2 / count
     middle = (p + z2 / 2) / (1 + z2)
-    half = Z * math.sqrt(max(p * (1 - p), 0.0) / count + z2 / (4 * count)) / (1 + z2)
+    half = NORMAL_QUANTILE * math.sqrt(max(p * (1 - p), 0.0) / count + z2 / (4 * count)) / (1 + z2)
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
@@ -132,8 +144,8 @@ def bootstrap(values: Sequence[float], of: Callable[..., np.ndarray]) -> tuple[f
     """95 % interval of a mean or median by drawing cases anew; NaN below two of them."""
     if len(values) < 2:
         return NAN, NAN
-    drawn = np.random.default_rng(0).choice(np.asarray(values), (DRAWS, len(values)))
-    low, high = np.quantile(of(drawn, axis=1), [0.025, 0.975])
+    drawn = np.random.default_rng(0).choice(np.asarray(values), (BOOTSTRAP_SAMPLES, len(values)))
+    low, high = np.quantile(of(drawn, axis=1), TAILS)
     return float(low), float(high)
 
 
@@ -157,10 +169,6 @@ class Bin:
         return math.sqrt(self.low * self.high)
 
 
-PER_DECADE = 2
-"""Bins of the strength."""
-
-
 def curve(judged: Sequence[Judged], name: str = "name_right") -> dict[str, list[Bin]]:
     """Share of right names (or `place_right`) against strength, per half; bins with cases only.
 
@@ -174,10 +182,10 @@ def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
     for j in judged:
         value = getattr(j, name)
         if not j.clean and value is not None and math.isfinite(j.gain):
-            number = math.floor(PER_DECADE * math.log10(max(j.gain, 1.0)) + 1e-9)
+            number = math.floor(BINS_PER_DECADE * math.log10(max(j.gain, 1.0)) + 1e-9)
             scored.setdefault(number, []).append(float(value))
     for number, values in sorted(scored.items()):
-        low, high = (10 ** (n / PER_DECADE) for n in (number, number + 1))
+        low, high = (10 ** (n / BINS_PER_DECADE) for n in (number, number + 1))
         yield Bin(low, high, len(values), sum(values), wilson(sum(values), len(values)))
 
 

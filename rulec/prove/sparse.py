@@ -16,21 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rulec.prove.aligned import FOLDS, Array, Columns, Course, rms
-
-DEGREE = 2
-RIDGE = 0.05
-THRESHOLDS = (0.02, 0.1, 0.4)
-"""Of coefficients of standardised columns for a residual of size 1."""
-
-WIDEST = 12
-"""Columns of a law at most: those that go best with the residual."""
-
-FEWEST = 30
-"""Samples from which something may be learnt."""
-
-AWAY = 10.0
-"""Times the largest residual ever seen at which a simulation has run away."""
+from rulec.prove.aligned import Array, Columns, Course, rms
+from rulec.prove.limits import (
+    FEWEST_SAMPLES,
+    FOLDS,
+    MOST_COLUMNS,
+    RAN_AWAY,
+    SHORTEST_RUN,
+    SPARSE_DEGREE,
+    SPARSE_RIDGE,
+    SPARSE_ROUNDS,
+    SPARSE_THRESHOLDS,
+)
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ def mended_by_law(drivers: Columns, course: Course) -> Sparse:
     """For stationary plants: the residual as a polynomial of the readings."""
     residual, folds = course.residual, course.folds
     size = rms(residual[folds >= 0])
-    if not drivers or (folds >= 0).sum() < FEWEST or not size > 0:
+    if not drivers or (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
         return Sparse(course.recalibrated)
     columns = _standardised(_telling(drivers, course), folds >= 0)
     library = _library().fit(columns)
@@ -61,33 +58,33 @@ def mended_by_law(drivers: Columns, course: Course) -> Sparse:
         return law
 
     squares = [np.sum(target[folds >= 0] ** 2)]
-    for threshold in THRESHOLDS:
+    for threshold in SPARSE_THRESHOLDS:
         parts = ((folds == k, (folds >= 0) & (folds != k)) for k in range(FOLDS))
         wrong = (np.sum((predicted(threshold, o) - target)[k] ** 2) for k, o in parts)
         squares.append(sum(wrong))
     best = int(np.argmin(squares))
     if not best:
         return Sparse(course.recalibrated)
-    return Sparse(course.recalibrated + size * predicted(THRESHOLDS[best - 1], folds >= 0))
+    return Sparse(course.recalibrated + size * predicted(SPARSE_THRESHOLDS[best - 1], folds >= 0))
 
 
 def mended_by_map(inputs: Columns, course: Course) -> Sparse:
     """For plants that store: the next residual from this one, the inputs and the prediction."""
     residual, folds = course.residual, course.folds
     size = rms(residual[folds >= 0])
-    if (folds >= 0).sum() < FEWEST or not size > 0:
+    if (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
         return Sparse(course.recalibrated)
     given = {**inputs, "predicted": course.recalibrated}
     control = _standardised(given, folds >= 0)
     state, start = residual / size, int(np.argmax(folds >= 0))
-    bound = AWAY * float(np.max(np.abs(state[folds >= 0])))
+    bound = RAN_AWAY * float(np.max(np.abs(state[folds >= 0])))
 
     def simulated(threshold: float, part: NDArray[np.bool_]) -> Array | None:
         model = _map(state, control, part, threshold)
         return None if model is None else _run(model, state[start], control, start, bound)
 
     squares = [float(np.sum(state[folds >= 0] ** 2))]
-    for threshold in THRESHOLDS:
+    for threshold in SPARSE_THRESHOLDS:
         total = 0.0
         for fold in range(FOLDS):
             course_of_fold = simulated(threshold, (folds >= 0) & (folds != fold))
@@ -101,7 +98,7 @@ def mended_by_map(inputs: Columns, course: Course) -> Sparse:
     best = int(np.argmin(squares))
     if not best:
         return Sparse(course.recalibrated, not np.isfinite(squares[1:]).any())
-    course_of_all = simulated(THRESHOLDS[best - 1], folds >= 0)
+    course_of_all = simulated(SPARSE_THRESHOLDS[best - 1], folds >= 0)
     if course_of_all is None:
         return Sparse(course.recalibrated, True)
     return Sparse(course.recalibrated + size * course_of_all)
@@ -113,7 +110,7 @@ def _telling(drivers: Columns, course: Course) -> dict[str, Array]:
 
     def alike(values: Array) -> float:
         known = learnt & np.isfinite(values)
-        if known.sum() < FEWEST or np.std(values[known]) == 0:
+        if known.sum() < FEWEST_SAMPLES or np.std(values[known]) == 0:
             return 0.0
         centred = values[known] - values[known].mean()
         with np.errstate(all="ignore"):
@@ -121,7 +118,7 @@ def _telling(drivers: Columns, course: Course) -> dict[str, Array]:
         return float(np.nanmax(np.abs(np.nan_to_num(both))))
 
     order = sorted(drivers, key=lambda header: -alike(drivers[header]))
-    return {header: drivers[header] for header in order[:WIDEST]}
+    return {header: drivers[header] for header in order[:MOST_COLUMNS]}
 
 
 def _standardised(columns: Columns, learnt: NDArray[np.bool_]) -> Array:
@@ -145,7 +142,7 @@ def _map(state: Array, control: Array, part: NDArray[np.bool_], threshold: float
     import pysindy
 
     edges = np.flatnonzero(np.diff(np.concatenate([[0], part.astype(int), [0]])))
-    runs = [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a > 3]
+    runs = [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a >= SHORTEST_RUN]
     if not runs:
         return None
     model = pysindy.DiscreteSINDy(optimizer=_optimizer(threshold), feature_library=_library())
@@ -162,13 +159,13 @@ def _run(model: Any, first: float, control: Array, start: int, bound: float) -> 
     kept = weights != 0
     powers, weights = powers[kept], weights[kept]
     # What is given is known beforehand: per sample and power of the state one number is left.
-    by_power = np.zeros((len(control), DEGREE + 1))
+    by_power = np.zeros((len(control), SPARSE_DEGREE + 1))
     for power, weight in zip(powers, weights, strict=True):
         by_power[:, power[0]] += weight * np.prod(control ** power[1:], axis=1)
     course = np.zeros(len(control))
     value = course[start] = float(first)
     for k in range(start, len(control) - 1):
-        value = float(sum(by_power[k, p] * value**p for p in range(DEGREE + 1)))
+        value = float(sum(by_power[k, p] * value**p for p in range(SPARSE_DEGREE + 1)))
         if not abs(value) < bound:
             return None
         course[k + 1] = value
@@ -178,10 +175,10 @@ def _run(model: Any, first: float, control: Array, start: int, bound: float) -> 
 def _library() -> Any:
     import pysindy
 
-    return pysindy.PolynomialLibrary(degree=DEGREE)
+    return pysindy.PolynomialLibrary(degree=SPARSE_DEGREE)
 
 
 def _optimizer(threshold: float) -> Any:
     import pysindy
 
-    return pysindy.STLSQ(threshold=threshold, alpha=RIDGE, max_iter=10)
+    return pysindy.STLSQ(threshold=threshold, alpha=SPARSE_RIDGE, max_iter=SPARSE_ROUNDS)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
+from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
 from rulec.prove.mistakes import (
     OTHERS,
     Bad,
@@ -16,7 +17,7 @@ from rulec.prove.mistakes import (
     worst,
 )
 from rulec.prove.results import Judged
-from rulec.prove.scores import PLAIN_GAIN, PLAIN_MARGIN, Group, Row
+from rulec.prove.scores import Group, Row
 
 NOTHING = "nothing"
 

@@ -6,21 +6,14 @@ from itertools import islice
 
 import numpy as np
 
-from rulec.prove.aligned import FOLDS, Array, Columns, Course
-
-MOST = 60
-"""Trees at most."""
-
-RATE = 0.1
-LEAVES = 8
-SMALLEST = 10
-"""Samples in a leaf at least."""
+from rulec.prove.aligned import Array, Columns, Course
+from rulec.prove.limits import FEWEST_IN_A_LEAF, FOLDS, MOST_TREES, TREE_LEAVES, TREE_RATE
 
 
 def mended_by_trees(drivers: Columns, course: Course) -> Array:
     """The recalibrated prediction with the learnt residual added, shape (n,)."""
     residual, folds = course.residual, course.folds
-    if not drivers or (folds >= 0).sum() < FOLDS * SMALLEST:
+    if not drivers or (folds >= 0).sum() < FOLDS * FEWEST_IN_A_LEAF:
         return course.recalibrated
     features = np.column_stack(list(drivers.values()))
     count = _count(features, residual, folds)
@@ -33,12 +26,12 @@ def mended_by_trees(drivers: Columns, course: Course) -> Array:
 
 def _count(features: Array, residual: Array, folds: np.ndarray) -> int:
     """Trees that predict chunks best from the others; none where that is best."""
-    squares = np.zeros(MOST + 1)
+    squares = np.zeros(MOST_TREES + 1)
     for fold in range(FOLDS):
         there, other = folds == fold, (folds >= 0) & (folds != fold)
-        learner = _learner(MOST).fit(features[other], residual[other])
+        learner = _learner(MOST_TREES).fit(features[other], residual[other])
         squares[0] += np.sum(residual[there] ** 2)
-        stages = islice(learner.staged_predict(features[there]), MOST)
+        stages = islice(learner.staged_predict(features[there]), MOST_TREES)
         for i, predicted in enumerate(stages, 1):
             squares[i] += np.sum((residual[there] - predicted) ** 2)
     return int(np.argmin(squares))
@@ -50,9 +43,9 @@ def _learner(count: int):  # type: ignore[no-untyped-def]
 
     return HistGradientBoostingRegressor(
         max_iter=count,
-        learning_rate=RATE,
-        max_leaf_nodes=LEAVES,
-        min_samples_leaf=SMALLEST,
+        learning_rate=TREE_RATE,
+        max_leaf_nodes=TREE_LEAVES,
+        min_samples_leaf=FEWEST_IN_A_LEAF,
         early_stopping=False,
         random_state=0,
     )

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from rulec.prove.attainable import CLAIMED, LOOKED_AT, at_best
+from rulec.prove.attainable import at_best
+from rulec.prove.limits import CLAIMED, LOOKED_AT
 from rulec.prove.mistakes import confusion, worst
 from rulec.prove.page import headline, page
 from rulec.prove.results import Heldout, Judged, Run, run_from_json
