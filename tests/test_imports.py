@@ -19,6 +19,7 @@ INTEGRATOR = "rulec_runtime.simulation.integrator"
 """Compiled by numba where that is installed; loaded when something is integrated."""
 
 ROOMS = (
+    "rulec_runtime.limits",
     "rulec_runtime.output",
     "rulec_runtime.contract",
     "rulec_runtime.recordings",
@@ -52,7 +53,7 @@ ROOMS = (
 )
 """From the ground up: a file may import from its own room and from those above it in this list."""
 
-CONTRACT = {"rulec_runtime.contract", "rulec_runtime.output"}
+CONTRACT = {"rulec_runtime.contract", "rulec_runtime.output", "rulec_runtime.limits"}
 COMPILER = {"rulec.language", "rulec.knowledge", "rulec.algebra", "rulec.passes"}
 STORED = "rulec_runtime.simulation.balances"
 """What is stored stands in the ruleset as a plan in the form that the integrator reads."""

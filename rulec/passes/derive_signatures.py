@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec_runtime.contract.ruleset import THRESHOLD
+from rulec_runtime import limits
 
 from rulec.algebra.graph import Node
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
@@ -95,7 +95,7 @@ def derive_signatures(
                     1 if effect > 0 else -1,
                     values[f"slope:{i}"],
                     effect,
-                    THRESHOLD * u / abs(effect),
+                    limits.THRESHOLD * u / abs(effect),
                     scaled,
                     slope,
                     faulty,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rulec_runtime.contract.ruleset import THRESHOLD
+from rulec_runtime import limits
 from rulec_runtime.report.text import degree
 
 from rulec.cli import main
@@ -64,7 +64,8 @@ def test_the_matrix_tells_what_can_be_seen_in_the_unit(tmp_path: Path) -> None:
     for cell in cells:
         per_milliampere = 62.5 / 3.6e6
         assert cell.sensitivity == pytest.approx(-per_milliampere, rel=1e-6)
-        assert cell.detectable * per_milliampere == pytest.approx(THRESHOLD * u[cell.residual])
+        threshold = limits.THRESHOLD * u[cell.residual]
+        assert cell.detectable * per_milliampere == pytest.approx(threshold)
 
 
 def test_a_size_beyond_the_range_of_the_sensor_is_refused(

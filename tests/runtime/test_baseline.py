@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady.baseline import LASTING, learn, nothing_learned, remembered
+from rulec_runtime.diagnosis.steady.baseline import learn, nothing_learned, remembered
 from rulec_runtime.diagnosis.steady.observe import Observed, observe, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
@@ -66,7 +67,7 @@ def test_what_was_learned_is_forgotten() -> None:
     observed = stretches_observed(60)
     blank = nothing_learned(observed)
     known = replace(blank, mean=blank.mean + 1.0, covariance=0.01 * blank.covariance)
-    late = known.later(20 * LASTING)
+    late = known.later(20 * limits.LASTING)
     assert np.allclose(blank.mean, late.mean, atol=1e-6)
     assert np.allclose(blank.covariance, late.covariance, atol=1e-6)
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import THRESHOLD, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.observe import Observed, observe, points_of_samples
 from rulec_runtime.diagnosis.steady.seen import residuals_seen, see_samples, see_stretches
@@ -136,7 +137,7 @@ def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
     every = np.arange(len(recording))
     [(_, seen)] = see_samples(recording, ruleset, noise, stretches, known, every)
     values, u = residuals_seen(ruleset, seen)
-    return seen[0].plain, values * 3.6e6, THRESHOLD * u * 3.6e6
+    return seen[0].plain, values * 3.6e6, limits.THRESHOLD * u * 3.6e6
 
 
 def test_residuals_fire_where_they_exceed_their_limit(leaking: Judged) -> None:
@@ -144,9 +145,9 @@ def test_residuals_fire_where_they_exceed_their_limit(leaking: Judged) -> None:
     of its pump on all 27 samples of three plateaus."""
     found = tree(leaking.page()).findall(".//figure[@id='residuals']//svg[@aria-label]")
     marks = {svg.get("aria-label"): [u.get("href") for u in svg.iter("use")] for svg in found}
-    _, values, limits = seen_alone(leaking)
+    _, values, thresholds = seen_alone(leaking)
     settled = np.array(leaking.trace.verdict) != "moving"
-    up, down = settled & (values > limits), settled & (values < -limits)
+    up, down = settled & (values > thresholds), settled & (values < -thresholds)
     ids = [r.id for r in leaking.diagnosis.ruleset.residuals]
     expected = {
         name: ["#up"] * int(u.sum()) + ["#down"] * int(d.sum())
@@ -172,7 +173,7 @@ def test_residuals_that_a_fault_leaves_alone_fire_as_seldom_as_chance(leaking: J
 
 def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
     """Distance of the two estimates as drawn, how much of it is new, and the limit of that."""
-    plain, values, limits = seen_alone(leaking)
+    plain, values, thresholds = seen_alone(leaking)
     ruleset, last = leaking.diagnosis.ruleset, slice(51, 60)
     index = ruleset.observer_index
     pump, plant = (plain.flows[index[name], last] * 3.6e6 for name in ("A.pump", "A.plant"))
@@ -180,7 +181,7 @@ def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
     expected = (
         f"Figure 1. The pump estimate of A stands {np.mean(pump - plant):.0f} l/h above the plant "
         f"estimate from 51 s to 59 s, up by {np.mean(values[row, last]):.0f} l/h against what was "
-        f"taken for fault-free, beyond the limit of {np.mean(limits[row, last]):.1f} l/h; "
+        f"taken for fault-free, beyond the limit of {np.mean(thresholds[row, last]):.1f} l/h; "
         "2 other periods shown lie beyond it."
     )
     assert expected == caption(leaking.page(), "estimates")
@@ -195,7 +196,7 @@ def test_caption_without_baseline_has_one_distance(abc: Ruleset) -> None:
     observed = observe(abc, points_of_samples(recording, abc, noise))
     row = [r.id for r in abc.residuals].index("A.pump-plant")
     distance = np.mean(observed.residuals[row, 51:60]) * 3.6e6
-    limit = THRESHOLD * np.mean(observed.residual_u[row, 51:60]) * 3.6e6
+    limit = limits.THRESHOLD * np.mean(observed.residual_u[row, 51:60]) * 3.6e6
     said = caption(judged.page(), "estimates")
     assert f"A stands {distance:.0f} l/h above the plant estimate from 51 s to 59 s, " in said
     assert f"59 s, beyond the limit of {limit:.0f} l/h; " in said

@@ -7,8 +7,8 @@ sensors: their errors belong into the parameters then, as in any calibration on 
 from __future__ import annotations
 
 import numpy as np
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.robust import NORMAL
 
 from rulec.mismatch.answer_types.result import Changed, Repair
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
@@ -137,7 +137,7 @@ def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
 def _near(off: Array) -> np.ndarray:
     """Which of some errors are not far off."""
     far = np.abs(off - np.median(off))
-    flags: np.ndarray = far <= FAR * max(NORMAL * float(np.median(far)), 1e-300)
+    flags: np.ndarray = far <= FAR * max(limits.NORMAL_SPREAD * float(np.median(far)), 1e-300)
     return flags
 
 

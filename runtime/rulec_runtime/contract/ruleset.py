@@ -14,9 +14,6 @@ from rulec_runtime.output.json_file import DIGEST, digest_of
 
 FORMAT_VERSION = 3
 
-THRESHOLD = 3.0
-"""A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
-of the matrix and in the evidence of a finding alike."""
 
 MISFIT = "~"
 """Mark behind an observer's id: its own misfit as an input of gradients."""

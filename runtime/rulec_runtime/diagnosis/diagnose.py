@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.findings import Finding, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import see_stretches
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import SHORTEST, settle
+from rulec_runtime.recordings.stationary import settle
 from rulec_runtime.recordings.wall_clock import Calendar
 
 
@@ -122,10 +123,11 @@ def _of_stores(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
 
 def _restless(samples: int) -> str:
     """Why nothing could be judged at all."""
-    if samples < SHORTEST:
+    needed = limits.SHORTEST_STRETCH
+    if samples < needed:
         plural = "s" * (samples != 1)
-        return f"the recording has {samples} sample{plural}; a settled stretch needs {SHORTEST}"
-    return f"no settled stretch was found: no {SHORTEST} samples in a row without a jump"
+        return f"the recording has {samples} sample{plural}; a settled stretch needs {needed}"
+    return f"no settled stretch was found: no {needed} samples in a row without a jump"
 
 
 def _status(findings: list[Finding], unknown: list[Period], judged: int) -> str:

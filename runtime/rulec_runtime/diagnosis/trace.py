@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE
 from rulec_runtime.diagnosis.steady.seen import Seen, see_samples, see_stretches
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.steady.verdict import verdict_at
@@ -48,7 +48,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         for part in seen:
             fits = part.isolation.probability > 0
             degree[:, here] += np.where(fits, part.isolation.degree, 0.0)
-            half[:, here] += np.where(fits, COVERAGE * part.isolation.u, 0.0)
+            half[:, here] += np.where(fits, limits.COVERAGE * part.isolation.u, 0.0)
     return Trace(
         recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
     )

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-DIGITS = 20
-"""Digits of a whole number at most. Origin: a double holds 17."""
+from rulec_runtime import limits
 
 DIGEST = "digest"
 """Key that holds the digest of all else in a file."""
@@ -40,7 +39,7 @@ def parse_json(text: str) -> Any:
 
 
 def _whole(text: str) -> int:
-    if len(text) > DIGITS:
+    if len(text) > limits.MOST_DIGITS:
         raise Damaged(f"it holds a number of {len(text)} digits")
     return int(text)
 

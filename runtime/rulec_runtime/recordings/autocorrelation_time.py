@@ -8,12 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 
 Flags = NDArray[np.bool_]
-
-LONGEST = 0.1
-"""The memory is at most this share of the samples: no recording shows more."""
 
 
 def memory_of(error: Array, known: Flags) -> float:
@@ -22,19 +20,19 @@ def memory_of(error: Array, known: Flags) -> float:
     That is the sum of squared autocorrelations, up to where they vanish.
     """
     n = int(known.sum())
-    if n < 8:
+    if n < limits.FEWEST_FOR_CORRELATION:
         return 1.0
     filled = np.where(known, error, 0.0)
     size = 2 ** int(np.ceil(np.log2(2 * len(filled))))
     moments = np.fft.irfft(np.abs(np.fft.rfft(filled, size)) ** 2, size)
     counts = np.fft.irfft(np.abs(np.fft.rfft(known.astype(float), size)) ** 2, size)
-    most = max(int(LONGEST * n), 2)
+    most = max(int(limits.LONGEST_CORRELATION * n), 2)
     with np.errstate(invalid="ignore", divide="ignore"):
         lags = np.where(counts[:most] > 0.5, moments[:most] / np.maximum(counts[:most], 1.0), 0.0)
     if lags[0] <= 0.0:
         return 1.0
     correlation = lags / lags[0]
-    floor = 2.0 / np.sqrt(n)
+    floor = limits.WHITE_CORRELATION / np.sqrt(n)
     ends = np.flatnonzero(correlation[1:] < floor)
     kept = correlation[1 : 1 + ends[0]] if len(ends) else correlation[1:]
     return float(np.clip(1.0 + 2.0 * np.sum(kept**2), 1.0, most))

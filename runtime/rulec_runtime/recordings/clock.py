@@ -13,20 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-
-SELDOM = 20
-"""Rows per step back, on average, below which rows are out of order and no clock was set."""
-
-TWICE = 3
-"""Rows on both sides of a step back that have the same times: two rows may have changed places."""
-
-LONG_AGO = 10.0
-"""A step back by so many times what was recorded is a clock that lost its time, not a block of
-rows written late."""
-
-STOOD = 20
-"""Rows in a row with the very same time that a clock stood still for; fewer are a fast logger."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +45,8 @@ def in_order(time: Array) -> Ordered:
         return Ordered(np.arange(len(time)), time, stood, False)
     starts = [0, *back.tolist(), len(time)]
     runs = list(pairwise(starts))
-    if len(time) < SELDOM * len(back) or not any(_set(time, a, b) for a, b in pairwise(runs)):
+    many = len(time) < limits.ROWS_PER_STEP_BACK * len(back)
+    if many or not any(_set(time, a, b) for a, b in pairwise(runs)):
         order = np.argsort(time, kind="stable")
         return Ordered(order, time[order], stood, True)
     usual = float(np.median(np.diff(time)))
@@ -74,9 +63,9 @@ def _set(time: Array, before: tuple[int, int], here: tuple[int, int]) -> bool:
     """Was the clock set between two runs of rows that are in order?"""
     first, second = time[slice(*before)], time[slice(*here)]
     if second[-1] < first[0]:
-        return bool(first[0] - second[-1] > LONG_AGO * (np.ptp(first) + np.ptp(second)))
+        return bool(first[0] - second[-1] > limits.CLOCK_LOST * (np.ptp(first) + np.ptp(second)))
     twice = min(int((first >= second[0]).sum()), int((second <= first[-1]).sum()))
-    return twice >= TWICE
+    return twice >= limits.WRITTEN_TWICE
 
 
 def _standing(time: Array) -> list[ClockSet]:
@@ -84,5 +73,5 @@ def _standing(time: Array) -> list[ClockSet]:
     return [
         ClockSet(float(time[a]), 0.0, int(b - a))
         for a, b in pairwise(edges.tolist())
-        if b - a >= STOOD
+        if b - a >= limits.CLOCK_STOOD
     ]

@@ -14,16 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 
 BATCH = 20_000
 """Rows read at a time: cells become numbers before the next rows are read."""
 
 PIECE = 1 << 20
-FREE = 100_000_000
-DENSEST = 100
-"""A packed recording may unpack to `FREE` bytes, or to `DENSEST` times its own; `PIECE` bytes at a
-time. Origin: assumed, from recordings that pack to a third to a twentieth; 300 MB take a second."""
 
 BLANK = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 """Cells that say "no value" without being a surprise."""
@@ -143,7 +140,7 @@ def _bytes(path: Path) -> bytes:
         file.seek(0)
         if not packed:
             return file.read()
-        most = max(FREE, DENSEST * os.fstat(file.fileno()).st_size)
+        most = max(limits.FREE_TO_UNPACK, limits.DENSEST * os.fstat(file.fileno()).st_size)
         pieces: list[bytes] = []
         with gzip.GzipFile(fileobj=file) as unpacked:
             while piece := unpacked.read(PIECE):
@@ -151,7 +148,7 @@ def _bytes(path: Path) -> bytes:
                 most -= len(piece)
                 if most < 0:
                     raise RecordingRefused(
-                        f"{path}: it unpacks to more than {DENSEST} times its size, as no "
+                        f"{path}: it unpacks to more than {limits.DENSEST} times its size, as no "
                         "recording does; if it is one, unpack it first"
                     )
     return b"".join(pieces)

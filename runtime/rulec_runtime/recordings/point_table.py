@@ -13,27 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
-
-MOVING = 3.0
-"""Median change from row to row, in standard uncertainties of the sensor, of a reading on the
-move."""
-
-TOGETHER = 2
-"""Readings that must be on the move: one alone may be a noisy sensor."""
-
-FEWEST = 4
-"""Rows below which nothing can be said."""
-
-USUAL = 0.99
-"""Share of changes from row to row that count as usual: the rest may be a start or a stop."""
-
-LEAP = 1.0
-"""Standard deviations of a reading that it never leaps by in a run. Measured: at most 0.15 in a
-ramp of the independent truth; in six tables of pump curves the flow leaps by 3.1 to 3.4."""
 
 NOTE = (
     "readings change at every row by far more than their sensors' uncertainty: each row is taken "
@@ -49,7 +33,7 @@ def is_point_table(recording: Recording, ruleset: Ruleset) -> bool:
     """
     used = {s for o in ruleset.observers for s in o.signals}
     signals = [s for s in ruleset.signals if s.id in used and s.id in recording.values]
-    return sum(_moves(s, recording) for s in signals) >= TOGETHER
+    return sum(_moves(s, recording) for s in signals) >= limits.MOVING_READINGS
 
 
 def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
@@ -61,14 +45,14 @@ def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
     used = {s for o in ruleset.observers for s in o.signals}
     moving = [s.id for s in ruleset.signals if s.id in used and s.id in recording.values]
     moving = [name for name in moving if _moves(ruleset.signal_by_id[name], recording)]
-    return all(_leap(recording.values[name]) <= LEAP for name in moving)
+    return all(_leap(recording.values[name]) <= limits.LEAP for name in moving)
 
 
 def _leap(values: Array) -> float:
     """The largest usual change from row to row, in standard deviations of all rows."""
     changes = np.abs(np.diff(values[np.isfinite(values)]))
     spread = float(np.nanstd(values))
-    return float(np.quantile(changes, USUAL)) / spread if spread else 0.0
+    return float(np.quantile(changes, limits.USUAL_CHANGES)) / spread if spread else 0.0
 
 
 def _moves(signal: SignalSpec, recording: Recording) -> bool:
@@ -77,9 +61,9 @@ def _moves(signal: SignalSpec, recording: Recording) -> bool:
     with np.errstate(invalid="ignore"):
         low = -np.inf if signal.minimum is None else signal.minimum
         working = values[np.isfinite(values) & (values >= low)]
-    if len(working) < FEWEST:
+    if len(working) < limits.FEWEST_POINTS:
         return False
-    limit = MOVING * float(systematic_u(signal, float(np.median(np.abs(working)))))
+    limit = limits.MOVING_ROWS * float(systematic_u(signal, float(np.median(np.abs(working)))))
     return float(np.median(np.abs(np.diff(working)))) > limit
 
 

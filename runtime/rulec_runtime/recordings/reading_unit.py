@@ -8,11 +8,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import UnitSpec
 
 _TYPOGRAPHY = str.maketrans({"°": "deg", "²": "2", "³": "3", "·": "*", "⋅": "*", " ": None})
 _NEGATIVE = re.compile(r"(?<=[A-Za-z])-(\d)")
-LONGEST = 40
 
 
 def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
@@ -25,7 +25,7 @@ def parse_unit(text: str, units: Mapping[str, UnitSpec]) -> UnitSpec | None:
     text = text.strip().translate(_TYPOGRAPHY)
     if text in units:
         return units[text]
-    if len(text) > LONGEST:
+    if len(text) > limits.LONGEST_UNIT:
         return None
     try:
         tree = ast.parse(_NEGATIVE.sub(r"**-\1", text.replace("^", "**")), mode="eval").body
@@ -59,7 +59,7 @@ def _plain(units: Mapping[str, UnitSpec]) -> np.ndarray:
 
 def _power(node: ast.expr) -> int:
     match node:
-        case ast.Constant(value=int(value)) if abs(value) <= 6:
+        case ast.Constant(value=int(value)) if abs(value) <= limits.LARGEST_POWER:
             return value
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_power(operand)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.clock import ClockSet, in_order
 from rulec_runtime.recordings.csv_table import RecordingRefused
-from rulec_runtime.recordings.recording_file import ABSURD, RecordingFile, files_of, read_file
+from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
 
 __all__ = ["Recording", "RecordingRefused", "read_recording"]
@@ -160,7 +161,7 @@ def _with_time(
     path: Path, time: Array, notes: list[str], lost: list[tuple[int, str]]
 ) -> NDArray[np.intp]:
     """Indexes of the rows that have a time."""
-    has_time = np.isfinite(time) & (np.abs(time) < ABSURD)
+    has_time = np.isfinite(time) & (np.abs(time) < limits.ABSURD)
     if not has_time.any():
         raise RecordingRefused(f"{path}: no row has a usable time")
     _tell_left_out(path, int((~has_time).sum()), "have no usable time", notes, lost)

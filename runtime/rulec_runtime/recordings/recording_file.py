@@ -9,18 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_table
 from rulec_runtime.recordings.header import Header, Target, assign
 from rulec_runtime.recordings.time_column import read_times
-
-ABSURD = 1e15
-"""Beyond this (SI) a number is a fill value of some program, not a reading."""
-
-BEYOND = 1e6
-"""Times the reference reading and the range of its sensor beyond which a reading is none. Assumed:
-no sensor spans six decades above what its plant runs at, and sums of squares stay exact below."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +93,7 @@ def _largest(signal: SignalSpec) -> float:
     ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
     known = [abs(end) for end in ends if end is not None and isfinite(end)]
     scale = max(known, default=0.0)
-    return min(ABSURD, BEYOND * scale) if scale else ABSURD
+    return min(limits.ABSURD, limits.BEYOND_SENSOR * scale) if scale else limits.ABSURD
 
 
 def _readings(path: Path, column: Column, target: Target, most: float, notes: list[str]) -> Array:

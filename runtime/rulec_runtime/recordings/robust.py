@@ -9,16 +9,13 @@ from math import comb
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-
-NORMAL = 1.4826
-"""Standard deviation over the median of absolute values, for normal noise: 1 over its quantile of
-0.75."""
 
 
 def spread_about(values: Array, centre: float) -> float:
     """Standard deviation of normal noise with the median distance of these from a centre."""
-    return NORMAL * float(np.median(np.abs(values - centre)))
+    return limits.NORMAL_SPREAD * float(np.median(np.abs(values - centre)))
 
 
 def white_noise(differences: Array, order: int) -> float:
@@ -32,4 +29,4 @@ def white_noise(differences: Array, order: int) -> float:
     """
     if not differences.size:
         return 0.0
-    return NORMAL * float(np.median(np.abs(differences))) / float(np.sqrt(comb(2 * order, order)))
+    return spread_about(differences, 0.0) / float(np.sqrt(comb(2 * order, order)))

@@ -4,30 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
-
-LONGEST, TIMES = 10, 5.0
-"""Readings that are all the same: so many at least, and so many times the longest chance run."""
-
-RESTLESS = 0.7
-"""Scatter of third differences, in least steps, from which on a reading has noise of its own; a
-smooth course that is rounded has a third. And noise told from fourth differences, as part of that
-from third ones: of noise both tell the same, a smooth course vanishes."""
-
-FINEST = 0.05
-"""Share of the steps between levels that are finer than what counts as the least."""
-
-REPEATED = 0.5
-"""Share of readings that repeat the one before, from which on a display is too coarse, or a value
-is held too often, for standing still to mean anything: at less, 45 in a row are no chance."""
-
-INSTRUMENT = 3.0
-"""Noise of an instrument at most, in standard uncertainties of its class. What is set moves by
-more where it moves, and not at all where it is held."""
-
-ENOUGH = 20
-"""Samples in a row that do not change at all from which on a reading that never moved is judged."""
 
 
 def standing_still(
@@ -41,7 +20,7 @@ def standing_still(
     `ends` of its range a reading stands still for another reason.
     """
     runs = runs_of_equals(values)
-    long = [run for run in runs if run[1] - run[0] >= LONGEST]
+    long = [run for run in runs if run[1] - run[0] >= limits.STILL_RUN]
     if not long:
         return []
     rest = values.copy()
@@ -49,10 +28,9 @@ def standing_still(
         rest[first:behind] = np.nan
     if not _restless(rest, u):
         return []
-    chance = max((b - a for a, b in runs if b - a < LONGEST), default=1)
-    long = [
-        run for run in long if run[1] - run[0] >= TIMES * chance and _moves_beside(values, *run)
-    ]
+    chance = max((b - a for a, b in runs if b - a < limits.STILL_RUN), default=1)
+    least = limits.STILL_TIMES * chance
+    long = [run for run in long if run[1] - run[0] >= least and _moves_beside(values, *run)]
     return [run for run in long if not _clipped(values, *run, ends)]
 
 
@@ -65,7 +43,7 @@ def _moves_beside(values: Array, first: int, behind: int) -> bool:
     long = behind - first
     for beside in (values[max(first - long, 0) : first], values[behind : behind + long]):
         steps = np.diff(beside[np.isfinite(beside)])
-        if len(steps) >= LONGEST and np.mean(steps == 0) > REPEATED:
+        if len(steps) >= limits.STILL_RUN and np.mean(steps == 0) > limits.REPEATED:
             return False
     return True
 
@@ -84,17 +62,17 @@ def _clipped(
 def _restless(rest: Array, u: float) -> bool:
     """Has a reading noise, and no more of it than its class, where it does not stand still?"""
     known = rest[np.isfinite(rest)]
-    if len(known) < 2 * LONGEST or np.mean(np.diff(known) == 0) > REPEATED:
+    if len(known) < 2 * limits.STILL_RUN or np.mean(np.diff(known) == 0) > limits.REPEATED:
         return False
     noise, finer = (white_noise(np.diff(known, order), order) for order in (3, 4))
-    white = noise >= RESTLESS * _least_step(known) and finer >= RESTLESS * noise
-    return bool(white and noise <= INSTRUMENT * u)
+    white = noise >= limits.RESTLESS * _least_step(known) and finer >= limits.RESTLESS * noise
+    return bool(white and noise <= limits.INSTRUMENT_NOISE * u)
 
 
 def never_moves(values: Array) -> bool:
     """Is a reading the same from the first sample to the last?"""
     known = values[np.isfinite(values)]
-    return len(known) >= ENOUGH and bool((known == known[0]).all())
+    return len(known) >= limits.NEVER_MOVED and bool((known == known[0]).all())
 
 
 def last_digit(value: float) -> float:
@@ -105,14 +83,18 @@ def last_digit(value: float) -> float:
     """
     for power in range(6, -12, -1):
         step = 10.0**power
-        if value and abs(value / step - round(value / step)) < 1e-6 and round(value / step):
+        if (
+            value
+            and abs(value / step - round(value / step)) < limits.WRITTEN_DIGIT
+            and round(value / step)
+        ):
             return float(f"1e{power}")
     return 1.0
 
 
 def _least_step(values: Array) -> float:
     steps = np.diff(np.unique(values))
-    return float(np.quantile(steps, FINEST)) if len(steps) else np.inf
+    return float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else np.inf
 
 
 def runs_of_equals(values: Array) -> list[tuple[int, int]]:

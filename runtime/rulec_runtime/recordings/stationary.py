@@ -14,41 +14,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust import white_noise
-
-SHORTEST = 3
-"""Samples a stretch must have."""
-
-LONGEST = 60
-"""Samples after which a stretch is cut, so that slow change is followed."""
-
-NEGLIGIBLE = 0.1
-"""Share of a sensor's uncertainty below which a change is none, however small the noise."""
-
-TINY = 1e-300
-"""Keeps divisions by the noise of a reading that has none."""
-
-JUMP = 6.0
-"""A jump exceeds the noise of a difference by this factor."""
-
-PERSISTENCE = 5
-"""Samples over which a finding must hold: shorter ones are mostly the end of a transient."""
-
-MIDDLE = (PERSISTENCE + 1) / 2
-"""Samples from one to the middle of the next few."""
-
-TAIL = 5
-"""Samples behind a jump at most that are left out because a reading still settles."""
-
-SETTLED = 4.0
-"""A reading has settled when it differs from the next few by this many times its noise, or less,
-its drift apart."""
-
-GAP = 3.0
-"""A pause longer than this many sampling intervals ends a stretch."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +105,7 @@ def find_stretches(
     ruleset: Ruleset,
     noise: Mapping[str, float],
     observers: Sequence[ObserverSpec] | None = None,
-    longest: int = LONGEST,
+    longest: int = limits.LONGEST_STRETCH,
 ) -> Stretches:
     """Settled stretches by all readings that some observer (or one of those given) uses."""
     n = len(recording)
@@ -143,7 +113,7 @@ def find_stretches(
     breaks[0] = True
     steps = np.diff(recording.time)
     if n > 1:
-        breaks[1:] |= steps > GAP * np.median(steps)
+        breaks[1:] |= steps > limits.PAUSE * np.median(steps)
         breaks[1:] |= np.diff(recording.segment) != 0
     used = {s for o in observers or ruleset.observers for s in o.signals}
     jumps = np.zeros(n, dtype=bool)
@@ -155,13 +125,16 @@ def find_stretches(
         working = _working(signal, values)
         level = np.nanmedian(np.abs(working)) if np.isfinite(working).any() else 0.0
         floor = float(systematic_u(signal, level))
-        limit = max(JUMP * np.sqrt(2.0) * noise[signal.id], floor)
-        levels.append(values / max(SETTLED * noise[signal.id], floor * NEGLIGIBLE, TINY))
+        limit = max(limits.JUMP * np.sqrt(2.0) * noise[signal.id], floor)
+        levels.append(
+            values
+            / max(limits.SETTLED * noise[signal.id], floor * limits.NO_CHANGE, limits.LEAST_NOISE)
+        )
         readable = np.isfinite(values)
         latest = np.maximum.accumulate(np.where(readable, np.arange(n), 0))
         with np.errstate(invalid="ignore"):
             jumps[1:] |= np.abs(np.diff(values[latest])) > limit
-            jumps |= _shifts(values[latest], max(limit / np.sqrt(SHORTEST), floor))
+            jumps |= _shifts(values[latest], max(limit / np.sqrt(limits.SHORTEST_STRETCH), floor))
         breaks[_edges_of_long(~readable)] = True
     return _cut(breaks | jumps, jumps, np.array(levels).reshape(-1, n), longest)
 
@@ -172,27 +145,28 @@ def _shifts(values: Array, limit: float) -> np.ndarray:
     Means over a few samples show a step that the noise hides between two samples. On a slope the
     values change within the means as well: that is drift or settling, and no end.
     """
+    n = limits.SHORTEST_STRETCH
     found = np.zeros(len(values), dtype=bool)
     readable = np.isfinite(values)
-    if len(values) < 2 * SHORTEST or not readable.any():
+    if len(values) < 2 * n or not readable.any():
         return found
     # Only before the first reading is there none: that is no shift.
     known = np.where(readable, values, values[np.argmax(readable)])
     sums = np.concatenate([[0.0], np.cumsum(known)])
-    means = (sums[SHORTEST:] - sums[:-SHORTEST]) / SHORTEST
-    within = np.ptp(np.lib.stride_tricks.sliding_window_view(known, SHORTEST), axis=1)
-    size = np.abs(means[SHORTEST:] - means[:-SHORTEST])
+    means = (sums[n:] - sums[:-n]) / n
+    within = np.ptp(np.lib.stride_tricks.sliding_window_view(known, n), axis=1)
+    size = np.abs(means[n:] - means[:-n])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
     peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
-    step = 2.0 * np.maximum(within[SHORTEST:], within[:-SHORTEST]) < size
-    found[SHORTEST : SHORTEST + len(size)] = peak & step
+    step = 2.0 * np.maximum(within[n:], within[:-n]) < size
+    found[n : n + len(size)] = peak & step
     return found
 
 
 def _edges_of_long(blank: np.ndarray) -> np.ndarray:
     """First samples of, and behind, runs without reading; shorter ones do not end a stretch."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], blank, [False]]).astype(int)))
-    long = edges.reshape(-1, 2)[edges[1::2] - edges[::2] >= SHORTEST].ravel()
+    long = edges.reshape(-1, 2)[edges[1::2] - edges[::2] >= limits.SHORTEST_STRETCH].ravel()
     return long[long < len(blank)]
 
 
@@ -206,7 +180,7 @@ def _cut(ends: np.ndarray, jumps: np.ndarray, levels: Array, longest: int) -> St
         pieces = max(1, -(-(stop - begin) // longest))
         edges = np.linspace(begin, stop, pieces + 1).astype(int)
         for low, high in pairwise(edges):
-            if high - low >= SHORTEST:
+            if high - low >= limits.SHORTEST_STRETCH:
                 first.append(low)
                 last.append(high)
     return Stretches(np.array(first, dtype=int), np.array(last, dtype=int))
@@ -217,11 +191,12 @@ def _settled_from(levels: Array, begin: int, stop: int) -> int:
 
     `levels` are readings in units of what still counts as noise, shape (signals, n).
     """
-    latest = min(begin + TAIL, stop - PERSISTENCE)
+    middle = (limits.PERSISTENCE + 1) / 2
+    latest = min(begin + limits.SETTLING, stop - limits.PERSISTENCE)
     for low in range(begin, latest):
-        rest = levels[:, low + 1 : min(low + 1 + LONGEST, stop)]
-        drift = np.median(np.diff(rest, axis=1), axis=1) * MIDDLE
-        ahead = np.median(rest[:, :PERSISTENCE], axis=1) - drift
+        rest = levels[:, low + 1 : min(low + 1 + limits.LONGEST_STRETCH, stop)]
+        drift = np.median(np.diff(rest, axis=1), axis=1) * middle
+        ahead = np.median(rest[:, : limits.PERSISTENCE], axis=1) - drift
         if not np.any(np.abs(levels[:, low] - ahead) > 1.0):
             return low
     return max(begin, latest)

@@ -6,23 +6,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
-from rulec_runtime.recordings.robust import NORMAL
-
-FAR = 8.0
-"""A single reading that is so many times the usual step away from both neighbours is none."""
 
 
 def glitches_in(values: Array) -> np.ndarray:
     """Flags of single readings that neither neighbour bears out, shape (n,)."""
     step = np.abs(np.diff(values))
-    usual = NORMAL * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
-    usual = max(usual, 1e-12 + 0.02 * float(np.nanstd(values)))
+    usual = limits.NORMAL_SPREAD * float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
+    usual = max(usual, 1e-12 + limits.LEAST_USUAL_STEP * float(np.nanstd(values)))
     odd = np.zeros(len(values), dtype=bool)
     before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
     with np.errstate(invalid="ignore"):
-        odd[1:-1] = (before * after > 0) & (np.minimum(abs(before), abs(after)) > FAR * usual)
+        nearer = np.minimum(abs(before), abs(after))
+        odd[1:-1] = (before * after > 0) & (nearer > limits.GLITCH * usual)
     return odd
 
 
@@ -73,7 +71,10 @@ def filled(values: Array) -> Array:
 def resolution(values: Array, signal: SignalSpec) -> float:
     """Smallest step between readings over root 12, or a thousandth of what they span."""
     steps = np.diff(np.unique(values[np.isfinite(values)]))
-    steps = steps[steps > 1e-9 * (abs(signal.factor) + np.ptp(values[np.isfinite(values)]))]
-    smallest = float(np.quantile(steps, 0.05)) if len(steps) else abs(signal.factor)
+    steps = steps[
+        steps > limits.SAME_LEVEL * (abs(signal.factor) + np.ptp(values[np.isfinite(values)]))
+    ]
+    smallest = float(np.quantile(steps, limits.FINEST_STEPS)) if len(steps) else abs(signal.factor)
     span = float(np.nanstd(values))
-    return float(max(min(smallest / np.sqrt(12.0), 0.05 * span), 1e-4 * span, 1e-300))
+    rounding = min(smallest / np.sqrt(12.0), limits.COARSEST_RESOLUTION * span)
+    return float(max(rounding, limits.FINEST_RESOLUTION * span, limits.LEAST_NOISE))

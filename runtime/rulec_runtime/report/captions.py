@@ -58,7 +58,7 @@ def say_estimates(curves: Curves) -> str:
 
 def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
     """What of a distance the baseline leaves, and the limit of that."""
-    seen, limit = (float(np.mean(table[row, run])) for table in (curves.values, curves.limits))
+    seen, limit = (float(np.mean(table[row, run])) for table in (curves.values, curves.thresholds))
     beyond = f"beyond the limit of {number(limit, 2)} l/h"
     if np.isclose(seen, apart, rtol=1e-9):
         return beyond
@@ -73,7 +73,7 @@ def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
 
 
 def _excess(curves: Curves, row: int, first: int, last: int) -> float:
-    ratio = np.abs(curves.values[row, first : last + 1]) / curves.limits[row, first : last + 1]
+    ratio = np.abs(curves.values[row, first : last + 1]) / curves.thresholds[row, first : last + 1]
     return float(np.mean(ratio))
 
 

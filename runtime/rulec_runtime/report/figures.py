@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.report.captions import excess, say_degrees, say_estimates, say_residuals
 from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
@@ -46,7 +46,7 @@ def figures_of(
 def draw_estimates(whole: Curves) -> Figure:
     """Flow estimates of one module with their 95 % bands; of long recordings a part."""
     curves = detail(whole)
-    spread = COVERAGE * curves.flows_u
+    spread = limits.COVERAGE * curves.flows_u
     low, high = curves.flows - spread, curves.flows + spread
     panel = Panel(_time(curves.time), _range(curves, low, high), 260)
     bands, lines, ends = [], [], []
@@ -95,7 +95,7 @@ def draw_residuals(curves: Curves) -> Figure:
 
 def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
     """One residual; `times` is its size over its limit where it lasts, 0 if it never does."""
-    value, limit = curves.values[row], curves.limits[row]
+    value, limit = curves.values[row], curves.thresholds[row]
     if _is_long(curves):
         # Transients are much larger than faults: over a long time they would hide everything.
         value, limit = (np.where(curves.judged, part, np.nan) for part in (value, limit))

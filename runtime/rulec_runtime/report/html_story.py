@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
@@ -12,7 +13,6 @@ from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course, span
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, period, safe
 from rulec_runtime.report.wording import (
-    EITHER,
     KEPT,
     LEFT_OUT,
     STATUS,
@@ -87,7 +87,7 @@ def _lead(diagnosis: Diagnosis) -> str:
         also = f", and {counted(more, 'other finding')}" if more else ""
         return f"{first.condition.title}: {first.signal or 'time'}{also}"
     if worst:
-        either = [name for name, p in worst[0].alternatives if p > EITHER]
+        either = [name for name, p in worst[0].alternatives if p > limits.HEADLINE_RIVAL]
         faults = diagnosis.ruleset.fault_by_id
         title = " or ".join(titled(f) for f in (worst[0].fault, *(faults[n] for n in either)))
         more = len({f.fault.id for f in diagnosis.findings} - {worst[0].fault.id, *either})

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import THRESHOLD, ResidualSpec, Ruleset
+from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.seen import Seen, residuals_seen, see_samples, see_stretches
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import SHORTEST, settle
+from rulec_runtime.recordings.stationary import settle
 from rulec_runtime.report.thin_curves import COLUMNS
 from rulec_runtime.report.wording import l_per_h, worst_first
 
@@ -62,8 +63,8 @@ class Curves:
     time : shape (n,), s.
     judged : shape (n,), samples of settled stretches that could be judged.
     flows, flows_u : shape (sides, n), l/h, as read; NaN where an estimate cannot be used.
-    values, limits : shape (residuals, n), l/h, seen against the baseline; a residual fires
-        beyond its limit.
+    values, thresholds : shape (residuals, n), l/h, seen against the baseline; a residual fires
+        beyond its threshold.
     focus : period of the largest finding, s.
     learned : whether there is a baseline at all.
     """
@@ -75,14 +76,14 @@ class Curves:
     flows_u: Array
     residuals: tuple[ResidualSpec, ...]
     values: Array
-    limits: Array
+    thresholds: Array
     focus: tuple[float, float] | None
     learned: bool
 
     def at(self, chosen: slice) -> Curves:
         """Some of the samples, one behind the other."""
-        tables = (t[:, chosen] for t in (self.flows, self.flows_u, self.values, self.limits))
-        flows, flows_u, values, limits = tables
+        tables = (t[:, chosen] for t in (self.flows, self.flows_u, self.values, self.thresholds))
+        flows, flows_u, values, thresholds = tables
         return replace(
             self,
             time=self.time[chosen],
@@ -90,7 +91,7 @@ class Curves:
             flows=flows,
             flows_u=flows_u,
             values=values,
-            limits=limits,
+            thresholds=thresholds,
         )
 
     def apart(self, one: Side, other: Side) -> Array:
@@ -114,7 +115,7 @@ class Curves:
     def fired(self) -> np.ndarray:
         """Where each residual fires on a judged sample, shape (residuals, n)."""
         with np.errstate(invalid="ignore"):
-            result: np.ndarray = self.judged & (np.abs(self.values) > self.limits)
+            result: np.ndarray = self.judged & (np.abs(self.values) > self.thresholds)
         return result
 
 
@@ -136,7 +137,8 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     )
     n = len(recording)
     flows, flows_u = np.full((len(sides), n), np.nan), np.full((len(sides), n), np.nan)
-    values, limits = np.full((len(residuals), n), np.nan), np.full((len(residuals), n), np.nan)
+    values = np.full((len(residuals), n), np.nan)
+    thresholds = values.copy()
     index = ruleset.observer_index
     rows = [ruleset.residuals.index(r) for r in residuals]
     learned = False
@@ -150,7 +152,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         for i, residual in enumerate(residuals):
             sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
             values[i, here] = np.where(sound, found[rows[i]], np.nan)
-            limits[i, here] = np.where(sound, THRESHOLD * u[rows[i]], np.nan)
+            thresholds[i, here] = np.where(sound, limits.THRESHOLD * u[rows[i]], np.nan)
     factor = l_per_h(1.0)
     return Curves(
         recording.time,
@@ -160,7 +162,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         factor * flows_u,
         residuals,
         factor * values,
-        factor * limits,
+        factor * thresholds,
         _focus(diagnosis),
         learned,
     )
@@ -227,7 +229,7 @@ def runs_of_firing(fired: np.ndarray) -> list[tuple[int, int]]:
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], fired.astype(int), [0]])))
     pairs = edges.reshape(-1, 2)
-    return [(int(a), int(b) - 1) for a, b in pairs if b - a >= SHORTEST]
+    return [(int(a), int(b) - 1) for a, b in pairs if b - a >= limits.SHORTEST_STRETCH]
 
 
 def detail(curves: Curves) -> Curves:

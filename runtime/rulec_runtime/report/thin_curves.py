@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.stationary import GAP
 
 COLUMNS = 600
 """Columns of a picture; a series keeps at most two points a column."""
@@ -79,7 +79,7 @@ def with_pauses(time: Array, values: Array) -> tuple[Array, Array]:
     if len(time) < 3:
         return time, values
     steps = np.diff(time)
-    after = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    after = np.flatnonzero(steps > limits.PAUSE * np.median(steps)) + 1
     return np.insert(time, after, time[after - 1]), np.insert(values, after, np.nan)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.findings import Evidence, Finding
 
@@ -21,8 +22,6 @@ LEFT_OUT = "its readings there are taken out of the evidence; the rest is judged
 KEPT = "rows stay in the order in which they stand; times behind it are moved on"
 """What is done about a reading, and about a clock, that is none."""
 
-EITHER = 0.2
-"""Alternatives more probable than this stand in the headline."""
 
 LARGE = 5e-3
 """Typical flow, m3/s, from which on l/h would have too many digits."""
@@ -112,7 +111,7 @@ def actions(ruleset: Ruleset, finding: Finding) -> str:
 def _as_probable(finding: Finding) -> Iterator[tuple[str, float]]:
     """Alternatives that stand beside the fault wherever it is told."""
     for name, probability in finding.alternatives:
-        if probability > EITHER or probability >= finding.probability:
+        if probability > limits.HEADLINE_RIVAL or probability >= finding.probability:
             yield name, probability
 
 
@@ -171,7 +170,7 @@ def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
             if signal_id in readings:
                 shown = (readings[signal_id] - signal.offset) / signal.factor
                 parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
-        yield Estimate(spec.equation, flow, 2 * u, tuple(parts))
+        yield Estimate(spec.equation, flow, limits.COVERAGE * u, tuple(parts))
 
 
 def readings_of(ruleset: Ruleset, finding: Finding) -> str:

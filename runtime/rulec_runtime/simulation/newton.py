@@ -14,27 +14,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 
 Index = NDArray[np.intp]
 
-STEPS = 30
-"""Newton steps at most; a step that leads away is halved, and counts."""
-
-CONVERGED = 1e-7
-"""Last step, in units of the unknowns' scales. Newton squares it, so the result is better."""
-
-LONGEST = 0.5
-"""No damped step moves an unknown by more than this share of its scale: laws may end nearby."""
-
-SHRINKS = 0.5
-"""Each step over the one before, at most, where a solution is near.
-
-Source: natural monotonicity test, Deuflhard 2004, Newton Methods for Nonlinear Problems, sec. 3.3.
-"""
-
-FIRST, SHORTEST = 0.25, 1.0 / 65536.0
-"""Share of the way that is tried first, and below which the way counts as ended."""
 
 ROWS, ENTRIES = 4096, 2_000_000
 """Systems at a time, of which more leave the cache; entries of their matrices, likewise."""
@@ -89,11 +73,11 @@ def straight(
         left, slopes = systems.linearised(at[live], share[live], index[live])
         step = _solve_each(slopes, -left)
         longest = np.abs(step).max(axis=1)
-        near = longest <= np.maximum(bound[live], CONVERGED)
+        near = longest <= np.maximum(bound[live], limits.NEWTON_CONVERGED)
         live, step, longest = live[near], step[near], longest[near]
         at[live] += step
-        bound[live] = SHRINKS * longest
-        done = longest < CONVERGED
+        bound[live] = limits.SHRINKS * longest
+        done = longest < limits.NEWTON_CONVERGED
         solved[live[done]] = True
         live = live[~done]
     return at, solved
@@ -103,9 +87,10 @@ def _along_the_way(systems: Systems, start: Array, index: Index) -> tuple[Array,
     """As `follow`, always from share 0."""
     n = len(start)
     at, solved = straight(systems, start, np.zeros(n), index)
-    reached, stride = np.where(solved, 0.0, -1.0), np.full(n, FIRST)
+    reached, stride = np.where(solved, 0.0, -1.0), np.full(n, limits.FIRST_SHARE)
     while True:
-        live = np.flatnonzero((reached >= 0.0) & (reached < 1.0) & (stride >= SHORTEST))
+        under_way = (reached >= 0.0) & (reached < 1.0)
+        live = np.flatnonzero(under_way & (stride >= limits.SHORTEST_SHARE))
         if not live.size:
             return at, reached
         share = np.minimum(reached[live] + stride[live], 1.0)
@@ -123,18 +108,18 @@ def newton(
     left, slopes = systems.linearised(at, share, index)
     size = _length(left)
     damping, done = np.ones(len(at)), np.zeros(len(at), dtype=bool)
-    for _ in range(STEPS):
+    for _ in range(limits.NEWTON_STEPS):
         live = np.flatnonzero(~done & np.isfinite(size))
         if not live.size:
             break
         step = _solve_each(slopes[live], -left[live])
         longest = np.abs(step).max(axis=1)
-        factor = damping[live] * LONGEST / np.maximum(longest, LONGEST)
+        factor = damping[live] * limits.LONGEST_STEP / np.maximum(longest, limits.LONGEST_STEP)
         trial = at[live] + factor[:, None] * step
         trial_left, trial_slopes = systems.linearised(trial, share[live], index[live])
         trial_size = _length(trial_left)
         # At the end only rounding is left, which need not fall any further.
-        last: NDArray[np.bool_] = (longest < CONVERGED) & np.isfinite(trial_size)
+        last: NDArray[np.bool_] = (longest < limits.NEWTON_CONVERGED) & np.isfinite(trial_size)
         better: NDArray[np.bool_] = (trial_size < size[live]) | last
         moved = live[better]
         at[moved], left[moved], size[moved] = trial[better], trial_left[better], trial_size[better]

@@ -7,19 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.equations import Equations
 from rulec_runtime.simulation.newton import Index, Systems, newton
 from rulec_runtime.simulation.simulate import Simulated, simulate_with
-
-SAMPLE = 24
-"""Rows that are tried, spread over the recording."""
-
-FACTORS = (0.25, 0.5, 2.0, 4.0)
-"""Starts, as factors of the readings found."""
-
-APART = 1e-3
-"""Share of a reading by which another operating point differs."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +32,15 @@ def other_point(
 ) -> OtherPoint | None:
     """The first other operating point found; None is no proof that there is none."""
     rows = np.flatnonzero(simulated.solved)
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLE).astype(int))] if len(rows) else rows
     if not rows.size or not equations.predicted:
         return None
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, limits.OTHER_ROWS).astype(int))]
     found = {name: simulated.values[name][rows] for name in equations.predicted}
     some = [
         {name: np.broadcast_to(v, simulated.solved.shape)[rows] for name, v in table.items()}
         for table in (given, degrees)
     ]
-    for factor in FACTORS:
+    for factor in limits.OTHER_STARTS:
         start = {}
         for name, values in found.items():
             zero = equations.ruleset.signal_by_id[name].offset
@@ -59,7 +51,7 @@ def other_point(
                 name: abs(other.values[name][i] / values[i] - 1.0) for name, values in found.items()
             }
             name = max(gaps, key=lambda n: gaps[n])
-            if gaps[name] > APART:
+            if gaps[name] > limits.OTHER_POINT:
                 also = float(other.values[name][i])
                 return OtherPoint(int(rows[i]), name, float(found[name][i]), also)
     return None

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.recording_file import ABSURD, RecordingFile
-from rulec_runtime.recordings.stationary import GAP
+from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.simulation.balances import Balances
 from rulec_runtime.simulation.equations import SimulationRefused
 from rulec_runtime.simulation.prediction import rows
-
-BRIDGE = 10_000
-"""Steps in a gap at most; with inputs that stand still all has settled by then."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ def run_of(
 
     Raises `SimulationRefused` where no row has a time, or an input not one reading.
     """
-    has_time = np.isfinite(file.time) & (np.abs(file.time) < ABSURD)
+    has_time = np.isfinite(file.time) & (np.abs(file.time) < limits.ABSURD)
     if not has_time.any():
         raise SimulationRefused(f"{file.path}: no row has a usable time")
     kept = np.flatnonzero(has_time)
@@ -96,7 +93,7 @@ def _odd_times(has_time: NDArray[np.bool_], order: NDArray[np.intp], time: Array
 def _gaps(time: Array) -> NDArray[np.bool_]:
     """Pauses that are much longer than the sampling interval, shape (n - 1,)."""
     steps = np.diff(time)
-    return steps > GAP * _interval(steps)
+    return steps > limits.PAUSE * _interval(steps)
 
 
 def _interval(steps: Array) -> float:
@@ -115,7 +112,7 @@ def _bridged(run: Run) -> tuple[Array, Array, NDArray[np.intp]]:
     time, wide = run.time, np.flatnonzero(_gaps(run.time))
     interval = _interval(np.diff(time))
     parts = [
-        np.linspace(a, b, min(int((b - a) / interval), BRIDGE) + 1)[1:-1]
+        np.linspace(a, b, min(int((b - a) / interval), limits.GAP_STEPS) + 1)[1:-1]
         for a, b in zip(time[wide], time[wide + 1], strict=True)
     ]
     own = np.arange(len(time)) + np.repeat(

@@ -11,25 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.stationary import systematic_u
-
-BOUND = 2.0
-"""Bound of a sensor's systematic error in standard uncertainties (GUM, coverage factor 2)."""
 
 
 @dataclass(frozen=True)
 class SensorErrors:
     """How large sensor errors are.
 
-    `statistical` is their standard deviation as share of the systematic standard uncertainty; 0.3
-    is an assumption, the seed paper publishes systematic bounds only. `bounded` keeps systematic
-    errors inside the bounds of their sensor class, where the normal distribution leaves 5 %
-    outside.
+    `statistical` is their standard deviation as share of the systematic standard uncertainty.
+    `bounded` keeps systematic errors inside the bounds of their sensor class, where the normal
+    distribution leaves 5 % outside.
     """
 
-    statistical: float = 0.3
+    statistical: float = limits.STATISTICAL_SHARE
     bounded: bool = False
 
 
@@ -57,7 +54,7 @@ def sense(
         if signal.id not in values:
             continue
         true = values[signal.id]
-        shared = _normal(random, BOUND if errors.bounded else np.inf)
+        shared = _normal(random, limits.COVERAGE if errors.bounded else np.inf)
         own = errors.statistical * random.standard_normal(len(true))
         gain = (gains or {}).get(signal.id, 1.0)
         readings[signal.id] = true + gain * systematic_u(signal, true) * (shared + own)

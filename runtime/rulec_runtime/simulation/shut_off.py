@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.reading_unit import parse_unit
@@ -16,14 +17,6 @@ from rulec_runtime.recordings.stationary import systematic_u
 
 VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0, 0.0)
 """Exponents of m, kg, s, K, A."""
-
-TINY = 1e-4
-"""Share of the reference flow that stands for none. Pressures and torques change by less than this
-share between it and zero; it is above the shortest way that the solver goes
-(`newton.SHORTEST`)."""
-
-COVERED = 2.0
-"""Standard uncertainties below zero that a meter may show where nothing flows (95 %)."""
 
 
 def is_flow(signal: SignalSpec, ruleset: Ruleset) -> bool:
@@ -36,8 +29,8 @@ def without_flow(signal: SignalSpec, values: Array, ruleset: Ruleset) -> np.ndar
     """Readings of a flow meter that show none, shape (n,); `values` are SI."""
     if not is_flow(signal, ruleset):
         return np.zeros(len(values), dtype=bool)
-    tiny = TINY * abs(signal.reference)
-    zero = np.maximum(COVERED * systematic_u(signal, values), tiny)
+    tiny = limits.NO_FLOW * abs(signal.reference)
+    zero = np.maximum(limits.COVERAGE * systematic_u(signal, values), tiny)
     with np.errstate(invalid="ignore"):
         none: np.ndarray = (values < tiny) & (values >= -zero)
     return none
@@ -45,6 +38,6 @@ def without_flow(signal: SignalSpec, values: Array, ruleset: Ruleset) -> np.ndar
 
 def nearly_shut(signal: SignalSpec, values: Array, ruleset: Ruleset) -> Array:
     """Readings with the smallest flow in the place of none."""
-    tiny = TINY * abs(signal.reference)
+    tiny = limits.NO_FLOW * abs(signal.reference)
     nearly: Array = np.where(without_flow(signal, values, ruleset), tiny, values)
     return nearly

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
@@ -19,7 +20,6 @@ from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import each_row, follows_a_course, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
-    LONGEST,
     Stretches,
     find_stretches,
     noise_at_work,
@@ -194,7 +194,7 @@ def _bridged(points: Points, read: set[str]) -> Points:
 def _pieces(stretches: Stretches, observers: int) -> Stretches:
     """Stretches cut, so that there are as many points as the budget allows, and no more."""
     budget = BUDGET // max(observers, 1)
-    length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST)
+    length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), limits.LONGEST_STRETCH)
     first, last = [], []
     for low, high in zip(stretches.first, stretches.last, strict=True):
         count = max(1, round((high - low) / length))

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
@@ -21,9 +22,6 @@ from rulec_runtime.recordings.stationary import (
     noise_at_work,
     systematic_u,
 )
-
-MOST = 60
-"""Stretches that are looked at; of longer recordings some, evenly."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ class Bench:
         """How well the estimates agree at points."""
         observed = observe(self.ruleset, points)
         n = len(observed)
-        excess, limits = np.full(n, np.inf), np.ones(n)
+        excess, thresholds = np.full(n, np.inf), np.ones(n)
         freedom = np.zeros(n, dtype=int)
         limit = quantile(alarm_chance(n) / 2)
         for valid, members in patterns_of(observed.valid):
@@ -99,11 +97,11 @@ class Bench:
             if len(basis):
                 test = test_of(self.ruleset, observed, valid, basis, members)
                 chi = test.chi_square.value
-                limits[members] = chi_square_limit(len(basis), limit)
-                excess[members] = chi / limits[members]
+                thresholds[members] = chi_square_limit(len(basis), limit)
+                excess[members] = chi / thresholds[members]
                 freedom[members] = len(basis)
         excess[~np.isfinite(excess)] = np.inf
-        return Agreement(excess, limits, freedom, observed.valid, observed)
+        return Agreement(excess, thresholds, freedom, observed.valid, observed)
 
     def explained(self, found: Agreement) -> Explained:
         """What is sound, and which faults fit where."""
@@ -134,6 +132,6 @@ def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
         stretches = find_stretches(recording, ruleset, noise)
     if not len(stretches) or not ruleset.observers:
         return None
-    chosen = np.unique(np.linspace(0, len(stretches) - 1, MOST).astype(int))
+    chosen = np.unique(np.linspace(0, len(stretches) - 1, limits.STRETCHES_LOOKED_AT).astype(int))
     some = Stretches(stretches.first[chosen], stretches.last[chosen])
     return Bench(ruleset, some, points_of_stretches(recording, ruleset, some, noise), noise)

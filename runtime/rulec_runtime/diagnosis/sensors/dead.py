@@ -11,23 +11,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.conditions import DEAD, SensorFinding
 from rulec_runtime.diagnosis.steady.redundancy import free_flows
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.standing_still import ENOUGH
-from rulec_runtime.recordings.stationary import PERSISTENCE
-
-ZERO = 0.01
-"""Share of its range, or of its reference, within which a reading is at zero."""
-
-OFTEN = 2
-"""Times at most that a reading dies: a loose contact, not the cycle of a plant."""
-
-BEYOND, PART = 10.0, 0.1
-"""A flow is there beyond so many standard uncertainties, and this share of its reference."""
 
 
 def dead_readings(
@@ -39,11 +29,11 @@ def dead_readings(
         if values is None or not bench.readers(signal.id).any():
             continue
         zero = at_zero(signal, values)
-        if zero.sum() < PERSISTENCE:
+        if zero.sum() < limits.PERSISTENCE:
             continue
         flowing = bench.stretches.first[_flowing(bench, signal, zero, values)]
         runs = dict.fromkeys(_run_around(zero, int(first)) for first in flowing)
-        if len(runs) > OFTEN:
+        if len(runs) > limits.DIES:
             continue  # what comes back again and again works: something in the plant does it
         for first, last in runs:
             part = slice(first, last)
@@ -57,7 +47,7 @@ def at_zero(signal: SignalSpec, values: Array) -> np.ndarray:
     if signal.lowest is not None and signal.highest is not None:
         size = signal.highest - signal.lowest
     with np.errstate(invalid="ignore"):
-        flags: np.ndarray = values <= low + ZERO * size
+        flags: np.ndarray = values <= low + limits.AT_ZERO * size
     return flags
 
 
@@ -92,7 +82,7 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
     )
     result = np.zeros(len(stretches), dtype=bool)
     module = signal.id.partition(".")[0]
-    frozen = len(np.unique(values[zero])) == 1 and zero.sum() >= ENOUGH
+    frozen = len(np.unique(values[zero])) == 1 and zero.sum() >= limits.NEVER_MOVED
     for i in np.flatnonzero(inside):
         flow = _flow_without(bench, signal.id, module, int(i))
         if flow is None:
@@ -101,7 +91,7 @@ def _flowing(bench: Bench, signal: SignalSpec, zero: np.ndarray, values: Array) 
             reference = max(
                 abs(o.reference) for o in bench.ruleset.observers if signal.id in o.signals
             )
-            result[i] = flow[0] > max(BEYOND * flow[1], PART * reference)
+            result[i] = flow[0] > max(limits.FLOWS_BEYOND * flow[1], limits.FLOWS_PART * reference)
     return result
 
 
@@ -119,8 +109,8 @@ def _flow_without(bench: Bench, signal: str, module: str, point: int) -> tuple[f
     covariance = observed.covariance[point][np.ix_(usable, usable)]
     weight = np.linalg.pinv(covariance / np.mean(np.diag(covariance)))
     information = rows.T @ weight @ rows
-    inverse = np.linalg.pinv(information, rcond=1e-9)
-    if np.linalg.norm(wanted - wanted @ inverse @ information) > 1e-6:
+    inverse = np.linalg.pinv(information, rcond=limits.PSEUDO_INVERSE)
+    if np.linalg.norm(wanted - wanted @ inverse @ information) > limits.DETERMINED:
         return None
     gain = wanted @ inverse @ rows.T @ weight
     flow = float(gain @ observed.flows[usable, point])

@@ -15,36 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.bench import Bench
 from rulec_runtime.diagnosis.sensors.dead import at_zero
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
-
-FINE, ROUNDS = 41, 4
-"""Values tried between the ends of a range, and how often the best one's neighbours are."""
-
-FROM, TO = 0.05, 3.0
-"""Ends, in references, where a sensor has no range."""
-
-FAR, DIGITS = 6.0, 3.0
-"""How far the value that suits the others must move: in standard uncertainties of the sensor, and
-in steps of its last digit."""
-
-MOST, SOME = 0.9, 0.1
-"""Share of stretches that must agree with the reading freed, and must not as it stands."""
-
-TIMES = 3.0
-"""Noise of the same sensor elsewhere, in last digits of a reading, at which no 20 readings in a
-row are the same."""
-
-FEWEST = 2
-"""Readings that must move for a recording to have been measured, and not computed."""
-
-CLEARLY = 10.0
-"""Chi-square that a rival fault must leave beyond what the freed reading leaves: both have one
-free value at each operating point, so odds are 150 to 1."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +36,7 @@ def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Ite
     """Signals whose readings are frozen from the first sample to the last."""
     never = [s for s in ruleset.signals if _still(recording, s.id)]
     used = {s for o in ruleset.observers for s in o.signals}
-    if len(used & set(recording.values)) - len(used & {s.id for s in never}) < FEWEST:
+    if len(used & set(recording.values)) - len(used & {s.id for s in never}) < limits.FEWEST_MOVING:
         return  # a recording without noise: computed, not measured
     for signal in never:
         here = bench.recorded.freedom > 1
@@ -86,7 +63,7 @@ def _has_noise_elsewhere(
         and other.id.partition(".")[2] == name
         and (other.kind, other.standard, other.full_scale)
         == (signal.kind, signal.standard, signal.full_scale)
-        and bench.noise.get(other.id, 0.0) > TIMES * digit
+        and bench.noise.get(other.id, 0.0) > limits.NOISE_ELSEWHERE * digit
         for other in ruleset.signals
     )
 
@@ -97,20 +74,20 @@ def _still(recording: Recording, name: str) -> bool:
 
 
 def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
-    if (~bench.recorded.sound)[here].mean() < SOME:
+    if (~bench.recorded.sound)[here].mean() < limits.DISAGREES_SOMEWHERE:
         return False
     freed = free(bench, signal)
     agrees = freed.excess[here] <= 1.0
-    if agrees.mean() < MOST:
+    if agrees.mean() < limits.NEARLY_ALL:
         return False
     shown = float(np.nanmedian(bench.points.values[signal.id]))
     digit = last_digit((shown - signal.offset) / signal.factor) * signal.factor
     u = float(np.nanmedian(bench.points.systematic[signal.id]))
     moves = np.ptp(freed.value[here][agrees])
     off = np.abs(freed.value[here][agrees] - shown).max()
-    if max(moves, off) < FAR * u or max(moves, off) < DIGITS * digit:
+    if max(moves, off) < max(limits.SHOULD_MOVE * u, limits.SHOULD_MOVE_DIGITS * digit):
         return False
-    if moves < FAR * u and digit > 0.01 * u:
+    if moves < limits.SHOULD_MOVE * u and digit > limits.FINE_DIGIT * u:
         return False  # set, or a coarse display: a steady error is no standstill
     return _beats_faults(bench, signal, freed, here)
 
@@ -127,25 +104,25 @@ def _beats_faults(bench: Bench, signal: SignalSpec, freed: Freed, here: np.ndarr
         if fault.in_sensor and signal.id in fault.scales:
             continue
         both = off & fits
-        if (fits | recorded.sound)[here].mean() >= MOST and both.any():
+        if (fits | recorded.sound)[here].mean() >= limits.NEARLY_ALL and both.any():
             left = float(np.median(distance[both]))
-            if left < np.median((freed.excess * recorded.limit)[both]) + CLEARLY:
+            if left < np.median((freed.excess * recorded.limit)[both]) + limits.FROZEN_ODDS:
                 return False
     return True
 
 
 def free(bench: Bench, signal: SignalSpec) -> Freed:
     """Find the value of a reading that makes all estimates agree best, at each stretch."""
-    low, high = FROM * signal.reference, TO * signal.reference
+    low, high = limits.FREED_FROM * signal.reference, limits.FREED_TO * signal.reference
     if signal.lowest is not None and signal.highest is not None:
         low, high = signal.lowest, signal.highest
     n = len(bench.stretches)
-    grid = np.linspace(low, high, FINE)[1:-1]
+    grid = np.linspace(low, high, limits.FREED_VALUES)[1:-1]
     step = np.full(n, grid[1] - grid[0])
     value, excess = np.full(n, grid[0]), np.full(n, np.inf)
     for one in grid:
         value, excess = _better(bench, signal, value, excess, np.full(n, one))
-    for _ in range(ROUNDS):
+    for _ in range(limits.FREED_ROUNDS):
         centre, step = value.copy(), step / 4.0
         for k in range(-4, 5):
             value, excess = _better(bench, signal, value, excess, centre + k * step)

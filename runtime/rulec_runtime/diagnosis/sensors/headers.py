@@ -15,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
@@ -24,32 +25,6 @@ from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
-
-FEWEST = 20
-"""Settled samples below which no header is doubted."""
-
-HALF, PLAIN, NEARLY_ALL = 0.5, 0.1, 0.9
-"""Share of stretches in which readings may agree as recorded at most (a wrong reading does where
-it hardly matters); in which they must agree when read differently, without any fault; and with at
-most one."""
-
-STEADY = 0.1
-"""Scatter of a fault's degree, as share of it, beyond its uncertainty, that leaves it one."""
-
-CLEARLY = 6.0
-"""Chi-square that a fault must leave beyond what another reading of the columns leaves, to be no
-rival: odds of 20 to 1 at one operating point."""
-
-GONE = 30.0
-"""Chi-square, beside the best single fault, that swapping two columns back must take away at a
-typical operating point."""
-
-APART = 10.0
-"""How far readings must be from what is recorded, in standard uncertainties, to be other ones."""
-
-NOISY, SHARE = 5.0, 0.05
-"""Noise of a reading, read differently, at most: in standard uncertainties of its class, or as
-share of it. Nothing that is nearly zero becomes a reading by a factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +45,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
     `bench` holds the readings without those that cannot be, `raw` all of them;
     what stands `still` has no course that could fit.
     """
-    if bench.samples < FEWEST or not _doubtful(bench):
+    if bench.samples < limits.FEWEST_FOR_HEADERS or not _doubtful(bench):
         return None
     plain = _with_all(raw, bench)
     best, least = None, np.inf
@@ -80,7 +55,7 @@ def misread_columns(raw: Recording, bench: Bench, still: Set[str]) -> Misread | 
             continue
         explained = bench.explained(found).stretches
         running = _running(bench, misread, found)
-        if explained[running].mean() < NEARLY_ALL:
+        if explained[running].mean() < limits.NEARLY_ALL:
             continue
         left = float(np.median(found.excess[running]))
         if left < least:
@@ -109,7 +84,7 @@ def _doubtful(bench: Bench) -> bool:
     recorded = bench.recorded
     most = recorded.freedom.max(initial=0)
     whole = recorded.sound & (recorded.freedom == max(most, _rank(bench)))
-    return bool(whole.mean() <= HALF)
+    return bool(whole.mean() <= limits.AGREES_AS_RECORDED)
 
 
 def _rank(bench: Bench) -> int:
@@ -129,16 +104,16 @@ def _makes_sense(bench: Bench, misread: Misread, found: Agreement) -> bool:
     usable = before.valid[readers].sum(axis=0) >= found.valid[readers].sum(axis=0)
     agreed = before.sound & usable & (before.freedom >= found.freedom)
     return bool(
-        agreed[running].mean() <= HALF
-        and found.sound[running].mean() >= PLAIN
-        and (found.freedom >= before.freedom)[running].mean() >= NEARLY_ALL
+        agreed[running].mean() <= limits.AGREES_AS_RECORDED
+        and found.sound[running].mean() >= limits.AGREES_OTHERWISE
+        and (found.freedom >= before.freedom)[running].mean() >= limits.NEARLY_ALL
     )
 
 
 def _steady(explained: Explained, fault: int, here: np.ndarray) -> bool:
     """Has a fault one degree? What needs another one at each operating point is no fault."""
     degree, u = explained.degree[fault, here], explained.u[fault, here]
-    return bool(degree.std() <= STEADY * abs(degree.mean()) + float(np.median(u)))
+    return bool(degree.std() <= limits.SAME_DEGREE * abs(degree.mean()) + float(np.median(u)))
 
 
 def _readers(bench: Bench, misread: Misread) -> np.ndarray:
@@ -153,7 +128,8 @@ def _running(bench: Bench, misread: Misread, found: Agreement) -> np.ndarray:
     for name in misread.signals:
         u = found.observed.points.u[name]
         with np.errstate(invalid="ignore"):
-            apart |= np.abs(misread.values[name] - misread.recorded[name]) > APART * u
+            off = np.abs(misread.values[name] - misread.recorded[name])
+            apart |= off > limits.READS_OTHERWISE * u
     return flags & apart
 
 
@@ -166,7 +142,7 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
     before = bench.recorded
     readers = _readers(bench, misread)
     judged = before.valid[readers].any(axis=0) & (before.freedom > 1)
-    if judged.mean() < NEARLY_ALL:
+    if judged.mean() < limits.NEARLY_ALL:
         return True
     explained = bench.explained_as_recorded
     least = np.where(before.sound, before.excess * before.limit, np.inf)
@@ -178,8 +154,8 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
         if (own and misread.condition is UNIT) or not off.any():
             continue
         left = (found.excess * found.limit)[off]
-        as_well = np.median(distance[off] - left) < CLEARLY
-        covers = (fits | before.sound)[judged].mean() >= NEARLY_ALL
+        as_well = np.median(distance[off] - left) < limits.HEADER_ODDS
+        covers = (fits | before.sound)[judged].mean() >= limits.NEARLY_ALL
         if covers and as_well and _steady(explained, i, off):
             return False
     if misread.condition is UNIT:
@@ -188,7 +164,7 @@ def _beats_faults(bench: Bench, misread: Misread, found: Agreement) -> bool:
     after = bench.explained(found)
     rest = np.min(after.distance, axis=0, initial=np.inf)
     rest = np.fmin(rest, found.excess * found.limit)
-    return bool(np.median((least - rest)[judged]) > GONE)
+    return bool(np.median((least - rest)[judged]) > limits.SWAP_GAIN)
 
 
 def _candidates(
@@ -253,7 +229,7 @@ def _like_a_reading(plain: Bench, name: str, values: Array, noise: float) -> boo
     low, high = signal.lowest, signal.highest
     if low is not None and high is not None and not low <= usual <= high:
         return False
-    return noise <= max(NOISY * u, SHARE * abs(usual - signal.offset))
+    return noise <= max(limits.NOISY_READING * u, limits.NOISY_SHARE * abs(usual - signal.offset))
 
 
 def _used(ruleset: Ruleset) -> set[str]:

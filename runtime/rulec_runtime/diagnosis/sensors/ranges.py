@@ -11,14 +11,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import RANGE, SensorFinding
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import PERSISTENCE
-
-BELOW, ABOVE = 0.025, 0.0625
-"""Share of its range by which a reading of 3.6 mA lies below it, and one of 21 mA above it."""
 
 
 def failed_current(signal: SignalSpec, values: Array) -> np.ndarray:
@@ -26,9 +23,9 @@ def failed_current(signal: SignalSpec, values: Array) -> np.ndarray:
     low, high = signal.lowest, signal.highest
     if low is None or high is None:
         return np.zeros(len(values), dtype=bool)
-    width = high - low
+    below, above = (share * (high - low) for share in (limits.FAILED_BELOW, limits.FAILED_ABOVE))
     with np.errstate(invalid="ignore"):
-        failed: np.ndarray = (values <= low - BELOW * width) | (values >= high + ABOVE * width)
+        failed: np.ndarray = (values <= low - below) | (values >= high + above)
     return failed
 
 
@@ -41,7 +38,7 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
         failed = failed_current(signal, values)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], failed, [False]]).astype(int)))
         for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            if b - a >= PERSISTENCE:
+            if b - a >= limits.PERSISTENCE:
                 yield _finding(signal, recording, a, b), slice(a, b)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
@@ -19,14 +20,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled
-
-PART = 0.25
-"""Share of its range that a level must stand above its end, by the balances, to be there for sure:
-they are nominal, and a start is not known."""
-
-FAR, DIGITS = 20.0, 3.0
-"""How far a reading should move to be frozen when it does not: in standard uncertainties of its
-sensor, and in steps of its last digit."""
 
 
 def silent_readings(
@@ -48,7 +41,8 @@ def silent_readings(
         low, high = signal.lowest, signal.highest
         span = abs(signal.reference) if low is None or high is None else high - low
         if at_zero(signal, values[np.isfinite(values)]).all():
-            if np.median(course) > (signal.offset if low is None else low) + PART * span:
+            end = signal.offset if low is None else low
+            if np.median(course) > end + limits.LEVEL_THERE * span:
                 because = "the balances say that it is not empty"
                 every = slice(0, len(recording))
                 yield signal, dead_finding(signal, recording, every, because)
@@ -69,7 +63,8 @@ def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
     """Do the balances move a reading by more than its sensor and its display hide?"""
     u = float(np.median(systematic_u(signal, course)))
     digit = last_digit((shown - signal.offset) / signal.factor) * abs(signal.factor)
-    return bool(np.ptp(course) > max(FAR * u, DIGITS * digit))
+    hidden = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
+    return bool(np.ptp(course) > hidden)
 
 
 def _foretold(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
 from rulec_runtime.recordings.reading_unit import parse_unit
 
 SECOND, HOUR = 1.0, 3600.0
 """A meter counts by the second, the minute or the hour."""
-
-NEAR = 2.0
-"""Units that differ by less are no mix-up that a plant's readings could tell from a fault."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ def mixups(
     for name, unit in sorted(known.items(), key=lambda item: (len(item[0]), item[0])):
         ratio = unit.factor / factor
         shift = unit.offset - ratio * offset
-        far = max(ratio, 1.0 / ratio) > NEAR or (ratio == 1.0 and shift != 0.0)
+        far = max(ratio, 1.0 / ratio) > limits.NEAR_UNITS or (ratio == 1.0 and shift != 0.0)
         if far:
             found.setdefault((ratio, shift), Mixup(written, name, ratio, shift))
     return list(found.values())

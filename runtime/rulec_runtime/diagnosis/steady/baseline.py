@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed
@@ -25,17 +26,6 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
-
-CALM = 2.0
-"""Normal quantile up to which a stretch counts as fault-free enough to learn from."""
-
-WORTH = 0.02
-"""Information (nat) below which a further stretch is not worth learning."""
-
-
-LASTING = 6.0 * 3600.0
-"""Time, s, over which lasting errors lose their memory: a quarter of the daily cycle of ambient
-temperature, which moves most of them [assumed]."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +71,7 @@ def nothing_learned(observed: Observed) -> Baseline:
 
 def remembered(seconds: Array | float) -> Array:
     """Correlation of a lasting error with itself after some time."""
-    correlation: Array = np.exp(-np.abs(seconds) / LASTING)
+    correlation: Array = np.exp(-np.abs(seconds) / limits.LASTING)
     return correlation
 
 
@@ -147,10 +137,10 @@ def _update(before: Baseline, said: _Said) -> Baseline | None:
         solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
     except np.linalg.LinAlgError:  # readings so far off that their errors drown in rounding
         return None
-    if off @ solved[:, 0] > chi_square_limit(len(off), CALM):
+    if off @ solved[:, 0] > chi_square_limit(len(off), limits.CALM):
         return None
     gain = np.linalg.slogdet(total)[1] - said.log_determinant
-    if gain < WORTH * len(off):
+    if gain < limits.WORTH_LEARNING * len(off):
         return None
     covariance = before.covariance - crossed @ solved[:, 1:]
     before.points.append(said.point)

@@ -7,16 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.combine import ONSET, Hypothesis, combine
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.seen import Seen
-
-RIVAL = 1.0 / 3.0
-"""A cause at least this probable, relative to the named one, is an alternative to it."""
-
-MENTION = 0.02
-"""Causes less probable than this are not mentioned at all."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,7 @@ def _cause(
     best = hypotheses[0]
     fault = best.faults[place]
     own = [h for h in hypotheses if fault in h.faults]
-    plausible = [h for h in own if h.probability >= RIVAL * best.probability]
+    plausible = [h for h in own if h.probability >= limits.RIVAL * best.probability]
     spans = [h.bounds(fault) for h in plausible]
     chance = sum(h.probability for h in own)
     found = _others(hypotheses, best, fault)
@@ -72,8 +67,8 @@ def _cause(
         # No reading tells them apart: whatever favours one of them is an assumption.
         chance = (chance + sum(found.get(t, 0.0) for t in twins)) / (1 + len(twins))
         found |= dict.fromkeys(sorted(twins), chance)
-    others = sorted((o for o in found.items() if o[1] > MENTION), key=lambda o: -o[1])
-    rivals = tuple(o for o in others if o[1] >= RIVAL * chance)
+    others = sorted((o for o in found.items() if o[1] > limits.MENTION), key=lambda o: -o[1])
+    rivals = tuple(o for o in others if o[1] >= limits.RIVAL * chance)
     return Cause(
         fault,
         best.degrees[place],
@@ -112,7 +107,7 @@ def _average(isolation: Isolation, members: Sequence[int]) -> Hypothesis:
     degrees, spreads = [], []
     for fault in faults:
         each, u = isolation.degree[fault, members], isolation.u[fault, members]
-        weights = 1.0 / np.maximum(u, 1e-12) ** 2
+        weights = 1.0 / np.maximum(u, limits.LEAST_U) ** 2
         degree = float(np.sum(weights * each) / np.sum(weights))
         degrees.append(degree)
         # Lasting errors do not average out over a run, so the uncertainty is that of one stretch.

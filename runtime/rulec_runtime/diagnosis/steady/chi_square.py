@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 
 
@@ -88,7 +89,7 @@ def inverse_of(covariance: Array) -> Array:
     A trace of ridge keeps residuals without any uncertainty of their own solvable; points whose
     covariance is not finite give NaN.
     """
-    return _inverse(covariance, 1e-12)
+    return _inverse(covariance, limits.RIDGE)
 
 
 def solved(matrix: Array, right: Array) -> Array:
@@ -124,7 +125,8 @@ def inverse_information(information: Array) -> Array:
     if len(information) == 1:
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 / information
-    return _inverse(information.transpose(2, 0, 1), 1e-14).transpose(1, 2, 0)
+    inverse = _inverse(information.transpose(2, 0, 1), limits.RIDGE_OF_INFORMATION)
+    return inverse.transpose(1, 2, 0)
 
 
 def _inverse(matrices: Array, ridge: float) -> Array:

@@ -16,32 +16,14 @@ from itertools import combinations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines, remembered, times_of
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome, Scales
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE, Isolation, accepted, shares
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome, Scales, pair_starts
+from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
-
-MOST = 8
-"""Stretches that are stacked of a run, and of its baseline, spread over their length."""
-
-PLAUSIBLE = 0.02
-"""Probability in some stretch from which on a fault is a candidate for a pair."""
-
-BACKWARD = 3
-"""Faults tried as being there at other times: those that explain most to first order."""
-
-KNOWN = np.log(10.0)
-"""Advantage of a pair that holds a fault found just before: a known fault rarely goes by itself."""
-
-BEFORE = -np.log(20.0)
-"""Disadvantage of a fault that was there from the start, too small to be seen: recordings that
-begin with a sound plant are the rule."""
-
-SCATTER = 2.0
-"""Normal quantile of the chi-square left beyond which stretches disagree more than they should."""
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is there: in the run alone, also in the baseline, or in the baseline alone."""
@@ -60,7 +42,7 @@ class Hypothesis:
     def bounds(self, fault: int) -> tuple[float, float]:
         """95 % bounds of the degree of one of the faults."""
         place = self.faults.index(fault)
-        half = COVERAGE * self.u[place]
+        half = limits.COVERAGE * self.u[place]
         return self.degrees[place] - half, self.degrees[place] + half
 
 
@@ -109,7 +91,8 @@ def combine(
     if not fits:
         return []
     evidence = np.array([f.outcome.evidence[0] for f in fits])
-    evidence += [KNOWN * bool(known & set(f.faults)) + BEFORE * (f.when != ONSET) for f in fits]
+    evidence += [limits.KNOWN_FAULT * bool(known & set(f.faults)) for f in fits]
+    evidence += [limits.FAULT_FROM_START * (f.when != ONSET) for f in fits]
     probability = shares(evidence[:, None])[:, 0]
     order = np.argsort(-probability, kind="stable")
     return [_hypothesis(fits[k], float(probability[k]), rank) for k in order if probability[k]]
@@ -119,7 +102,7 @@ def _hypothesis(fit: _Fit, probability: float, rank: int) -> Hypothesis:
     """Degrees with bounds; stretches that scatter more than they should widen them."""
     freedom, left = rank - len(fit.faults), float(fit.outcome.distance[0])
     wide = 1.0
-    if freedom > 0 and left > chi_square_limit(freedom, SCATTER):
+    if freedom > 0 and left > chi_square_limit(freedom, limits.DISAGREE):
         wide = float(np.sqrt(left / freedom))
     return Hypothesis(
         fit.faults,
@@ -149,7 +132,7 @@ def _usable_baseline(observed: Observed, learned: Sequence[int], valid: np.ndarr
 
 
 def _thinned(points: np.ndarray) -> np.ndarray:
-    places = np.linspace(0, len(points) - 1, min(MOST, len(points))).round().astype(int)
+    places = np.linspace(0, len(points) - 1, min(limits.STACKED, len(points))).round().astype(int)
     thinned: np.ndarray = points[places]
     return thinned
 
@@ -179,15 +162,11 @@ def stacked_covariance(
     return result
 
 
-_GRID = tuple(np.array([[a, b]]) for a in (0.1, 0.3) for b in (0.1, 0.3))
-"""Degrees of a pair tried first, beside what the stretches say on their own."""
-
-
 def _onset(test: HypothesisTest, isolation: Isolation, members: Sequence[int]) -> Iterator[_Fit]:
     """Hypotheses that fit some stretch of the run, with no fault before it."""
     for faults in _candidates(isolation, members):
         start = np.mean(isolation.degree[list(faults)][:, members], axis=1)[None]
-        starts = None if len(faults) == 1 else [start, *_GRID]
+        starts = None if len(faults) == 1 else [start, *pair_starts()]
         outcome = test.run(tuple(test.ruleset.faults[i] for i in faults), starts)
         if outcome is not None:
             yield _Fit(faults, ONSET, outcome)
@@ -199,7 +178,7 @@ def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[
     if isolation.pair[members[0], 0] < 0:
         yield from ((int(i),) for i in np.flatnonzero(chance > 0))
         return
-    plausible = np.flatnonzero(chance > PLAUSIBLE)
+    plausible = np.flatnonzero(chance > limits.PAIR_CANDIDATE)
     yield from combinations((int(i) for i in plausible), 2)
 
 
@@ -211,7 +190,7 @@ def _backward(test: HypothesisTest, when: str) -> Iterator[_Fit]:
         if towards is not None and towards[1][0] > 0.0:
             pull, information = (float(part[0]) for part in towards)
             explained[i] = max(pull, 0.0) ** 2 / information
-    for i in np.argsort(-explained, kind="stable")[:BACKWARD]:
+    for i in np.argsort(-explained, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]:
         outcome = test.run((test.ruleset.faults[i],)) if explained[i] > 0 else None
         if outcome is not None:
             yield _Fit((int(i),), when, outcome)

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import THRESHOLD, FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
 from rulec_runtime.diagnosis.steady.isolate import accepted
@@ -16,12 +17,9 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
-from rulec_runtime.recordings.stationary import LONGEST, PERSISTENCE, Stretches
+from rulec_runtime.recordings.stationary import Stretches
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
-
-FAR = 10.0
-"""A deviation this many times beyond the limit of an alarm (in chi-square) need not persist."""
 
 
 @dataclass(frozen=True)
@@ -125,14 +123,14 @@ def _too_brief(seen: Seen, stretches: Stretches, members: list[int]) -> bool:
     isolation = seen.isolation
     strongest = members[int(np.argmax(isolation.misfit[members]))]
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
-    far = isolation.misfit[strongest] > FAR * limit
-    return bool(stretches.lengths[members].sum() < PERSISTENCE and not far)
+    far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
+    return bool(stretches.lengths[members].sum() < limits.PERSISTENCE and not far)
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
     """Why a short deviation is no finding."""
     fault = ruleset.faults[verdict.faults[0]]
-    return f"{fault.id} would fit, but a finding takes {PERSISTENCE} samples"
+    return f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
 
 
 def _when(
@@ -151,7 +149,7 @@ def _behind(time: Array, stretches: Stretches, seen: Seen, members: list[int]) -
     last = members[-1]
     if seen.isolation.judged[last + 1 :].any():
         return OVER
-    if len(time) - stretches.last[last] < PERSISTENCE:
+    if len(time) - stretches.last[last] < limits.PERSISTENCE:
         return TO_THE_END
     return UNSETTLED if last + 1 == len(stretches) else UNJUDGED
 
@@ -180,7 +178,7 @@ def _pauses(time: Array, stretches: Stretches) -> set[int]:
     """Stretches before which nothing was recorded for long."""
     if len(time) < 2:
         return set()
-    limit = LONGEST * float(np.median(np.diff(time)))
+    limit = limits.LONGEST_STRETCH * float(np.median(np.diff(time)))
     between = time[stretches.first[1:]] - time[stretches.last[:-1] - 1]
     return {int(i) + 1 for i in np.flatnonzero(between > limit)}
 
@@ -227,10 +225,11 @@ def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tup
         usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
         verdict = "invalid"
         if usable and np.isfinite(value) and np.isfinite(u):
-            verdict = "0" if abs(value) <= THRESHOLD * u else ("+" if value > 0 else "-")
+            verdict = "0" if abs(value) <= limits.THRESHOLD * u else ("+" if value > 0 else "-")
         else:
             value, u, shared = 0.0, 0.0, 0.0
-        rows.append(Evidence(residual.id, value, u, shared, THRESHOLD * u, verdict, expected))
+        threshold = limits.THRESHOLD * u
+        rows.append(Evidence(residual.id, value, u, shared, threshold, verdict, expected))
     return tuple(rows)
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.chi_square import (
@@ -18,24 +19,6 @@ from rulec_runtime.diagnosis.steady.chi_square import (
 )
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Undoing
 from rulec_runtime.diagnosis.steady.observe import Observed
-
-NEGLIGIBLE = 1e-6
-"""Share of a fault's own effect below which residuals count as untouched (it cancels)."""
-
-STEPS = 15
-"""Gauss-Newton steps at most; a step that leads away is halved, and counts."""
-
-CONVERGED = 1e-9
-"""Change of a degree below which it stands."""
-
-STARTS = np.array([0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.5, 2.5, 5.0, 10.0])
-"""Degrees tried first. Far from its start Gauss-Newton may run into a pole of the law."""
-
-FACTOR = 10.0
-"""Errors of an estimate are scaled by this at most: near the pole of a law all is lost anyway."""
-
-APART = 1e-4
-"""Determinant of the information over its diagonal below which degrees are not told apart."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +128,9 @@ class HypothesisTest:
         slope = self._effect(slopes)[:, 0]
         size = np.sqrt(np.sum((self._lifted[:, flows] @ slope) ** 2, axis=0))
         own = np.max(np.abs(slopes), axis=(0, 1))
-        visible = size > NEGLIGIBLE * (own if self.present is None else np.max(own, keepdims=True))
+        visible = size > limits.UNTOUCHED * (
+            own if self.present is None else np.max(own, keepdims=True)
+        )
         return FirstOrder(flows, np.where(visible, slope, 0.0))
 
     def towards(self, fault: FaultSpec) -> tuple[Array, Array] | None:
@@ -211,7 +196,9 @@ class HypothesisTest:
         with np.errstate(divide="ignore", invalid="ignore"):
             moved = undoing.moved(self._everywhere(degree))
             scale[places] += moved / self._flows[places]
-        return np.where(np.isfinite(scale), np.clip(scale, -FACTOR, FACTOR), 1.0)
+        return np.where(
+            np.isfinite(scale), np.clip(scale, -limits.LARGEST_SCALE, limits.LARGEST_SCALE), 1.0
+        )
 
     @cached_property
     def _flows(self) -> Array:
@@ -298,14 +285,14 @@ class HypothesisTest:
         """Degrees of least distance: Gauss-Newton with halved steps."""
         low, top = _range(undoing.faults)
         share = np.ones(best.degree.shape[1])
-        for _ in range(STEPS):
+        for _ in range(limits.FIT_STEPS):
             change = share * _newton_step(chi, best)
             trial = self._state(undoing, chi, np.clip(best.degree + change, low, top))
             better = trial.is_better(best)
             moved = np.max(np.abs(trial.degree - best.degree), initial=0.0)
             best = best.where(better, trial)
             share = np.where(better, 1.0, 0.5 * share)
-            if moved < CONVERGED:
+            if moved < limits.FIT_CONVERGED:
                 break
         return best
 
@@ -331,8 +318,8 @@ class HypothesisTest:
 
 def _range(faults: Faults) -> tuple[Array, Array]:
     """Lowest and highest degree of each fault, shape (faults, 1)."""
-    low, top = ([[f.lowest] for f in faults], [[f.highest * (1.0 - 1e-6)] for f in faults])
-    return np.array(low), np.array(top)
+    inside = 1.0 - limits.BELOW_HIGHEST
+    return np.array([[f.lowest] for f in faults]), np.array([[f.highest * inside] for f in faults])
 
 
 def _single(faults: Faults) -> Array:
@@ -341,9 +328,15 @@ def _single(faults: Faults) -> Array:
     low, top = _range(faults)
     scale = np.array([[f.scale] for f in faults])
     low, top = low / scale, top / scale
-    tried = STARTS[(STARTS == 0.0) | ((low.min() < STARTS) & (top.max() > STARTS))]
-    starts: Array = tried * scale
-    return starts
+    starts = np.array(limits.FIT_STARTS)
+    tried = starts[(starts == 0.0) | ((low.min() < starts) & (top.max() > starts))]
+    result: Array = tried * scale
+    return result
+
+
+def pair_starts() -> list[Array]:
+    """Degrees of two faults tried first, each of shape (1, 2)."""
+    return [np.array([[a, b]]) for a in limits.PAIR_STARTS for b in limits.PAIR_STARTS]
 
 
 def _finite(distance: Array) -> Array:
@@ -369,5 +362,7 @@ def _told_apart(information: Array) -> np.ndarray:
     """Whether the effects of simultaneous faults point in different directions, shape (n,)."""
     own = np.prod(np.einsum("iin->in", information), axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart: np.ndarray = np.linalg.det(np.moveaxis(information, -1, 0)) > APART * own
+        apart: np.ndarray = (
+            np.linalg.det(np.moveaxis(information, -1, 0)) > limits.DEGREES_APART * own
+        )
     return apart

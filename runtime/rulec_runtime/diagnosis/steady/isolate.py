@@ -15,6 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
@@ -26,19 +27,6 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
-
-COVERAGE = 2.0
-"""Bounds are a degree plus and minus this many standard uncertainties (about 95 %)."""
-
-PER_RECORDING = 1e-4
-"""Probability of a false alarm in a recording of few stretches."""
-
-PER_STRETCH = 3e-6
-"""Probability of a false alarm in a stretch of a long recording."""
-
-SAME = 8
-"""Decimals of log-likelihoods: hypotheses that differ by less explain a point alike, and not
-rounding but their order in the ruleset says which one is named."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +66,7 @@ def alarm_chance(looks: int) -> float:
     Lasting errors are drawn once per recording, so short recordings share one probability; long
     ones have one per stretch.
     """
-    return max(PER_RECORDING / max(looks, 1), PER_STRETCH)
+    return max(limits.ALARM_PER_RECORDING / max(looks, 1), limits.ALARM_PER_STRETCH)
 
 
 def quantile(chance: float) -> float:
@@ -223,7 +211,7 @@ def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:
 
 def shares(evidence: Array) -> Array:
     """Log-likelihoods, shape (hypotheses, n), to probabilities with equal priors; 0 if none."""
-    evidence = np.round(evidence, SAME)
+    evidence = np.round(evidence, limits.EVIDENCE_DECIMALS)
     best = np.max(evidence, axis=0, initial=-np.inf)
     known = np.isfinite(best)
     weight = np.where(known, np.exp(evidence - np.where(known, best, 0.0)), 0.0)

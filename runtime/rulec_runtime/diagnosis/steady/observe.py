@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
-
-MARGIN = 0.1
-"""Share of the calibrated range by which readings may leave it."""
 
 Gradients = dict[str, dict[int, Array]]
 """Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
@@ -95,7 +93,7 @@ def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
     low, high = signal.lowest, signal.highest
     if low is None or high is None:
         return np.zeros(len(values), dtype=bool)
-    slack = 0.02 * (high - low)
+    slack = limits.BEYOND_RANGE * (high - low)
     with np.errstate(invalid="ignore"):
         outside: np.ndarray = (values < low - slack) | (values > high + slack)
     return outside
@@ -143,7 +141,7 @@ def points_of_stretches(
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = total / number
             statistical = noise[signal.id] / np.sqrt(number)
-        flags[signal.id] = number < 0.5 * stretches.lengths
+        flags[signal.id] = number < limits.HALF_KNOWN * stretches.lengths
         values[signal.id] = np.where(flags[signal.id], np.nan, mean)
         systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
         u[signal.id] = np.hypot(systematic[signal.id], statistical)
@@ -293,7 +291,7 @@ def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
         values = points.values.get(signal.id)
         if values is None or low is None or high is None or signal.id not in used:
             continue
-        slack = MARGIN * (high - low)
+        slack = limits.BEYOND_CALIBRATED * (high - low)
         with np.errstate(invalid="ignore"):
             flags = (values < low - slack) | (values > high + slack)
         if flags.any():

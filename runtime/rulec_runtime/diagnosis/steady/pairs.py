@@ -12,11 +12,14 @@ from itertools import combinations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.steady.hypothesis import APART, FirstOrder, HypothesisTest, Outcome
-
-SCREENED = 12
-"""Pairs per point that pass the screening."""
+from rulec_runtime.diagnosis.steady.hypothesis import (
+    FirstOrder,
+    HypothesisTest,
+    Outcome,
+    pair_starts,
+)
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ def _screened(test: HypothesisTest) -> list[tuple[int, int]]:
         left.append(distance)
     if not pairs:
         return []
-    order = np.argsort(np.array(left), axis=0)[:SCREENED]
+    order = np.argsort(np.array(left), axis=0)[: limits.PAIRS_SCREENED]
     return [pairs[k] for k in np.unique(order)]
 
 
@@ -73,7 +76,7 @@ def _linear(test: HypothesisTest) -> Iterator[tuple[tuple[int, int], Array]]:
             left = chi.value - a * pull[i] - b * pull[j]
         # Effects in the same direction leave nothing but rounding in the determinant, and the fit
         # would refuse them: they must not take the place of a pair that can be told apart.
-        apart = determinant > APART * size[i] * size[j]
+        apart = determinant > limits.DEGREES_APART * size[i] * size[j]
         both = apart & (a > 0) & (b > 0) & np.isfinite(left)
         if np.any(both):
             yield (i, j), np.where(both, left, np.inf)
@@ -90,5 +93,4 @@ def _effects(test: HypothesisTest) -> Iterator[tuple[int, FirstOrder]]:
 def _fit(test: HypothesisTest, pair: tuple[int, int]) -> Outcome | None:
     """Fit both degrees in full."""
     first, second = (test.ruleset.faults[i] for i in pair)
-    starts = [np.array([[a, b]]) for a in (0.1, 0.3) for b in (0.1, 0.3)]
-    return test.run((first, second), starts)
+    return test.run((first, second), pair_starts())

@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Cell, Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed, plan_inputs
-
-COVERAGE = 2.0
-"""Factor between standard uncertainty and the bounds; the paper does not give one."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +52,12 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
     columns = {r.id: i for i, r in enumerate(ruleset.residuals)}
     sound = _sound(ruleset, observed)
     with np.errstate(invalid="ignore"):
-        fires = sound & (np.abs(observed.residuals) > COVERAGE * observed.residual_u)
+        fires = sound & (np.abs(observed.residuals) > limits.COVERAGE * observed.residual_u)
     for cell in ruleset.cells:
         key = f"{_form(cell)}:{cell.fault}:{cell.residual}"
         i, j = rows[cell.fault], columns[cell.residual]
         x = np.broadcast_to(results[f"x:{key}"], (n,))
-        half = COVERAGE * np.broadcast_to(results[f"ux:{key}"], (n,))
+        half = limits.COVERAGE * np.broadcast_to(results[f"ux:{key}"], (n,))
         # Beyond the pole of a rule the degree jumps out of its range: no fault of this kind.
         usable = sound[j] & np.isfinite(x) & np.isfinite(half)
         usable &= (x > 0) & (x <= ruleset.faults[i].highest)

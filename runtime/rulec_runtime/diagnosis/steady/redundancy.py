@@ -8,11 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Junction, ObserverSpec, ResidualSpec, Ruleset
-
-LINKED = 1e-9
-"""Share of an estimate in another's redundancy above which both belong to one block."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ def blocks_of(ruleset: Ruleset) -> list[Block]:
     """Blocks in order of their first observer; one of everything where nothing is redundant."""
     every = np.ones(len(ruleset.observers), dtype=bool)
     basis = residual_basis(ruleset, every)
-    linked = np.abs(basis.T @ basis) > LINKED
+    linked = np.abs(basis.T @ basis) > limits.LINKED
     left = {int(i) for i in np.flatnonzero(linked.any(axis=0))}
     blocks = []
     while left:
@@ -125,5 +123,5 @@ def _null_space(matrix: Array) -> Array:
     if not matrix.size:
         return np.eye(matrix.shape[1])
     _, sizes, rows = np.linalg.svd(matrix)
-    rank = int(np.sum(sizes > 1e-10 * max(sizes.max(initial=0.0), 1.0)))
+    rank = int(np.sum(sizes > limits.NULL_SPACE * max(sizes.max(initial=0.0), 1.0)))
     return rows[rank:].T

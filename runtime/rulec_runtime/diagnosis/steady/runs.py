@@ -6,21 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rulec_runtime.contract.ruleset import THRESHOLD
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE, Isolation
+from rulec_runtime import limits
+from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.verdict import Verdict
-
-PLAUSIBLE = 0.05
-"""A cause more probable than this in every stretch holds a run together."""
-
-STEADY = 0.1
-"""Relative change of a degree, beyond its scatter, that still counts as the same finding."""
 
 ASIDE = ("blind",)
 """Kinds of stretches that say nothing, and so do not interrupt a finding."""
-
-LOOK_BACK = 8
-"""Stretches a new one is compared with."""
 
 
 def runs_of(
@@ -60,7 +51,7 @@ def _cannot_see(
     if verdicts[point].kind != "ok" or verdicts[last].kind != "fault":
         return False
     return all(
-        isolation.floor[fault, point] * THRESHOLD > isolation.degree[fault, last]
+        isolation.floor[fault, point] * limits.THRESHOLD > isolation.degree[fault, last]
         for fault in verdicts[last].faults
     )
 
@@ -76,8 +67,8 @@ def _continues(
         return first.text == here.text
     if here.kind != "fault":
         return True
-    recent = members[-LOOK_BACK:]
-    common = (isolation.probability[:, [*recent, point]] > PLAUSIBLE).all(axis=1)
+    recent = members[-limits.LOOK_BACK :]
+    common = (isolation.probability[:, [*recent, point]] > limits.HOLDS_TOGETHER).all(axis=1)
     steady = [i for i in np.flatnonzero(common) if _steady(isolation, int(i), recent, point)]
     return len(steady) >= len(here.faults)
 
@@ -87,6 +78,6 @@ def _steady(isolation: Isolation, fault: int, recent: list[int], point: int) -> 
     before = isolation.degree[fault, recent]
     # Systematic errors are shared by neighbouring stretches, so their scatter is the measure;
     # too few stretches have no scatter yet.
-    spread = COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
+    spread = limits.COVERAGE * (before.std() if len(recent) > 2 else isolation.u[fault, point])
     change = abs(isolation.degree[fault, point] - before.mean())
-    return bool(change <= spread + STEADY * before.mean())
+    return bool(change <= spread + limits.SAME_DEGREE * before.mean())

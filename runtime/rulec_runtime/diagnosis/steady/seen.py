@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines, against, learn, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE, Isolation, isolate
+from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.observe import (
     Observed,
     observe,
@@ -167,12 +168,12 @@ def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Iso
     deviating = paper.deviating & (best > 0) & isolation.judged
     chosen = np.zeros_like(paper.degree)
     chosen[paper.winner(), np.arange(len(observed))] = deviating
-    half = (paper.upper - paper.lower) / (2 * COVERAGE)
+    half = (paper.upper - paper.lower) / (2 * limits.COVERAGE)
     return replace(
         isolation,
         deviating=deviating,
         degree=paper.degree,
-        u=np.maximum(half, 1e-12),
+        u=np.maximum(half, limits.LEAST_U),
         distance=np.where(chosen > 0, 0.0, np.inf),
         probability=chosen,
         pair=np.full((len(observed), 2), -1),

@@ -16,14 +16,10 @@ from functools import partial
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.combine import (
-    BACKWARD,
-    BEFORE,
-    spread_evenly,
-    stacked_covariance,
-)
+from rulec_runtime.diagnosis.steady.combine import spread_evenly, stacked_covariance
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, quantile, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
@@ -54,7 +50,7 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
         test.run((f,)) if s > 0.0 else None for f, s in zip(ruleset.faults, scores, strict=True)
     ]
     evidence: Array = np.array([_evidence(fit, limit) for fit in fits])
-    if not float(evidence.max()) + BEFORE > _best_change(test, limit):
+    if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit):
         return None
     probability = isolation.probability.copy()
     probability[:, judged] = shares(evidence[:, None])
@@ -93,7 +89,7 @@ def _best_change(test: HypothesisTest, limit: float) -> float:
     later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float).T
     for present in (*later, *(1.0 - later)):
         changed = replace(test, present=present)
-        for i in np.argsort(-_scores(changed), kind="stable")[:BACKWARD]:
+        for i in np.argsort(-_scores(changed), kind="stable")[: limits.TRIED_AT_OTHER_TIMES]:
             fit = changed.run((test.ruleset.faults[i],))
             best = max(best, _evidence(fit, limit))
     return best

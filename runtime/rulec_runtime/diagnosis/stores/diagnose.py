@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
@@ -18,13 +19,10 @@ from rulec_runtime.diagnosis.stores.edges import edge_of
 from rulec_runtime.diagnosis.stores.evidence import evidence_of
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
-from rulec_runtime.diagnosis.stores.spells import PERSISTENCE, Cause, Spell, spells_of
-from rulec_runtime.diagnosis.stores.windows import FEWEST, KNOWN, NO_READING, Windows, windows_of
+from rulec_runtime.diagnosis.stores.spells import Cause, Spell, spells_of
+from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.when import ENDED, TO_THE_END, UNJUDGED
-
-LARGE = 1.5
-"""Usual misfit over noise from which on it is worth a remark."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +82,7 @@ def _beside_another(spells: Sequence[Spell], place: int) -> bool:
 
 def _brief(spell: Spell) -> str:
     what = f"{spell.cause.fault} would fit" if spell.cause else "the balances do not fit"
-    return f"{what}, but a finding takes {PERSISTENCE} windows in a row"
+    return f"{what}, but a finding takes {limits.WINDOWS_IN_A_ROW} windows in a row"
 
 
 def _unknown(ruleset: Ruleset, found: Weighed, spell: Spell) -> str:
@@ -153,7 +151,7 @@ def _sound(
             return None
         if not one.deviating:
             return one if fault in one.floor else None
-        if abs(i - beside) > PERSISTENCE:
+        if abs(i - beside) > limits.WINDOWS_IN_A_ROW:
             return None
     return None
 
@@ -180,7 +178,7 @@ def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[st
         if one.plain is None:
             because = because or "the balances have no solution here"
         else:
-            known = np.isfinite(one.window.measured).mean(axis=0) >= KNOWN
+            known = np.isfinite(one.window.measured).mean(axis=0) >= limits.WINDOW_KNOWN
             blind = [n for n, t, k in zip(outputs, there, known, strict=True) if t and not k]
             because = f"in part: {NO_READING.format(' and '.join(blind))}" if blind else ""
         if not because:
@@ -191,7 +189,10 @@ def _not_judged(windows: Windows, judged: Sequence[Judged], outputs: Sequence[st
         else:
             found.append(Period(since, until, because))
         last = i
-    text = f"fewer than {FEWEST} samples without a pause: balances need a window to be followed in"
+    text = (
+        f"fewer than {limits.FEWEST_IN_WINDOW} samples without a pause: "
+        "balances need a window to be followed in"
+    )
     return found + [Period(since, until, text) for since, until in windows.too_short]
 
 
@@ -203,7 +204,7 @@ def _notes(ruleset: Ruleset, windows: Windows, found: Weighed) -> list[str]:
     assert ruleset.dynamics is not None
     for i, name in enumerate(ruleset.dynamics.outputs):
         seen = any(np.isfinite(p.measured[:, i]).any() for p in windows.pieces)
-        if seen and found.misfit[i] > LARGE * windows.noise[i]:
+        if seen and found.misfit[i] > limits.REMARKABLE_MISFIT * windows.noise[i]:
             signal = ruleset.signal_by_id[name]
             usual, noise = (x[i] / signal.factor for x in (found.misfit, windows.noise))
             slow = 1.0 / found.judge.share[i]

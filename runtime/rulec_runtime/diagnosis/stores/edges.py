@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import Windows
-
-PLACES = 32
-"""Times that are tried."""
 
 
 def edge_of(
@@ -32,7 +30,7 @@ def edge_of(
     assert one.plain is not None
     moved = model.with_course_of(fault)
     guess = replace(one.plain.guess, degrees=np.zeros(0))
-    places = np.unique(np.linspace(0, len(window.time) - 1, PLACES).astype(int))
+    places = np.unique(np.linspace(0, len(window.time) - 1, limits.EDGE_PLACES).astype(int))
     best, when = np.inf, float(window.time[0])
     for place in places.tolist():
         later = np.arange(len(window.time)) >= place

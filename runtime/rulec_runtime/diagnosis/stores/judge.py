@@ -12,20 +12,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
-from rulec_runtime.diagnosis.steady.baseline import CALM
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores.errors import Known, nothing_known
 from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
 from rulec_runtime.diagnosis.stores.windows import Window
-
-HIDDEN = 1e-9
-"""Share of a fault's effect that is left beside all errors below which it shows nothing."""
-
-FIRST = 0.02
-"""Smallest degree from which a fit of a fault starts."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +113,8 @@ class Judge:
         for i in seen:
             if pull[i] > 0.0:
                 fault = self.model.ruleset.fault_by_id[self.faults[i]]
-                degree = float(np.clip(pull[i] / information[i], FIRST, 0.5 * fault.highest))
+                largest = limits.LARGEST_START * fault.highest
+                degree = np.clip(pull[i] / information[i], limits.SMALLEST_START, largest).item()
                 start = plain.guess.starts
                 guesses = [
                     Guess(start, e, np.array([degree])) for e in (known.mean, plain.guess.errors)
@@ -170,7 +165,7 @@ class Judge:
         whole = np.einsum("nf,nf->f", effect, effect)
         information = whole - np.einsum("uf,uf->f", known_by_errors, explained)
         pull = effect.T @ rows - explained.T @ gradient
-        return pull, np.where(information > HIDDEN * whole, information, 0.0)
+        return pull, np.where(information > limits.HIDDEN_EFFECT * whole, information, 0.0)
 
     def _test(
         self,
@@ -220,7 +215,7 @@ class Judge:
     def _is_calm(self, judged: Judged) -> bool:
         if judged.plain is None or judged.deviating:
             return False
-        return judged.plain.chi < chi_square_limit(judged.freedom, CALM)
+        return judged.plain.chi < chi_square_limit(judged.freedom, limits.CALM)
 
     def _learned(self, judged: Judged) -> Known:
         """What a calm window adds to what was known."""

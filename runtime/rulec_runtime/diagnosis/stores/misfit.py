@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores.errors import lasting_errors
@@ -19,21 +20,6 @@ from rulec_runtime.diagnosis.stores.judge import Judge, Judged
 from rulec_runtime.diagnosis.stores.window_fit import Model
 from rulec_runtime.diagnosis.stores.windows import Windows
 from rulec_runtime.recordings.autocorrelation_time import memory_of
-
-USUAL = 0.4
-"""Share of windows whose misfit counts as usual: less than half, as a fault may begin in the
-middle."""
-
-PASSES = 4
-MORE = 1.1
-"""Chi-square over freedom from which on the usual misfit was taken too small."""
-
-MOST = 5.0
-"""Factor by which the misfit of windows that know of each other may exceed that of windows on
-their own: beyond it, something is wrong in most of them."""
-
-SLOW = 1.5
-"""Memory, in samples, from which on an error counts as slow."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +43,11 @@ def weighed(ruleset: Ruleset, windows: Windows) -> Weighed:
     misfit, memory = _left(alone, windows.noise)
     judge = Judge(model.weighted_by(misfit * np.sqrt(memory)), 1.0 / memory, dynamics.faults)
     judged = judge.judge(windows.members)
-    left = MOST**2
-    for _ in range(PASSES):
+    left = limits.LARGEST_MISFIT**2
+    for _ in range(limits.MISFIT_PASSES):
         ratios = [j.plain.chi / j.freedom for j in judged if j.plain is not None]
-        more = min(float(np.quantile(ratios, USUAL)) if ratios else 0.0, left)
-        if more < MORE:
+        more = min(float(np.quantile(ratios, limits.USUAL_MISFIT)) if ratios else 0.0, left)
+        if more < limits.MISFIT_TOO_SMALL:
             break
         left /= more
         misfit = misfit * np.sqrt(more)
@@ -80,7 +66,7 @@ def _left(judged: Sequence[Judged], noise: Array) -> tuple[Array, Array]:
             continue
         spreads = [float(np.sqrt(np.mean(e[known] ** 2))) for e, known in own]
         lags = [memory_of(e, known) for e, known in own]
-        misfit[i] = max(float(np.quantile(spreads, USUAL)), noise[i])
-        found = float(np.quantile(lags, USUAL))
-        memory[i] = found if found > SLOW else 1.0
+        misfit[i] = max(float(np.quantile(spreads, limits.USUAL_MISFIT)), noise[i])
+        found = float(np.quantile(lags, limits.USUAL_MISFIT))
+        memory[i] = found if found > limits.SLOW_ERROR else 1.0
     return misfit, memory

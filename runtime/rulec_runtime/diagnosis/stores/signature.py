@@ -6,21 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores.freed import freed
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import RanAway
-
-SAMPLES, STEP = 400, 2.0
-"""Samples of the course in which effects are compared, and seconds between them."""
-
-SWING = 0.2
-"""Share of its reference by which each given reading swings there, each at a pace of its own."""
-
-SAME = 1e-6
-"""Effects are alike if they differ by less than this share when scaled to each other."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +29,16 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     """Follow the balances from their nominal start; None where they cannot be followed."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
-    time: Array = np.arange(SAMPLES, dtype=np.float64) * STEP
+    n = limits.SIGNATURE_SAMPLES
+    time: Array = np.arange(n, dtype=np.float64) * limits.SIGNATURE_STEP
     levels = [ruleset.signal_by_id[n].reference for n in dynamics.inputs]
-    paces = [40.0 + 17.0 * i for i in range(len(levels))]
-    courses = [v * (1.0 + SWING * np.sin(time / p)) for v, p in zip(levels, paces, strict=True)]
-    inputs = np.column_stack(courses) if courses else np.zeros((SAMPLES, 0))
-    blank = np.zeros((SAMPLES, len(dynamics.outputs)))
+    paces = [limits.SIGNATURE_PACE + limits.SIGNATURE_PACES_APART * i for i in range(len(levels))]
+    courses = [
+        v * (1.0 + limits.SIGNATURE_SWING * np.sin(time / p))
+        for v, p in zip(levels, paces, strict=True)
+    ]
+    inputs = np.column_stack(courses) if courses else np.zeros((n, 0))
+    blank = np.zeros((n, len(dynamics.outputs)))
     model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), freed(dynamics))
     plan = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
     found = plan.run({n: np.asarray(v) for n, v in dynamics.values.items()})
@@ -55,9 +51,9 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
         return None
     effects = slopes[:, :, len(starts) :]
     size = np.abs(effects).max(axis=(0, 2), initial=0.0)
-    mean = effects[SAMPLES // 2 :].mean(axis=0) / np.where(size > 0, size, 1.0)[:, None]
-    signs = np.where(np.abs(mean) > SAME, np.sign(mean), 0.0).astype(int).T
-    columns = (effects / np.where(size > 0, size, 1.0)[:, None]).reshape(-1, len(dynamics.faults))
+    mean = effects[n // 2 :].mean(axis=0) / np.where(size > 0, size, 1.0)[:, None]
+    signs = np.where(np.abs(mean) > limits.SAME_EFFECT, np.sign(mean), 0.0).astype(int).T
+    columns = (effects / size).reshape(-1, len(dynamics.faults))
     return Signature(
         dynamics.outputs,
         dynamics.faults,
@@ -72,7 +68,7 @@ def _alike(faults: tuple[str, ...], columns: np.ndarray) -> tuple[tuple[str, ...
     unit = columns / np.where(length > 0, length, 1.0)
     left, groups = [i for i in range(len(faults)) if length[i] > 0], []
     while left:
-        own = [i for i in left if unit[:, i] @ unit[:, left[0]] > 1.0 - SAME]
+        own = [i for i in left if unit[:, i] @ unit[:, left[0]] > 1.0 - limits.SAME_EFFECT]
         left = [i for i in left if i not in own]
         if len(own) > 1:
             groups.append(tuple(faults[i] for i in own))

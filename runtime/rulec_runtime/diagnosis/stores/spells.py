@@ -11,18 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime.diagnosis.steady.causes import MENTION, RIVAL
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE, shares
+from rulec_runtime import limits
+from rulec_runtime.diagnosis.steady.isolate import shares
 from rulec_runtime.diagnosis.stores.judge import Judged
-
-PERSISTENCE = 3
-"""Windows over which a finding must hold."""
-
-MOST = 0.8
-"""Share of windows that a fault must fit in to explain all of them."""
-
-ALIKE = 2
-"""Decimals of log-likelihoods: faults that a fit tells apart by less are named in their order."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +72,8 @@ def _runs(judged: Sequence[Judged]) -> Iterator[range]:
 
 def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -> Iterator[Spell]:
     """One fault for all windows of a run if there is such a one; else one after the other."""
-    needed = min(PERSISTENCE, sum(j.window.piece == judged[run[0]].window.piece for j in judged))
+    beside = sum(j.window.piece == judged[run[0]].window.piece for j in judged)
+    needed = min(limits.WINDOWS_IN_A_ROW, beside)
     if _fitting(judged, run):
         yield _spell(judged, run, order, needed)
         return
@@ -119,7 +111,7 @@ def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
     for i in inside:
         for name in _accepted(judged[i]):
             counts[name] = counts.get(name, 0) + 1
-    return {name for name, count in counts.items() if count >= MOST * len(inside)}
+    return {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
 
 
 def _cause(judged: Sequence[Judged], inside: range, names: Sequence[str]) -> Cause:
@@ -132,14 +124,14 @@ def _cause(judged: Sequence[Judged], inside: range, names: Sequence[str]) -> Cau
         for row, name in enumerate(names):
             test = one.tests.get(name)
             evidence[row] -= 0.5 * weight * (test.chi if test else one.plain.chi)
-    probability = shares(np.round(evidence, ALIKE))[:, 0]
+    probability = shares(np.round(evidence, limits.SPELL_DECIMALS))[:, 0]
     best = int(np.argmax(probability))
     top = float(probability[best])
     tests = [judged[i].tests[names[best]] for i in inside if names[best] in judged[i].tests]
     degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
-    degree = float(np.average(degrees, weights=1.0 / np.maximum(u, 1e-9) ** 2))
+    degree = float(np.average(degrees, weights=1.0 / np.maximum(u, limits.LEAST_U_STORES) ** 2))
     # Lasting errors are the same in all windows: many of them tell no more than one.
-    half = COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
+    half = limits.COVERAGE * float(np.hypot(np.median(u), np.std(degrees)))
     others = [(n, float(p)) for n, p in zip(names, probability, strict=True) if n != names[best]]
     others.sort(key=lambda other: -other[1])
     return Cause(
@@ -148,6 +140,6 @@ def _cause(judged: Sequence[Judged], inside: range, names: Sequence[str]) -> Cau
         degree - half,
         degree + half,
         top,
-        tuple(o for o in others if o[1] >= RIVAL * top),
-        tuple(o for o in others if MENTION <= o[1] < RIVAL * top),
+        tuple(o for o in others if o[1] >= limits.RIVAL * top),
+        tuple(o for o in others if limits.MENTION <= o[1] < limits.RIVAL * top),
     )

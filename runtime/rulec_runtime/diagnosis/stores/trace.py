@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.isolate import COVERAGE
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.stores.diagnose import StoresJudged
 from rulec_runtime.recordings.recording import Recording
@@ -30,7 +30,7 @@ def trace_stores(recording: Recording, ruleset: Ruleset, said: StoresJudged) -> 
             for name, test in one.tests.items():
                 if test.fits:
                     degree[row[name], sample] = test.degree
-                    half[row[name], sample] = COVERAGE * test.u
+                    half[row[name], sample] = limits.COVERAGE * test.u
     for period in said.unknown:
         _say(words, recording, period.since, period.until, "unknown")
     for finding in said.findings:

@@ -10,22 +10,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.diagnosis.stores.errors import Known, LastingError
 from rulec_runtime.diagnosis.stores.freed import freed, start_of
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import Balances, RanAway
-
-STEPS = 40
-SETTLED = 1e-3
-"""A fit ends when chi-square falls by less than this."""
-
-SLIGHT = 1e-5
-"""Or by less than this share: what is far off is not worth the last step."""
-
-TINY = 1e-12
-"""Share of the largest curvature by which none is smaller: keeps matrices regular."""
 
 
 @dataclass(frozen=True)
@@ -125,23 +116,23 @@ class Model:
         """The most probable unknowns, from a guess; None where nothing can be simulated."""
         specs = [self.ruleset.fault_by_id[f] for f in faults]
         low = np.array([s.lowest for s in specs])
-        high = np.array([s.highest * (1.0 - 1e-6) for s in specs])
+        high = np.array([s.highest * (1.0 - limits.BELOW_HIGHEST) for s in specs])
         certain = inverse(known.covariance)
         best = self._tried(window, known, certain, guess, faults)
-        damping = 1e-3
-        for _ in range(STEPS):
+        damping = limits.FIRST_DAMPING
+        for _ in range(limits.WINDOW_STEPS):
             if best is None:
                 return None
             step = self._step(window, known, certain, best, damping, low, high)
             trial = self._tried(window, known, certain, best.guess.moved(step, low, high), faults)
             if trial is not None and trial.chi < best.chi:
                 fall = best.chi - trial.chi
-                best, damping = trial, damping * 0.2
-                if fall < max(SETTLED, SLIGHT * best.chi):
+                best, damping = trial, damping * limits.LESS_DAMPING
+                if fall < max(limits.WINDOW_SETTLED, limits.WINDOW_SLIGHT * best.chi):
                     break
             else:
-                damping *= 8.0
-                if damping > 1e6:
+                damping *= limits.MORE_DAMPING
+                if damping > limits.LARGEST_DAMPING:
                     break
         return best
 
@@ -159,7 +150,9 @@ class Model:
         information[a:b, a:b] += certain
         off = guess.errors - known.mean
         chi = float(rows @ rows + off @ certain @ off)
-        return Fitted(guess, chi, error, slopes, states, information) if chi < 1e15 else None
+        if not chi < limits.LARGEST_CHI_SQUARE:
+            return None
+        return Fitted(guess, chi, error, slopes, states, information)
 
     def rows(self, error: Array) -> Array:
         """Errors where something was measured, in standard deviations, shape (known,)."""
@@ -200,6 +193,6 @@ def inverse(information: Array) -> Array:
     """Inverse of a symmetric positive matrix of very different scales."""
     diagonal = np.diag(information)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = information / np.outer(size, size) + TINY * np.eye(len(size))
+    scaled = information / np.outer(size, size) + limits.LEAST_CURVATURE * np.eye(len(size))
     result: Array = np.linalg.inv(scaled) / np.outer(size, size)
     return 0.5 * (result + result.T)

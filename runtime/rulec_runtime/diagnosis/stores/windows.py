@@ -8,32 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust import white_noise
-from rulec_runtime.recordings.stationary import NEGLIGIBLE, systematic_u
+from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled, resolution, thinned, without_glitches
-
-BUDGET = 4096
-"""Samples at most; neighbours of longer recordings are averaged."""
-
-PARTS = 8
-"""Windows side by side that a recording is cut into, where that leaves them long enough."""
-
-SHORTEST, LONGEST = 48, 256
-"""Samples of a window."""
-
-FEWEST = 24
-"""Samples of a window at least; shorter recordings are not judged."""
-
-PAUSE = 20.0
-"""Sampling intervals without a sample that balances cannot be followed across: what is given may
-have been anything."""
-
-KNOWN = 0.8
-"""Share of samples of a window in which given readings, and some measured one, must be there."""
-
 
 NO_READING = "{}: no reading, or none within its range"
 
@@ -93,18 +74,19 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
     """Cut a recording at pauses, thin it, and cut it into windows."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
-    factor = -(-len(recording) // BUDGET)
+    factor = -(-len(recording) // limits.SAMPLES_FITTED)
     pieces = [
         _piece(recording, ruleset, dynamics, part, factor)
         for part in _pieces(recording)
         if part.stop - part.start >= factor
     ]
     count = sum(len(p.time) for p in pieces)
-    length = int(np.clip(count // PARTS, SHORTEST, LONGEST))
+    length = count // limits.WINDOWS_SIDE_BY_SIDE
+    length = int(np.clip(length, limits.SHORT_WINDOW, limits.LONG_WINDOW))
     members: list[Window] = []
     short: list[tuple[float, float]] = []
     for number, piece in enumerate(pieces):
-        if len(piece.time) < FEWEST:
+        if len(piece.time) < limits.FEWEST_IN_WINDOW:
             short.append((float(piece.time[0]), float(piece.time[-1])))
             continue
         members += [
@@ -125,7 +107,7 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
 def _pieces(recording: Recording) -> Iterator[slice]:
     """Runs of samples without a pause."""
     steps = np.diff(recording.time)
-    longest = PAUSE * float(np.median(steps)) if len(steps) else 0.0
+    longest = limits.PAUSE_STORES * float(np.median(steps)) if len(steps) else 0.0
     ends = np.flatnonzero((np.diff(recording.segment) != 0) | (steps > longest)) + 1
     edges = [0, *ends.tolist(), len(recording)]
     yield from (slice(a, b) for a, b in pairwise(edges) if b > a)
@@ -186,9 +168,9 @@ def _window(dynamics: Dynamics, piece: Window, first: int, last: int, number: in
     because = [
         f"{name} has no reading"
         for name, s in zip(dynamics.inputs, there, strict=True)
-        if s < KNOWN
+        if s < limits.WINDOW_KNOWN
     ]
-    if not (shown >= KNOWN).any():
+    if not (shown >= limits.WINDOW_KNOWN).any():
         some = [bool(np.isfinite(column).any()) for column in piece.measured.T]
         names = [n for n, s in zip(dynamics.outputs, some, strict=True) if s] or dynamics.outputs
         because.append(NO_READING.format(" and ".join(names)))
@@ -217,6 +199,6 @@ def _noise(
         white = white_noise(third[np.isfinite(third)], 3)
         level[i] = float(np.nanmedian(values))
         signal = ruleset.signal_by_id[name]
-        least = NEGLIGIBLE * float(systematic_u(signal, level[i]))
+        least = limits.NO_CHANGE * float(systematic_u(signal, level[i]))
         noise[i] = max(white, resolution(values, signal), least)
     return noise, level

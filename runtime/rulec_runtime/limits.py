@@ -1,0 +1,612 @@
+"""Every number of the runtime that decides something: its value, its meaning, its origin.
+
+Origins: *distribution* (a quantile), *source* (a standard or a publication), *measured by* a
+command, *numerical* (rounding, convergence: other values give the same answer), *assumed* (chosen
+by judgement). Numbers that only lay out text and pictures stand where they are used.
+"""
+
+from __future__ import annotations
+
+import math
+
+# Probabilities and quantiles -------------------------------------------------------------------
+
+COVERAGE = 2.0
+"""Half the width of an interval of 95 %, in standard uncertainties. Origin: distribution, normal
+quantile of 97.5 % (1.96), rounded as in the GUM."""
+
+THRESHOLD = 3.0
+"""A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
+of the matrix and in the evidence of a finding alike. Origin: distribution, normal quantile of 99.87
+%."""
+
+NORMAL_SPREAD = 1.4826
+"""Standard deviation over the median of absolute values. Origin: distribution, 1 over the normal
+quantile of 75 %."""
+
+ALARM_PER_RECORDING = 1e-4
+"""Probability of a false alarm in a recording of few stretches. Origin: assumed."""
+
+ALARM_PER_STRETCH = 3e-6
+"""Probability of a false alarm in a stretch of a long recording. Origin: assumed."""
+
+CALM = 2.0
+"""Normal quantile of chi-square up to which a stretch counts as fault-free enough to learn from.
+Origin: distribution, normal quantile of 97.7 %."""
+
+DISAGREE = 2.0
+"""Normal quantile of chi-square beyond which the stretches of a run disagree more than they should,
+so that bounds are widened. Origin: distribution, normal quantile of 97.7 %."""
+
+# Reading files ---------------------------------------------------------------------------------
+
+LONGEST_UNIT = 40
+"""Characters of a unit at most. Origin: assumed."""
+
+LARGEST_POWER = 6
+"""Exponent of a unit at most. Origin: assumed."""
+
+FREE_TO_UNPACK = 100_000_000
+"""Bytes that any packed recording may unpack to. Origin: assumed; 300 MB take a second."""
+
+DENSEST = 100
+"""Times its own size that a packed recording may unpack to. Origin: assumed; recordings pack to
+between a third and a twentieth."""
+
+MOST_DIGITS = 20
+"""Digits of a whole number in JSON at most. Origin: numerical, a double holds 17."""
+
+ABSURD = 1e15
+"""Absolute value, SI, beyond which a number is a fill value of some program and not a reading.
+Origin: assumed."""
+
+BEYOND_SENSOR = 1e6
+"""Times the reference reading and the range of its sensor beyond which a number is no reading.
+Origin: assumed; no sensor spans six decades above what its plant runs at."""
+
+ROWS_PER_STEP_BACK = 20
+"""Rows per step back in time, on average, below which rows are out of order and no clock was set.
+Origin: assumed."""
+
+WRITTEN_TWICE = 3
+"""Rows on both sides of a step back with the same times, from which on a clock was set: two rows
+alone may have changed places. Origin: assumed."""
+
+CLOCK_LOST = 10.0
+"""A step back by this many times what was recorded is a clock that lost its time, not a block of
+rows written late. Origin: assumed."""
+
+CLOCK_STOOD = 20
+"""Rows in a row with the very same time from which on a clock stood still; fewer are a fast logger.
+Origin: assumed."""
+
+PAUSE = 3.0
+"""A pause longer than this many sampling intervals ends a settled stretch. Origin: assumed."""
+
+# Settled stretches -----------------------------------------------------------------------------
+
+SHORTEST_STRETCH = 3
+"""Samples of a settled stretch at least. Origin: assumed."""
+
+LONGEST_STRETCH = 60
+"""Samples after which a stretch is cut, so that slow change is followed. Origin: assumed."""
+
+NO_CHANGE = 0.1
+"""Share of a sensor's systematic uncertainty below which a change is none, however small the noise.
+Origin: assumed."""
+
+JUMP = 6.0
+"""A jump exceeds the noise of a difference by this factor. Origin: assumed."""
+
+PERSISTENCE = 5
+"""Samples over which a finding must hold: shorter ones are mostly the end of a transient. Origin:
+assumed."""
+
+SETTLING = 5
+"""Samples behind a jump at most that are left out because a reading still settles. Origin:
+assumed."""
+
+SETTLED = 4.0
+"""A reading has settled when it differs from the next few, its drift apart, by this many times its
+noise or less. Origin: assumed."""
+
+# Tables of operating points --------------------------------------------------------------------
+
+MOVING_ROWS = 3.0
+"""Median change from row to row, in standard uncertainties of the sensor, of a reading on the move.
+Origin: assumed."""
+
+MOVING_READINGS = 2
+"""Readings that must be on the move for a table of points: one alone may be a noisy sensor. Origin:
+assumed."""
+
+FEWEST_POINTS = 4
+"""Rows below which it is not asked whether they are a table of points. Origin: assumed."""
+
+USUAL_CHANGES = 0.99
+"""Share of changes from row to row that count as usual: the rest may be a start or a stop. Origin:
+assumed."""
+
+LEAP = 1.0
+"""Standard deviations of a reading that it never leaps by in a run. Origin: assumed; a ramp of the
+independent truth leaps by 0.15 at most, the flow in six tables of pump curves by 3.1 to 3.4."""
+
+# Noise and display of a reading ----------------------------------------------------------------
+
+COARSE_LEVELS = 4
+"""Levels of a coarse display at least. Origin: assumed."""
+
+COARSE_SHOWN = 8
+"""Readings of each level of a coarse display, on average, at least. Origin: assumed."""
+
+COARSE_BEYOND = 5.0
+"""Step of a coarse display at least, in standard uncertainties of its class. Origin: assumed."""
+
+COARSE_UNEVEN = 0.1
+"""How far a level of a coarse display may be off the raster of the others, in steps. Origin:
+assumed."""
+
+FEWEST_FOR_CORRELATION = 8
+"""Samples below which errors count as independent. Origin: assumed."""
+
+LONGEST_CORRELATION = 0.1
+"""Correlation length as a share of the samples at most: no recording shows more. Origin:
+assumed."""
+
+WHITE_CORRELATION = 2.0
+"""Autocorrelation, times the root of the number of samples, below which it counts as none. Origin:
+distribution, 95 % of those of white noise (Bartlett 1946)."""
+
+GLITCH = 8.0
+"""A single reading that is this many times the usual step away from both neighbours is none.
+Origin: assumed."""
+
+LEAST_USUAL_STEP = 0.02
+"""Usual step of a reading at least, as a share of its standard deviation. Origin: assumed."""
+
+FINEST_STEPS = 0.05
+"""Share of the steps between levels that are finer than what counts as the least. Origin:
+assumed."""
+
+COARSEST_RESOLUTION = 0.05
+"""Resolution of a reading as a share of its standard deviation at most. Origin: assumed."""
+
+FINEST_RESOLUTION = 1e-4
+"""Resolution of a reading as a share of its standard deviation at least. Origin: assumed."""
+
+SAME_LEVEL = 1e-9
+"""Share of its unit and range by which two levels of a reading must differ. Origin: numerical."""
+
+LEAST_NOISE = 1e-300
+"""Keeps divisions by the noise of a reading that has none. Origin: numerical."""
+
+# Sensor health: a reading by itself ------------------------------------------------------------
+
+STILL_RUN = 10
+"""Equal readings in a row that may be stuck. Origin: assumed."""
+
+STILL_TIMES = 5.0
+"""Times the longest chance run that a stuck reading stands still for. Origin: assumed."""
+
+RESTLESS = 0.7
+"""Scatter of third differences, in least steps, from which on a reading has noise of its own (a
+smooth course that is rounded has a third); and noise by fourth differences over that by third ones
+(equal for noise, next to none for a smooth course). Origin: assumed."""
+
+REPEATED = 0.5
+"""Share of readings that repeat the one before, from which on a display is too coarse, or a value
+is held too often, for standing still to mean anything: at less, 45 in a row are no chance. Origin:
+assumed."""
+
+INSTRUMENT_NOISE = 3.0
+"""Noise of an instrument at most, in standard uncertainties of its class: a value that is set moves
+by more where it moves, and not at all where it is held. Origin: assumed."""
+
+NEVER_MOVED = 20
+"""Equal samples from which on a reading that never moved is judged. Origin: assumed."""
+
+WRITTEN_DIGIT = 1e-6
+"""Share of a step by which a number may miss a multiple of it and still be written in it. Origin:
+numerical."""
+
+FAILED_BELOW = 0.025
+"""Share of its range by which a reading of 3.6 mA lies below it. Origin: source, NAMUR NE 43."""
+
+FAILED_ABOVE = 0.0625
+"""Share of its range by which a reading of 21 mA lies above it. Origin: source, NAMUR NE 43."""
+
+BEYOND_RANGE = 0.02
+"""Share of its range by which a reading may leave it and still be used. Origin: assumed."""
+
+# Sensor health: a reading against the others -----------------------------------------------------
+
+STRETCHES_LOOKED_AT = 60
+"""Stretches in which readings are compared; of longer recordings some, evenly. Origin: assumed."""
+
+AT_ZERO = 0.01
+"""Share of its range, or of its reference, within which a reading is at zero. Origin: assumed."""
+
+DIES = 2
+"""Times at most that a reading dies: a loose contact, not the cycle of a plant. Origin: assumed."""
+
+FLOWS_BEYOND = 10.0
+"""Standard uncertainties beyond which a flow is there. Origin: assumed."""
+
+FLOWS_PART = 0.1
+"""Share of its reference beyond which a flow is there. Origin: assumed."""
+
+LEVEL_THERE = 0.25
+"""Share of its range that a level must stand above its end, by the balances, to be there for sure:
+they are nominal, and a start is not known. Origin: assumed."""
+
+FREED_VALUES = 41
+"""Values of a freed reading tried between the ends of its range. Origin: numerical."""
+
+FREED_ROUNDS = 4
+"""Times that the neighbours of the best value are tried, each time four times closer. Origin:
+numerical."""
+
+FREED_FROM = 0.05
+"""Low end of the values tried, in references, where a sensor has no range. Origin: assumed."""
+
+FREED_TO = 3.0
+"""High end of the values tried, in references, where a sensor has no range. Origin: assumed."""
+
+SHOULD_MOVE = 6.0
+"""Standard uncertainties by which the value that suits the others must move. Origin: assumed."""
+
+SHOULD_MOVE_STORES = 20.0
+"""Standard uncertainties by which balances must move a reading that does not. Origin: assumed."""
+
+SHOULD_MOVE_DIGITS = 3.0
+"""Steps of its last digit by which a reading should move at least, to be frozen when it does not.
+Origin: assumed."""
+
+FINE_DIGIT = 0.01
+"""Last digit of a reading, in standard uncertainties, below which it would show noise. Origin:
+assumed."""
+
+NEARLY_ALL = 0.9
+"""Share of stretches in which a hypothesis about a reading must hold. Origin: assumed."""
+
+DISAGREES_SOMEWHERE = 0.1
+"""Share of stretches that must disagree with a reading as it stands before it is freed. Origin:
+assumed."""
+
+NOISE_ELSEWHERE = 3.0
+"""Noise of the same sensor elsewhere, in last digits of a reading, at which no 20 readings in a row
+are the same. Origin: assumed."""
+
+FEWEST_MOVING = 2
+"""Readings that must move for a recording to have been measured, and not computed. Origin:
+assumed."""
+
+FROZEN_ODDS = 10.0
+"""Chi-square that a rival fault must leave beyond what the freed reading leaves: both have one free
+value at each operating point, so odds are 150 to 1. Origin: assumed."""
+
+FEWEST_FOR_HEADERS = 20
+"""Settled samples below which no header is doubted. Origin: assumed."""
+
+AGREES_AS_RECORDED = 0.5
+"""Share of stretches in which readings may agree as recorded at most, for a header to be doubted: a
+wrong reading agrees where it hardly matters. Origin: assumed."""
+
+AGREES_OTHERWISE = 0.1
+"""Share of stretches in which readings must agree when read differently, without any fault. Origin:
+assumed."""
+
+HEADER_ODDS = 6.0
+"""Chi-square that a fault must leave beyond what another reading of the columns leaves, to be no
+rival: odds of 20 to 1 at one operating point. Origin: assumed."""
+
+SWAP_GAIN = 30.0
+"""Chi-square, beside the best single fault, that swapping two columns back must take away at a
+typical operating point. Origin: assumed."""
+
+READS_OTHERWISE = 10.0
+"""How far readings must be from what is recorded, in standard uncertainties, to be other ones.
+Origin: assumed."""
+
+NOISY_READING = 5.0
+"""Noise of a reading, read differently, in standard uncertainties of its class at most. Origin:
+assumed."""
+
+NOISY_SHARE = 0.05
+"""Noise of a reading, read differently, as a share of it at most: nothing that is nearly zero
+becomes a reading by a factor. Origin: assumed."""
+
+NEAR_UNITS = 2.0
+"""Units that differ by less are no mix-up that readings could tell from a fault. Origin:
+assumed."""
+
+# Estimates of a flow and what is usable ----------------------------------------------------------
+
+BEYOND_CALIBRATED = 0.1
+"""Share of the calibrated range by which readings may leave it. Origin: assumed."""
+
+HALF_KNOWN = 0.5
+"""Share of the samples of a stretch in which a reading must be there. Origin: assumed."""
+
+LINKED = 1e-9
+"""Share of an estimate in another's redundancy above which both belong to one block. Origin:
+numerical."""
+
+NULL_SPACE = 1e-10
+"""Singular value, over the largest, below which it counts as zero. Origin: numerical."""
+
+PSEUDO_INVERSE = 1e-9
+"""Eigenvalue of an information matrix, over the largest, below which it counts as zero. Origin:
+numerical."""
+
+DETERMINED = 1e-6
+"""Part of a flow that estimates may leave open and still determine it. Origin: numerical."""
+
+RIDGE = 1e-12
+"""Ridge of a covariance, relative to its trace, that keeps it regular. Origin: numerical."""
+
+RIDGE_OF_INFORMATION = 1e-14
+"""The same of an information matrix. Origin: numerical."""
+
+LEAST_U = 1e-12
+"""Standard uncertainty of a degree at least, where it weights a mean. Origin: numerical."""
+
+# Baseline --------------------------------------------------------------------------------------
+
+WORTH_LEARNING = 0.02
+"""Information (nat) per residual below which a further stretch is not worth learning. Origin:
+assumed."""
+
+LASTING = 6.0 * 3600.0
+"""Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily
+cycle of ambient temperature, which moves most of them."""
+
+# Test of a hypothesis ----------------------------------------------------------------------------
+
+UNTOUCHED = 1e-6
+"""Share of a fault's own effect below which residuals count as untouched (it cancels). Origin:
+numerical."""
+
+FIT_STEPS = 15
+"""Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
+
+FIT_CONVERGED = 1e-9
+"""Change of a degree below which it stands. Origin: numerical."""
+
+FIT_STARTS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.5, 2.5, 5.0, 10.0)
+"""Degrees tried first: far from its start Gauss-Newton may run into a pole of the law. Origin:
+numerical."""
+
+PAIR_STARTS = (0.1, 0.3)
+"""Degrees of each of two faults tried first. Origin: numerical."""
+
+BELOW_HIGHEST = 1e-6
+"""Share of its highest degree by which a fit stays below it: there a law has its pole. Origin:
+numerical."""
+
+LARGEST_SCALE = 10.0
+"""Factor on the errors of an estimate at most: near the pole of a law all is lost anyway. Origin:
+assumed."""
+
+DEGREES_APART = 1e-4
+"""Determinant of the information over its diagonal below which two degrees are not told apart.
+Origin: numerical."""
+
+PAIRS_SCREENED = 12
+"""Pairs of faults per point that pass the linear screening. Origin: assumed."""
+
+EVIDENCE_DECIMALS = 8
+"""Decimals of log-likelihoods: hypotheses that differ by less explain a point alike, and not
+rounding but their order in the ruleset says which one is named. Origin: numerical."""
+
+# Stretches joined to findings --------------------------------------------------------------------
+
+FAR_BEYOND = 10.0
+"""A deviation this many times beyond the threshold of an alarm (in chi-square) need not persist.
+Origin: assumed."""
+
+HOLDS_TOGETHER = 0.05
+"""A cause more probable than this in every stretch holds a run together. Origin: assumed."""
+
+SAME_DEGREE = 0.1
+"""Relative change of a degree, beyond its scatter, that still counts as the same fault. Origin:
+assumed."""
+
+LOOK_BACK = 8
+"""Stretches of a run that a new one is compared with. Origin: assumed."""
+
+STACKED = 8
+"""Stretches that are stacked of a run, and of its baseline, spread over their length. Origin:
+assumed."""
+
+PAIR_CANDIDATE = 0.02
+"""Probability in some stretch from which on a fault is a candidate for a pair. Origin: assumed."""
+
+TRIED_AT_OTHER_TIMES = 3
+"""Faults tried as being there at other times: those that explain most to first order. Origin:
+assumed."""
+
+KNOWN_FAULT = math.log(10.0)
+"""Advantage, as a log-likelihood, of a pair that holds a fault found just before: a known fault
+rarely goes by itself. Origin: assumed."""
+
+FAULT_FROM_START = -math.log(20.0)
+"""Advantage, as a log-likelihood, of a fault that was there from the start, too small to be seen:
+recordings that begin with a sound plant are the rule. Origin: assumed."""
+
+RIVAL = 1.0 / 3.0
+"""A cause at least this probable, relative to the named one, is an alternative to it. Origin:
+assumed."""
+
+MENTION = 0.02
+"""Causes less probable than this are not mentioned. Origin: assumed."""
+
+HEADLINE_RIVAL = 0.2
+"""Alternatives more probable than this stand in the headline. Origin: assumed."""
+
+# Plants that store -------------------------------------------------------------------------------
+
+SAMPLES_FITTED = 4096
+"""Samples of a recording at most; neighbours of longer recordings are averaged. Origin: assumed."""
+
+WINDOWS_SIDE_BY_SIDE = 8
+"""Windows that a recording is cut into, where that leaves them long enough. Origin: assumed."""
+
+SHORT_WINDOW = 48
+"""Samples of a window at least, where a recording has them. Origin: assumed."""
+
+LONG_WINDOW = 256
+"""Samples of a window at most. Origin: assumed."""
+
+FEWEST_IN_WINDOW = 24
+"""Samples without a pause below which nothing is judged. Origin: assumed."""
+
+PAUSE_STORES = 20.0
+"""Sampling intervals without a sample that balances cannot be followed across: what is given may
+have been anything. Origin: assumed."""
+
+WINDOW_KNOWN = 0.8
+"""Share of the samples of a window in which given readings, and some measured one, must be there.
+Origin: assumed."""
+
+USUAL_MISFIT = 0.4
+"""Share of windows whose misfit counts as usual: less than half, as a fault may begin in the
+middle. Origin: assumed."""
+
+MISFIT_PASSES = 4
+"""Times at most that the usual misfit is raised. Origin: numerical."""
+
+MISFIT_TOO_SMALL = 1.1
+"""Chi-square over freedom from which on the usual misfit was taken too small. Origin: assumed."""
+
+LARGEST_MISFIT = 5.0
+"""Factor by which the misfit of windows that know of each other may exceed that of windows on their
+own: beyond it, something is wrong in most of them. Origin: assumed."""
+
+SLOW_ERROR = 1.5
+"""Correlation length, in samples, from which on an error counts as slow. Origin: assumed."""
+
+REMARKABLE_MISFIT = 1.5
+"""Usual misfit over noise from which on it is worth a remark. Origin: assumed."""
+
+EDGE_PLACES = 32
+"""Times that are tried for the beginning or the end of a fault. Origin: assumed."""
+
+HIDDEN_EFFECT = 1e-9
+"""Share of a fault's effect that is left beside all errors below which it shows nothing. Origin:
+numerical."""
+
+SMALLEST_START = 0.02
+"""Smallest degree from which a fit of a fault starts. Origin: numerical."""
+
+LARGEST_START = 0.5
+"""Largest degree, as a share of the highest, from which a fit of a fault starts. Origin:
+numerical."""
+
+WINDOWS_IN_A_ROW = 3
+"""Windows over which a finding must hold: the first and the last of them share no sample. Origin:
+assumed."""
+
+FITS_MOST = 0.8
+"""Share of windows that a fault must fit in to explain all of them. Origin: assumed."""
+
+SPELL_DECIMALS = 2
+"""Decimals of log-likelihoods: faults that a fit tells apart by less are named in their order.
+Origin: numerical, windows are fitted no closer."""
+
+LEAST_U_STORES = 1e-9
+"""Standard uncertainty of a degree in a window at least, where it weights a mean. Origin:
+numerical."""
+
+WINDOW_STEPS = 40
+"""Levenberg-Marquardt steps of a fit at most. Origin: numerical."""
+
+WINDOW_SETTLED = 1e-3
+"""A fit ends when chi-square falls by less than this. Origin: numerical."""
+
+WINDOW_SLIGHT = 1e-5
+"""Or by less than this share: what is far off is not worth the last step. Origin: numerical."""
+
+FIRST_DAMPING = 1e-3
+"""Damping of the first step of a fit. Origin: numerical."""
+
+LESS_DAMPING = 0.2
+"""Factor on the damping after a step that led on. Origin: numerical."""
+
+MORE_DAMPING = 8.0
+"""Factor on the damping after a step that led away. Origin: numerical."""
+
+LARGEST_DAMPING = 1e6
+"""Damping beyond which no step leads on. Origin: numerical."""
+
+LARGEST_CHI_SQUARE = 1e15
+"""Chi-square beyond which a course says nothing. Origin: numerical."""
+
+LEAST_CURVATURE = 1e-12
+"""Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
+numerical."""
+
+SIGNATURE_SAMPLES = 400
+"""Samples of the course in which effects of faults are compared. Origin: assumed."""
+
+SIGNATURE_STEP = 2.0
+"""Seconds between them. Origin: assumed."""
+
+SIGNATURE_SWING = 0.2
+"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
+
+SIGNATURE_PACE = 40.0
+"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
+
+SIGNATURE_PACES_APART = 17.0
+"""Seconds per radian by which each further one is slower. Origin: assumed."""
+
+SAME_EFFECT = 1e-6
+"""Effects are alike if they differ by less than this share when scaled to each other. Origin:
+numerical."""
+
+# Simulation --------------------------------------------------------------------------------------
+
+NEWTON_STEPS = 30
+"""Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
+
+NEWTON_CONVERGED = 1e-7
+"""Last step, in units of the unknowns' scales. Origin: numerical; Newton squares it, so the result
+is better."""
+
+LONGEST_STEP = 0.5
+"""No damped step moves an unknown by more than this share of its scale: laws may end nearby.
+Origin: numerical."""
+
+SHRINKS = 0.5
+"""Each step over the one before, at most, where a solution is near. Origin: source, natural
+monotonicity test, Deuflhard 2004, Newton Methods for Nonlinear Problems, sec. 3.3."""
+
+FIRST_SHARE = 0.25
+"""Share of the way from the reference point that is tried first. Origin: numerical."""
+
+SHORTEST_SHARE = 1.0 / 65536.0
+"""Share of the way below which the way counts as ended. Origin: numerical."""
+
+NO_FLOW = 1e-4
+"""Share of the reference flow that stands for none. Pressures and torques change by less than this
+share between it and zero. Origin: numerical, above `SHORTEST_SHARE`."""
+
+OTHER_ROWS = 24
+"""Rows in which another operating point is looked for, spread over the recording. Origin:
+assumed."""
+
+OTHER_STARTS = (0.25, 0.5, 2.0, 4.0)
+"""Factors on the readings found, from which another operating point is looked for. Origin:
+assumed."""
+
+OTHER_POINT = 1e-3
+"""Share of a reading by which another operating point differs. Origin: assumed."""
+
+GAP_STEPS = 10_000
+"""Steps in a gap of the recording at most; with inputs that stand still all has settled by then.
+Origin: assumed."""
+
+STATISTICAL_SHARE = 0.3
+"""Standard deviation of the statistical error of a simulated sensor, as a share of the systematic
+standard uncertainty. Origin: assumed, the seed paper publishes systematic bounds only."""

@@ -1,0 +1,85 @@
+"""Numbers that decide: each stands once, with its meaning and its origin."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+from collections.abc import Iterator
+from numbers import Real
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+ORIGIN = re.compile(r"Origin: (distribution|source|standard|measured by `|numerical|assumed)\b.*$")
+"""How the last sentence of a docstring begins."""
+
+LAYOUT = {
+    "rulec_runtime.report": "how many names, rows and columns a page or a screen shows",
+    "rulec_runtime.output.terminal": "how much of a piece of data a screen shows",
+    "rulec_runtime.contract.degree": "a large degree is written as 'over it'",
+    "rulec_runtime.diagnosis.steady.verdict": "how many names a remark lists",
+    "rulec_runtime.recordings.recording": "how many names a remark lists",
+    "rulec_runtime.simulation.predict": "how many names a remark lists",
+    "rulec_runtime.recordings.rewrite": "significant digits of a number in a written file",
+    "rulec_runtime.contract.ruleset": "version of a format",
+    "rulec_runtime.recordings.wall_clock": "units of time",
+    "rulec_runtime.diagnosis.sensors.units": "units of time",
+    "rulec_runtime.contract.plan": "samples at a time: speed alone",
+    "rulec_runtime.recordings.csv_table": "rows and bytes at a time: speed alone",
+    "rulec_runtime.diagnosis.steady.seen": "samples at a time: memory alone",
+    "rulec_runtime.simulation.newton": "systems at a time: speed alone",
+    "rulec_runtime.simulation.shut_off": "exponents of a unit",
+    "rulec_runtime.simulation.integrator": "compiled in: numba's cache sees no other file",
+    "rulec_runtime.output.write_file": "flags of the operating system",
+}
+"""Modules, or rooms, that may hold numbers of their own, and why."""
+
+FILES = [p for top in ("rulec", "runtime") for p in sorted((ROOT / top).rglob("limits.py"))]
+
+
+def constants(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Upper-case names that a module defines, each with the docstring below it."""
+    for node, below in zip(tree.body, [*tree.body[1:], None], strict=True):
+        match node:
+            case ast.Assign(targets=[target]) | ast.AnnAssign(target=target):
+                names = target.elts if isinstance(target, ast.Tuple) else [target]
+            case _:
+                continue
+        text = ""
+        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+            text = str(below.value.value)
+        for name in names:
+            if isinstance(name, ast.Name) and name.id.lstrip("_").isupper():
+                yield name.id, text
+
+
+def test_there_are_limits() -> None:
+    assert ROOT / "runtime" / "rulec_runtime" / "limits.py" in FILES
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_number_has_a_meaning_and_an_origin(file: Path) -> None:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    without = [name for name, text in constants(tree) if not ORIGIN.search(" ".join(text.split()))]
+    assert without == []
+
+
+def test_numbers_stand_in_limits_alone() -> None:
+    """Other modules of the runtime define none, but for those that decide nothing."""
+    found = []
+    for file in sorted((ROOT / "runtime" / "rulec_runtime").rglob("*.py")):
+        name = ".".join(file.relative_to(ROOT / "runtime").with_suffix("").parts)
+        if name == "rulec_runtime.limits" or name.endswith(("__init__", "__main__")):
+            continue
+        if any(name == part or name.startswith(f"{part}.") for part in LAYOUT):
+            continue
+        module = importlib.import_module(name)
+        for constant, _ in constants(ast.parse(file.read_text(encoding="utf-8"))):
+            value = getattr(module, constant)
+            first = value[0] if isinstance(value, tuple) else value
+            if isinstance(first, Real) and not isinstance(first, bool):
+                found.append(f"{name}.{constant}")
+    assert found == []
