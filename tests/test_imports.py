@@ -38,7 +38,7 @@ ROOMS = (
     "rulec.effects",
     "rulec.calibration",
     "rulec.study",
-    "rulec.mismatch.answer_types",
+    "rulec.mismatch.result",
     "rulec.mismatch.evidence.steady",
     "rulec.mismatch.evidence.stores",
     "rulec.mismatch.evidence",

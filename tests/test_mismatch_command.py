@@ -13,7 +13,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.cli import main
 from rulec.commands import mismatch as command
 from rulec.commands.mismatch import periods_of
-from rulec.mismatch.answer_types.result import Mismatch, MismatchRefused
+from rulec.mismatch.result import Mismatch, MismatchRefused
 from tests.conftest import ROOT, compiled
 from tests.runtime.mismatches import NAMED, UNNAMED
 

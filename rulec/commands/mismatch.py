@@ -23,8 +23,8 @@ from rulec.mismatch.analyse import analyse
 from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.page import report
 from rulec.mismatch.answer.terminal_story import tell
-from rulec.mismatch.answer_types.result import Mismatch, MismatchRefused
 from rulec.mismatch.inference.series import series_csv
+from rulec.mismatch.result import Mismatch, MismatchRefused
 
 Periods = tuple[tuple[float, float], ...]
 

@@ -18,16 +18,7 @@ from rulec.mismatch.answer.answered import Explained, answered
 from rulec.mismatch.answer.tell import findings_of, location_of, shares_of, term_of
 from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.answer.writable import Told, Writable, told, writable
-from rulec.mismatch.answer_types.failed import failed_at, impossible, stuck
-from rulec.mismatch.answer_types.result import (
-    Curves,
-    Evidence,
-    Finding,
-    HiddenDriver,
-    Location,
-    Mismatch,
-    Series,
-)
+from rulec.mismatch.evidence.failing_sensors import failed_at, impossible, stuck
 from rulec.mismatch.evidence.rows_used import NO_CLOCK, counted_rows, evidence_of, unread
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import Fitted
@@ -46,6 +37,15 @@ from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.prove import Models, Proof, gain_shown, models_of, prove
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.inference.settle import with_sensors_as_they_are
+from rulec.mismatch.result import (
+    Curves,
+    Evidence,
+    Finding,
+    HiddenDriver,
+    Location,
+    Mismatch,
+    Series,
+)
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.search import Search, search
 

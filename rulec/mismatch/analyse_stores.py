@@ -17,19 +17,18 @@ from rulec.mismatch.answer.answered import Explained, answered
 from rulec.mismatch.answer.tell_stores import findings_of, location_of, place_of
 from rulec.mismatch.answer.verdict import FAR
 from rulec.mismatch.answer.writable_stores import Told, Writable, told, writable
-from rulec.mismatch.answer_types.failed import failed_at, impossible
-from rulec.mismatch.answer_types.result import Curves, Finding, Location, Mismatch
+from rulec.mismatch.evidence.failing_sensors import failed_at, failing, impossible
 from rulec.mismatch.evidence.rows_used import NO_CLOCK, stored_evidence
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.quality import failing
 from rulec.mismatch.evidence.stores.record import Record, record_of
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.evidence.stores.terms import variables_of
 from rulec.mismatch.inference.prove_stores import Proof, noise_floor, prove, series_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
 from rulec.mismatch.inference.settle import REPAIRING
+from rulec.mismatch.result import Curves, Finding, Location, Mismatch
 from rulec.mismatch.search.stores.backward_elimination import Accepted, confounded, doubted
 from rulec.mismatch.search.stores.onset_refinement import sharpened
 from rulec.mismatch.search.stores.price import needed

@@ -13,9 +13,9 @@ import pytest
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
-from rulec.mismatch.evidence.stores.quality import failing
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.search.stores.searcher import Searcher

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec.mismatch.answer_types.result import (
+from rulec.mismatch.result import (
     Alternative,
     Changed,
     Confounded,

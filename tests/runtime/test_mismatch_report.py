@@ -11,7 +11,7 @@ from rulec_runtime.report.text import number
 
 from rulec.mismatch.answer.drawn import WINDOW, Drawn, curves_of, detail_of, middle_by, rms
 from rulec.mismatch.answer.page import report
-from rulec.mismatch.answer_types.result import Curves, Mismatch, Region
+from rulec.mismatch.result import Curves, Mismatch, Region
 from tests.runtime.mismatches import (
     ALL,
     AMBIGUOUS,

@@ -22,7 +22,7 @@ from rulec.mismatch.answer.wording import (
     rivals_words,
     value_and_u,
 )
-from rulec.mismatch.answer_types.result import (
+from rulec.mismatch.result import (
     Errors,
     Evidence,
     Fit,

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.candidate import Missing
 from rulec.mismatch.answer.public import Plants, checks_of, refusal
 from rulec.mismatch.answer.verdict import headline_of, next_step, remainder_of, verdict_of
-from rulec.mismatch.answer_types.result import (
+from rulec.mismatch.result import (
     Confounded,
     Curves,
     Evidence,

@@ -9,7 +9,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import counted, degree, number, percent, period
 
 from rulec.mismatch.answer.drawn import Drawn, middle_by, rms, span
-from rulec.mismatch.answer_types.result import HiddenDriver, Period
+from rulec.mismatch.result import HiddenDriver, Period
 
 
 def say_time(drawn: Drawn) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.answer_types.result import Curves, Mismatch, Region
+from rulec.mismatch.result import Curves, Mismatch, Region
 
 WINDOW = 600
 """Samples of a long recording that are drawn one by one."""

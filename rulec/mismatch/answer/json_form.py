@@ -7,7 +7,8 @@ from typing import Any
 
 from rulec_runtime.output.csv_cell import row_of
 
-from rulec.mismatch.answer_types.result import (
+from rulec.mismatch.inference.series import heldout_spans
+from rulec.mismatch.result import (
     Errors,
     Finding,
     Fit,
@@ -17,7 +18,6 @@ from rulec.mismatch.answer_types.result import (
     Region,
     Repair,
 )
-from rulec.mismatch.inference.series import heldout_spans
 
 
 def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None) -> dict[str, Any]:

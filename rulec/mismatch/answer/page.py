@@ -15,7 +15,7 @@ from rulec.mismatch.answer.tables import (
     rivals,
     rows_used,
 )
-from rulec.mismatch.answer_types.result import Mismatch
+from rulec.mismatch.result import Mismatch
 
 
 def report(mismatch: Mismatch) -> str:

@@ -20,7 +20,7 @@ from rulec.mismatch.answer.captions import (
 )
 from rulec.mismatch.answer.drawn import Drawn, curves_of, detail_of, middle_by, telling_drivers
 from rulec.mismatch.answer.wording import titled
-from rulec.mismatch.answer_types.result import Finding, HiddenDriver, Mismatch, Period
+from rulec.mismatch.result import Finding, HiddenDriver, Mismatch, Period
 
 DRIVERS = 4
 """Drivers drawn."""

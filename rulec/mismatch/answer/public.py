@@ -25,8 +25,8 @@ from rulec.effects.adopted_plant import trial
 from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch.answer.verdict import is_spoiled
-from rulec.mismatch.answer_types.result import Check, Errors, Fit, Repair
 from rulec.mismatch.inference.prove import closed_share, gain_interval, rms
+from rulec.mismatch.result import Check, Errors, Fit, Repair
 
 SAME = 1e-6
 """Share by which an error may exceed another and still be the same: digits of files and solvers."""

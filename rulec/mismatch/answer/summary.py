@@ -18,7 +18,7 @@ from rulec.mismatch.answer.wording import (
     share,
     where,
 )
-from rulec.mismatch.answer_types.result import Finding, HiddenDriver, Location, Mismatch
+from rulec.mismatch.result import Finding, HiddenDriver, Location, Mismatch
 
 
 def told_first(mismatch: Mismatch) -> str:

@@ -19,7 +19,7 @@ from rulec.mismatch.answer.wording import (
     titled,
     value_and_u,
 )
-from rulec.mismatch.answer_types.result import Finding, Fit, Mismatch
+from rulec.mismatch.result import Finding, Fit, Mismatch
 
 
 def proof_table(mismatch: Mismatch, fit: Fit) -> str:

@@ -10,11 +10,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.answer.wording import quantity
-from rulec.mismatch.answer_types.result import Alternative, Estimate, Finding, Location, Period
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import periods_of, region_of, variables_of
 from rulec.mismatch.inference.interval import profile
+from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.compete import Contestant
 

@@ -10,12 +10,12 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.answer.tell import TOLD, sentence, titled, unit_of_size
 from rulec.mismatch.answer.verdict import CERTAIN
-from rulec.mismatch.answer_types.result import Alternative, Estimate, Finding, Location, Period
 from rulec.mismatch.evidence.steady.locate import periods_of
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import Suspect, region_in
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.evidence.stores.terms import driving, term_of, variables_of
+from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from rulec.mismatch.search.stores.backward_elimination import Accepted, profile
 from rulec.mismatch.search.stores.searcher import Searcher
 

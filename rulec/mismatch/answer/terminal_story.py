@@ -38,7 +38,7 @@ from rulec.mismatch.answer.wording import (
     value_and_u,
     where,
 )
-from rulec.mismatch.answer_types.result import Finding, Fit, HiddenDriver, Location, Mismatch
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Mismatch
 
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rulec.effects.candidate import Missing
-from rulec.mismatch.answer_types.result import Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
 
 MAJOR = 0.5
 """Share of what could be explained that names must have, beside a driver that nobody recorded."""

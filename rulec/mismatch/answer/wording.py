@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
 from rulec_runtime.report.wording import STATUS
 
-from rulec.mismatch.answer_types.result import (
+from rulec.mismatch.result import (
     Alternative,
     Confounded,
     Estimate,

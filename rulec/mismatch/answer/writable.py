@@ -24,7 +24,6 @@ from rulec_runtime.simulation.predict import predict
 from rulec.effects.adopt import why_not
 from rulec.effects.candidate import Unwritable
 from rulec.mismatch.answer.public import Plants, fit_of, plants_of
-from rulec.mismatch.answer_types.result import Fit, Repair, Series
 from rulec.mismatch.evidence.steady.configuration import ERROR, HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import noise_scale
@@ -35,6 +34,7 @@ from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.inference.prove import Proof, rms
 from rulec.mismatch.inference.series import Predicted, course_of
 from rulec.mismatch.inference.settle import repair_of
+from rulec.mismatch.result import Fit, Repair, Series
 
 _NOWHERE = Path("settled points")
 

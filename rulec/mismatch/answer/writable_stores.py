@@ -22,13 +22,13 @@ from rulec.effects.adopt import why_not
 from rulec.effects.candidate import Candidate, Unwritable
 from rulec.mismatch.answer.public import Plants, fit_of, plants_of
 from rulec.mismatch.answer.writable import KEPT
-from rulec.mismatch.answer_types.result import Changed, Fit, Repair, Series
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.record import without_odd
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.inference.prove_stores import Proof, noise_floor
 from rulec.mismatch.inference.series import Predicted, course_of, heldout_spans
+from rulec.mismatch.result import Changed, Fit, Repair, Series
 
 EVALUATIONS, ROUNDS = 60, 2
 """Of a refit, as of the models that the search ends with."""

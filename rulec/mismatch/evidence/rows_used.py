@@ -14,9 +14,9 @@ import numpy as np
 from rulec_runtime.diagnosis.steady.observe import reason
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch.answer_types.result import Evidence
 from rulec.mismatch.evidence.steady.prepare import HELDOUT, SPARED, Data
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.result import Evidence
 
 if TYPE_CHECKING:
     from rulec.mismatch.evidence.stores.record import Record

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rulec.mismatch.answer_types.result import Confounded
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.result import Confounded
 
 CONFOUNDED = 0.9
 """Correlation beyond which two values are not told apart."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.answer_types.result import Errors, Fit
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import noise_scale
@@ -15,6 +14,7 @@ from rulec.mismatch.evidence.steady.predict import Predictor
 from rulec.mismatch.evidence.steady.prepare import HELDOUT
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.inference.settle import plain_of, with_sensors_as_they_are
+from rulec.mismatch.result import Errors, Fit
 from rulec.mismatch.search.periods import in_periods
 
 DRAWS = 1000

@@ -10,11 +10,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.simulation.balances import RanAway
 
-from rulec.mismatch.answer_types.result import Errors, Fit, Series
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.inference.prove import closed_share, gain_interval, rms
 from rulec.mismatch.inference.series import Predicted, course_of
+from rulec.mismatch.result import Errors, Fit, Series
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.output.csv_cell import row_of
 
-from rulec.mismatch.answer_types.result import Course, Series
+from rulec.mismatch.result import Course, Series
 
 MODELS = ("shipped", "recalibrated", "repaired")
 

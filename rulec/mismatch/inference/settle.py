@@ -10,9 +10,9 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.answer_types.result import Changed, Repair
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.result import Changed, Repair
 
 FAR = 5.0
 """Robust standard deviations beyond which a point is set aside, as in calibration."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rulec.mismatch.answer_types.result import Rival
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.result import Rival
 
 
 @dataclass(frozen=True)

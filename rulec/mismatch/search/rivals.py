@@ -8,10 +8,10 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.answer_types.result import Rival
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, student_weights
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.result import Rival
 from rulec.mismatch.search.compete import (
     Contestant,
     amplifies_noise,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer_types.result import Rival
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.compete import Contestant, Refit, contest, cost_of
 from rulec.mismatch.search.rivals import at_an_end, beats, defeated, instead_of, released

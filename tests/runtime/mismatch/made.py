@@ -23,11 +23,11 @@ from rulec_runtime.simulation.sensing import SensorErrors, sense
 from rulec.effects.candidate import TIME, BaseParameters
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.answer_types.result import Mismatch
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT
 
 HOLD = 12

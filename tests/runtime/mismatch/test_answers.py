@@ -19,7 +19,7 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.wording import VERDICTS
-from rulec.mismatch.answer_types.result import Finding, Mismatch
+from rulec.mismatch.result import Finding, Mismatch
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import (
     USUAL,

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.mismatch.answer_types.result import Mismatch
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.result import Mismatch
 from rulec.mismatch.search.latent_input import hidden_trials
 from rulec.mismatch.search.periods import coming_and_going
 from tests.runtime.mismatch.dynamic.benches import bench, made

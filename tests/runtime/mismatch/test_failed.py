@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch.answer_types.failed import impossible
+from rulec.mismatch.evidence.failing_sensors import impossible
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 from tests.runtime.mismatch.made import alone, compared, recorded, tour
 

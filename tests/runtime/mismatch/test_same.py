@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from rulec.mismatch.answer_types.result import Rival
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.screen import screen
+from rulec.mismatch.result import Rival
 from rulec.mismatch.search.compete import Contestant, contest, entered
 from rulec.mismatch.search.weigh import net_gain, odds_of, says_the_same
 from rulec.mismatch.search.winner import recorded as records_of

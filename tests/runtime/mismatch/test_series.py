@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.json_form import mismatch_form
-from rulec.mismatch.answer_types.result import Course, Mismatch, Series
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
 from rulec.mismatch.inference import series as module
 from rulec.mismatch.inference.prove_stores import prove, series_of
 from rulec.mismatch.inference.series import heldout_spans, series_csv
+from rulec.mismatch.result import Course, Mismatch, Series
 from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.test_answers import CASES, answer, plant

@@ -11,7 +11,7 @@ from rulec.effects.candidate import Missing
 from rulec.mismatch.answer.public import refusal
 from rulec.mismatch.answer.verdict import headline_of, next_step, remainder_of, verdict_of
 from rulec.mismatch.answer.wording import quantity
-from rulec.mismatch.answer_types.result import (
+from rulec.mismatch.result import (
     Alternative,
     Check,
     Errors,

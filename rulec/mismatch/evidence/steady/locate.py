@@ -17,10 +17,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch.answer_types.result import Region
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.result import Region
 
 ALIKE = 0.99
 """Places whose errors spread alike to this cosine are not told apart."""

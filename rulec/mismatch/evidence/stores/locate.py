@@ -17,10 +17,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch.answer_types.result import Region
 from rulec.mismatch.evidence.steady.locate import TELLING, best_interval
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.result import Region
 
 KNOTS = (48, 192)
 """Values of an error over a recording: one that is smooth, and one that surges."""

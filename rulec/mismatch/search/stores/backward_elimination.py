@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.answer_types.result import Confounded, Rival
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter
 from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
+from rulec.mismatch.result import Confounded, Rival
 from rulec.mismatch.search.stores.beam import are_twins, in_place_of
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found

@@ -12,10 +12,10 @@ from rulec_runtime.recordings.recording import Recording
 
 import rulec.mismatch.analyse as analysis
 from rulec.effects.candidate import TIME
-from rulec.mismatch.answer_types.result import Finding, Mismatch
 from rulec.mismatch.evidence.steady.predict import predictors_for
 from rulec.mismatch.inference.prove import models_of, prove
 from rulec.mismatch.inference.settle import with_sensors_as_they_are
+from rulec.mismatch.result import Finding, Mismatch
 from rulec.mismatch.search.compete import Contestant
 from rulec.mismatch.search.search import Search, search
 from rulec.mismatch.search.weigh import NEEDED, WORTH

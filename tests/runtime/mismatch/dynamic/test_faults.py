@@ -9,9 +9,9 @@ import pytest
 
 from rulec.mismatch.answer.tell_stores import findings_of, location_of, period_of
 from rulec.mismatch.answer.writable_stores import writable
-from rulec.mismatch.answer_types.result import Estimate
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike
 from rulec.mismatch.search.stores.onset_refinement import sharpened

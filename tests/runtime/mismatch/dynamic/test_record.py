@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.recordings.thin import glitches_in
 
-from rulec.mismatch.evidence.stores.quality import failing
+from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.record import BLOCKS, BUDGET, record_of
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 

@@ -1,1 +1,0 @@
-"""What a comparison of simulation and recording found, as data."""
