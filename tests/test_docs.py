@@ -70,3 +70,14 @@ def test_files_named_in_the_architecture_exist() -> None:
         and not any(path.endswith(f"/{name.rstrip('/')}") for path in paths)
     ]
     assert [] == gone
+
+
+def test_names_in_the_architecture_stand_in_their_files() -> None:
+    """`name` in `file.py`: the file has a line that defines it."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(\w+)` in `([\w./-]+\.py)`", text)
+    assert named
+    for name, file in named:
+        defined = rf"^(def {name}\(|class {name}\b|{name}\b.* = )"
+        source = (ROOT / file).read_text(encoding="utf-8")
+        assert re.search(defined, source, re.MULTILINE), f"{file}: no {name}"
