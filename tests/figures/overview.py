@@ -17,9 +17,9 @@ measured it. This page is made from it by `python -m tests.figures mark`.
 - `make figures` measures again and prints what it found in the ledger, in the pages and here. Slow
   figures take hours; `python -m tests.figures measure --only ID` takes some.
 - `make test` fails when a page prints something else than the ledger, when it prints a number that
-  nobody answers for, and when a small measurement contradicts a printed figure.
-- *stale*: a file that the figure depends on has changed since it was measured. It may still be
-  true; nobody has looked. *sealed*: opened once, cannot be measured again. *quoted*: published.
+  the ledger does not know, and when a small measurement contradicts a printed figure.
+- *stale*: a file that the figure depends on changed after the measurement; the figure may still be
+  true. *sealed*: opened once, cannot be measured again. *quoted*: published.
 
 An interval is that of the count (Clopper and Pearson, 95 %) or a tolerance; the ledger says which.
 
@@ -28,7 +28,7 @@ An interval is that of the count (Clopper and Pearson, 95 %) or a tolerance; the
 """
 
 ACCOUNTS = """
-Accounts: sentences that tell of one run, read from it by hand. They stand for its commit alone.
+Accounts are sentences about one run, read from it by hand. They hold for its commit alone.
 
 | account | page | run | at | passages |
 |---|---|---|---|---|
