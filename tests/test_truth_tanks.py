@@ -13,10 +13,10 @@ from rulec_runtime.contract.ruleset import Dynamics
 from rulec_runtime.simulation.balances import Balances
 
 from rulec.passes.pipeline import compile_plant
-from rulec.prove.truth.tanks import LAYOUTS, Layout, build, plant_folder
+from rulec.prove.truth.tanks import CASCADED, Layout, build
 from rulec.prove.truth.tanks.balance import Course, integrate
-from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup
-from rulec.prove.truth.tanks.describe import parameters
+from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup, parameters
+from rulec.prove.truth.tanks.folder import write_plant
 from rulec.prove.truth.tanks.laws import GRAVITY, outflow, overflow
 from rulec.prove.truth.tanks.plant import (
     Body,
@@ -32,6 +32,9 @@ from rulec.prove.truth.tanks.plant import (
 )
 from rulec.prove.truth.tanks.sensing import shown
 from tests.conftest import ROOT
+from tests.tank_row import ROW
+
+LAYOUTS = {layout.name: layout for layout in (CASCADED, ROW)}
 
 SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
 
@@ -182,7 +185,7 @@ def dynamics(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Dynamics]:
     """What the compiler makes of the plants."""
     found = {}
     for name, layout in LAYOUTS.items():
-        folder = plant_folder(layout, tmp_path_factory.mktemp("plants"))
+        folder = write_plant(layout, tmp_path_factory.mktemp("plants") / name)
         dynamic = compile_plant(folder).dynamics
         assert dynamic is not None
         found[name] = dynamic

@@ -1,35 +1,30 @@
-"""Cases of the truth of tanks: effects act, answers are complete, nothing depends on luck."""
+"""Cases of the truth of tanks: effects act, columns fit the plant, nothing depends on luck."""
 
 from __future__ import annotations
 
+import csv
 import functools
-import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
-from rulec.prove.truth.tanks import (
-    CASCADED,
-    GROUPS,
-    ROW,
-    Case,
-    build,
-    case,
-    named,
-    plant_folder,
-    possible_effects,
-)
-from rulec.prove.truth.tanks.__main__ import main
-from rulec.prove.truth.tanks.build import UNITS
-from rulec.prove.truth.tanks.case import FURTHER, HIDES
-from rulec.prove.truth.tanks.describe import parameters
-from rulec.prove.truth.tanks.size import ACCEPTED
+from rulec.prove.truth.tanks import CASCADED, Case, Layout, build, case, possible_effects
+from rulec.prove.truth.tanks.build import UNITS, parameters
+from rulec.prove.truth.tanks.case import HIDES
+from rulec.prove.truth.tanks.sealed import SealedCase
+from rulec.prove.truth.tanks.sensing import shown
+from rulec.prove.truth.tanks.size import ACCEPTED, Readings, change_of, rms, run
 from tests.conftest import ROOT
+from tests.tank_row import ROW
 
 SHORT = 120
 """Samples of a case that is made for one test."""
+
+NOISE = 0.03
+"""V; a larger change is seen."""
 
 
 @functools.cache
@@ -37,15 +32,26 @@ def short(effects: tuple[str, ...], seed: int = 3) -> Case:
     return case(seed, effects, SHORT)
 
 
+def changed(made: Case) -> Readings:
+    """What all effects of a case change together, V, by tank."""
+    plain = shown(made.setup.plant, made.scene.course)
+    return change_of(shown(made.plant, run(made.scene, made.plant)), plain)
+
+
 @pytest.mark.parametrize("effect", possible_effects(CASCADED))
 def test_each_effect_acts(effect: str) -> None:
     """Of the size that was sought, alone, on some reading; and never without a cause."""
     made = short((effect,))
-    (truth,) = made.answer.effects
+    (one,) = made.planted
+    assert one.placed.id == effect
     least, most = ACCEPTED
-    assert least <= max(truth.shown.values()) <= most
-    assert truth.shown == made.answer.shown
-    assert truth.present > 0.02
+    assert least <= rms(one.change["lower"]) <= most
+    assert one.change["lower"] == pytest.approx(changed(made)["lower"], abs=1e-6)
+    assert np.mean(np.abs(one.change["lower"]) > NOISE) > 0.02
+    assert one.built.values
+    for name, (value, unit) in one.built.values.items():
+        assert math.isfinite(value), name
+        assert unit, name
     y, u = (made.recording.readings[name] for name in ("y [V]", "u [V]"))
     assert -0.4 < y.min() < y.max() < 10.0
     assert 0.0 <= u.min() < u.max() <= 10.0
@@ -55,24 +61,25 @@ def test_each_effect_acts(effect: str) -> None:
 def test_effects_act_in_the_row(effect: str) -> None:
     """Of an unmeasured tank, of the feed, of one of two sensors."""
     made = case(3, (effect,), SHORT, ROW)
-    rms = made.answer.shown
-    assert ACCEPTED[0] <= max(rms.values()) <= ACCEPTED[1]
-    assert (rms["first.y"] == 0.0) == (effect == "middle.overflow-sharp")
-    assert (rms["last.y"] == 0.0) == (effect == "first.y.jet")
+    off = {tank: round(rms(values), 4) for tank, values in changed(made).items()}
+    assert ACCEPTED[0] <= max(off.values()) <= ACCEPTED[1]
+    assert (off["first"] == 0.0) == (effect == "middle.overflow-sharp")
+    assert (off["last"] == 0.0) == (effect == "first.y.jet")
 
 
 @pytest.mark.parametrize("effect", ["upper.leak", "lower.clogging"])
 def test_faults_begin(effect: str) -> None:
     """Before its time a fault changes nothing, afterwards it does."""
     made = short((effect,))
-    (truth,) = made.answer.effects
-    assert truth.period is not None
-    plain = short((), seed=made.answer.seed + made.answer.attempt * FURTHER)
+    upper, lower = made.plant.tanks
+    fault = upper.leak or lower.clog
+    assert fault is not None
+    plain = short((), seed=made.drawn)
     same = made.recording.truth["lower.h [cm]"] == pytest.approx(
         plain.recording.truth["lower.h [cm]"], abs=1e-4
     )
     assert not same
-    before = made.recording.readings["time [s]"] < truth.period[0]
+    before = made.recording.readings["time [s]"] < fault.begin
     for name in ("upper.h [cm]", "lower.h [cm]"):
         healthy, faulty = (c.recording.truth[name] for c in (plain, made))
         assert faulty[before] == pytest.approx(healthy[before], abs=1e-4)
@@ -82,8 +89,8 @@ def test_faults_begin(effect: str) -> None:
 def test_an_effect_changes_neither_noise_nor_input() -> None:
     """A case less what its effect changes is the clean case of its seed."""
     made = short(("lower.y.offset-high",))
-    plain = short((), seed=made.answer.seed + made.answer.attempt * FURTHER)
-    offset = made.answer.effects[0].parameters["offset"][0]
+    plain = short((), seed=made.drawn)
+    offset = made.planted[0].built.values["offset"][0]
     ours, clean = (c.recording.readings for c in (made, plain))
     assert ours["u [V]"].tolist() == clean["u [V]"].tolist()
     assert ours["y [V]"] - offset == pytest.approx(clean["y [V]"], abs=10.0 / 4096.0)
@@ -92,48 +99,20 @@ def test_an_effect_changes_neither_noise_nor_input() -> None:
 def test_two_effects_hide_each_other() -> None:
     """Each is clear alone; together they show little."""
     made = case(1, ("pump.dead-band", "lower.y.offset-high"), SHORT, hiding=True)
-    assert made.answer.hiding is not None
-    assert made.answer.hiding < HIDES
-    alone = [truth.shown["lower.y"] for truth in made.answer.effects]
-    assert math.hypot(*alone) * made.answer.hiding == pytest.approx(
-        made.answer.shown["lower.y"], abs=1e-3
-    )
+    alone = [rms(one.change["lower"]) for one in made.planted]
+    assert rms(changed(made)["lower"]) < HIDES * math.hypot(*alone)
 
 
 def test_same_seed_same_bytes(tmp_path: Path) -> None:
     """Also of the answer; another seed gives another plant."""
     written = {}
     for folder, seed in (("one", 4), ("again", 4), ("other", 5)):
-        made = case(seed, ("upper.seepage",), 60, name="it")
+        made = SealedCase(case(seed, ("upper.seepage",), 60, name="it"), ("open",))
         made.write(tmp_path / folder)
-        written[folder] = {f.name: f.read_bytes() for f in (tmp_path / folder).iterdir()}
-    assert {"it.csv", "it.truth.csv", "it.answer.json"} == set(written["one"])
+        recording = (tmp_path / folder / "recording.csv").read_bytes()
+        written[folder] = recording, made.answer.to_json()
     assert written["one"] == written["again"]
-    assert all(written["one"][name] != written["other"][name] for name in written["one"])
-
-
-@pytest.mark.parametrize("effects", [(), ("upper.leak",), ("lower.y.stuck", "upper.vortex")])
-def test_answers_are_complete(effects: tuple[str, ...]) -> None:
-    """All that was planted, drawn and measured, with units, as text that can be read again."""
-    answer = json.loads(short(effects).answer.to_json())
-    assert set(effects) == {f"{e['module']}.{e['effect']}" for e in answer["effects"]}
-    expected = {0: "none", 1: "fault", 2: "unnamed"}[len(effects)]
-    assert expected == answer["verdict"]
-    assert {"pump.k", "lower.g"} <= set(answer["parameters"])
-    assert {"pump.u.zero", "lower.y.zero", "lower.y.noise"} <= set(answer["sensing"])
-    for truth in answer["effects"]:
-        assert truth["parameters"]
-        assert (truth["period"] is not None) == (truth["effect"] in ("leak", "stuck"))
-        assert {"lower.y"} == set(truth["shown"])
-        assert set(truth) >= {"title", "sort", "present", "twins"}
-    values = [
-        answer["parameters"],
-        answer["sensing"],
-        *(e["parameters"] for e in answer["effects"]),
-    ]
-    for name, stated in (item for part in values for item in part.items()):
-        assert math.isfinite(stated["value"]), name
-        assert stated["unit"], name
+    assert all(a != b for a, b in zip(written["one"], written["other"], strict=True))
 
 
 def test_parameters_lie_within_what_module_types_state() -> None:
@@ -150,30 +129,14 @@ def test_parameters_lie_within_what_module_types_state() -> None:
             assert abs(value - middle) <= 2.0 * u, name
 
 
-def test_named_cases_are_a_list() -> None:
-    """Every group, names that differ, effects that exist; a second round has other seeds."""
-    cases = list(named(2))
-    assert len(cases) == len({c.name for c in cases}) == len({c.seed for c in cases})
-    assert set(GROUPS) == {c.group for c in cases}
-    for one in cases:
-        assert set(one.effects) <= set(possible_effects(one.layout))
-        assert (one.group == "clean") == (one.effects == ())
-    every = {e for c in cases if c.layout == CASCADED for e in c.effects}
-    assert every == set(possible_effects(CASCADED))
-
-
-def test_command_writes_a_case_and_its_plant(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The recording has the columns that the plant's file of columns names."""
-    main(["one", "middle.leak", "--plant", "tank-row", "--samples", "60", "-o", str(tmp_path)])
-    file = Path(capsys.readouterr().out.split()[0])
-    header = file.read_text(encoding="utf-8").splitlines()[0].split(",")
-    columns = yaml.safe_load((tmp_path / "tank-row" / "columns.yaml").read_text(encoding="utf-8"))
+@pytest.mark.parametrize("layout", [CASCADED, ROW], ids=lambda layout: layout.name)
+def test_recordings_have_the_columns_of_their_plant(layout: Layout, tmp_path: Path) -> None:
+    """As the plant's file of columns names them, in its order."""
+    SealedCase(case(3, (), 60, layout, name="it"), ("clean",)).write(tmp_path)
+    with (tmp_path / "recording.csv").open(encoding="utf-8", newline="") as file:
+        header = next(csv.reader(file))
+    columns = yaml.safe_load((tmp_path / "plant" / "columns.yaml").read_text(encoding="utf-8"))
     assert header == [column["from"] for column in columns["columns"].values()]
-    assert "fault" == json.loads(file.with_suffix(".answer.json").read_text())["verdict"]
-    cascaded = yaml.safe_load((plant_folder(CASCADED, tmp_path) / "columns.yaml").read_text())
-    assert list(short(()).recording.readings) == [c["from"] for c in cascaded["columns"].values()]
 
 
 def test_unknown_effects_are_refused() -> None:

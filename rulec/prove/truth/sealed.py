@@ -21,7 +21,7 @@ from .units import Array
 Periods = tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Planted:
     """One thing that the plain model leaves out.
 
@@ -54,7 +54,7 @@ class Planted:
     rival: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Answer:
     """What is true of a case.
 

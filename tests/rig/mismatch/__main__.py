@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from rulec.prove.partition import DYNAMIC_FULL
 from tests.conftest import recordings_folder
 from tests.rig.mismatch import clean, esp, hsy, speed, stores, zema
 from tests.rig.mismatch.ask import Answer, Failed, ask, exists
@@ -100,13 +101,14 @@ def _planted(out: Console, work: Path, options: argparse.Namespace) -> None:
 
 
 def _stores(out: Console, work: Path, options: argparse.Namespace) -> None:
-    found = list(stores.verdicts(work, options.seeds))
+    found = list(stores.verdicts(work, {"clean": options.seeds}))
     wrong = [
         f"{planted}: {verdict}, {told}" for planted, verdict, told in found if verdict != "none"
     ]
     show_lines(out, "clean", [f"{len(found)} recordings, {len(wrong)} claims", *wrong])
     if not options.quick:
-        planted = stores.verdicts(work, 0, ("single", "hiding", "sensor", "fault", "unnamed"))
+        count = {group: n for group, n in DYNAMIC_FULL.items() if group != "clean"}
+        planted = stores.verdicts(work, count)
         show_lines(out, "planted", [" | ".join(row) for row in planted])
 
 

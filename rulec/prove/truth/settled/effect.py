@@ -17,14 +17,10 @@ Sort = Literal["physics", "fault", "sensor", "unnamed"]
 
 @dataclass(frozen=True)
 class Made:
-    """An effect of some size: its terms, and its parameters as its key knows them.
-
-    `period` are seconds from and to, for what begins or ends.
-    """
+    """An effect of some size: its terms, and its parameters as its key knows them."""
 
     changes: tuple[Change, ...]
     parameters: Mapping[str, float]
-    period: tuple[float, float] | None = None
 
 
 Make = Callable[[Scene, str, float, np.random.Generator], Made]

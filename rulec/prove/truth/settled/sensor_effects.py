@@ -44,29 +44,27 @@ def speed_gain(scene: Scene, module: str, size: float, random: np.random.Generat
     return Made((Reading(f"{module}.n", lambda v: v * (1.0 + off)),), {"x": off})
 
 
-def _present(scene: Scene, random: np.random.Generator) -> tuple[Array, tuple[float, float]]:
+def _present(scene: Scene, random: np.random.Generator) -> Array:
     """1 while a fault is there: from a third on, to the end or for a while."""
     length = float(scene.time[-1])
     begin = float(random.uniform(0.25, 0.6)) * length
     end = length if random.uniform() < 0.6 else begin + float(random.uniform(0.15, 0.3)) * length
     end = min(end, length)
-    return ((scene.time >= begin) & (scene.time <= end)).astype(float), (begin, end)
+    return ((scene.time >= begin) & (scene.time <= end)).astype(float)
 
 
 def _fault(kind: Kind, sign: float) -> Make:
     def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-        there, period = _present(scene, random)
-        course = sign * size * there
-        return Made((Term(kind, module, lambda s: course),), {"x": size}, period)
+        course = sign * size * _present(scene, random)
+        return Made((Term(kind, module, lambda s: course),), {"x": size})
 
     return make
 
 
 def _slope(signal: str, sign: float) -> Make:
     def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-        there, period = _present(scene, random)
-        factor = 1.0 + sign * size * there
-        return Made((Reading(f"{module}.{signal}", lambda v: v * factor),), {"x": size}, period)
+        factor = 1.0 + sign * size * _present(scene, random)
+        return Made((Reading(f"{module}.{signal}", lambda v: v * factor),), {"x": size})
 
     return make
 

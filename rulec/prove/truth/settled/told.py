@@ -34,16 +34,16 @@ def answer_of(
     verdict = "unnamed" if group == "unrecorded" else verdict_of(sorts)
     gone = found[0][0].effect.driver if group == "unrecorded" else ""
     return Answer(
-        name,
-        "stationary",
-        seen.scene.rig.name,
-        seen.scene.profile,
-        seed,
-        seen.scene.time.size,
-        verdict,
-        _concealed(group, conceal, found, planted),
-        tuple(planted),
-        gone,
+        case=name,
+        half="stationary",
+        plant=seen.scene.rig.name,
+        profile=seen.scene.profile,
+        seed=seed,
+        samples=seen.scene.time.size,
+        verdict=verdict,
+        concealed=_concealed(group, conceal, found, planted),
+        effects=tuple(planted),
+        unrecorded=gone,
     )
 
 
@@ -74,15 +74,15 @@ def _planted(
         for name, map_ in entry["entries"].items()
     }
     return Planted(
-        effect.name,
-        effect.title,
-        effect.sort,
-        placed.module,
-        effect.title,
-        tuple(entry["entries"]),
-        tuple(f"{placed.module}.{place}" for place in entry["places"]),
-        values,
-        gain,
-        margin,
-        rival,
+        effect=effect.name,
+        title=effect.title,
+        sort=effect.sort,
+        module=placed.module,
+        place=effect.title,
+        names=tuple(entry["entries"]),
+        places=tuple(f"{placed.module}.{place}" for place in entry["places"]),
+        parameters=values,
+        gain=gain,
+        margin=margin,
+        rival=rival,
     )

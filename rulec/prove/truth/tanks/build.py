@@ -73,17 +73,6 @@ CASCADED = Layout(
     "u [V]",
     {"lower": "y [V]"},
 )
-ROW = Layout(
-    "tank-row",
-    "inflow",
-    ("first", "middle", "last"),
-    ("first", "last"),
-    True,
-    5.0,
-    "F1 [l/h]",
-    {"first": "L1 [V]", "last": "L3 [V]"},
-)
-LAYOUTS = {layout.name: layout for layout in (CASCADED, ROW)}
 
 
 @dataclass(frozen=True)
@@ -114,6 +103,19 @@ def build(layout: Layout, seed: int, samples: int = 1024, profile: str = "") -> 
     time = layout.interval * np.arange(samples, dtype=np.float64)
     shown = np.round(course * flow / plant.feed.gain, 3 if layout.metered else 4)
     return Setup(layout, plant, kind, time, shown)
+
+
+def parameters(setup: Setup) -> dict[str, tuple[float, str]]:
+    """True base parameters with their units; the gain of a sensor that is not there is left out."""
+    plant, layout = setup.plant, setup.layout
+    found = {} if layout.metered else {f"{layout.feed}.k": (plant.feed.gain, UNITS["k"])}
+    for tank in plant.tanks:
+        found[f"{tank.name}.A"] = tank.area, UNITS["A"]
+        found[f"{tank.name}.a"] = tank.outlet, UNITS["a"]
+        found[f"{tank.name}.h0"] = tank.level, UNITS["h0"]
+    for sensor in plant.sensors:
+        found[f"{sensor.tank}.g"] = sensor.gain, UNITS["g"]
+    return found
 
 
 def recorded_input(setup: Setup, seed: int) -> Array:

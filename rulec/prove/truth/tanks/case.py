@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-from ..recording import Recording, write_csv
+from ..recording import Recording
 from ..units import Array
-from .answer import Answer
 from .balance import Course, integrate
 from .build import CASCADED, Layout, Setup, build, recorded_input
-from .describe import describe
 from .effect import Scene
 from .effects import Placed, possible_effects
 from .plant import Plant
@@ -33,39 +30,26 @@ CLEAR = 0.1
 """V; what is left of effects that hide each other."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
-    """A recording with its answer.
+    """A recording, and what was planted.
 
     `plant` has all effects, each as `planted` has it alone; `scene` is the plant without any.
     `drawn` is the seed of the attempt that was taken.
     """
 
+    name: str
+    seed: int
+    drawn: int
     scene: Scene
     plant: Plant
     planted: tuple[Planted, ...]
     recording: Recording
-    answer: Answer
-    drawn: int
 
     @property
     def setup(self) -> Setup:
         """The plant without effects, and its input."""
         return self.scene.setup
-
-    def write(self, folder: Path, stem: str = "") -> Path:
-        """Write `<stem>.csv`, its `.truth.csv` and its `.answer.json`; the path of the first.
-
-        The stem is the name of the case if none is given, and that tells what was planted.
-        """
-        folder.mkdir(parents=True, exist_ok=True)
-        stem = stem or self.answer.case
-        file = folder / f"{stem}.csv"
-        write_csv(file, self.recording.readings)
-        write_csv(folder / f"{stem}.truth.csv", self.recording.truth)
-        answer = folder / f"{stem}.answer.json"
-        answer.write_text(self.answer.to_json(), encoding="utf-8")
-        return file
 
 
 def case(
@@ -73,6 +57,7 @@ def case(
     effects: Sequence[str] = (),
     samples: int = 1024,
     layout: Layout = CASCADED,
+    *,
     name: str = "",
     hiding: bool = False,
     strength: float | None = None,
@@ -110,10 +95,15 @@ def case(
             continue
         if hiding and share is not None and share > HIDES:
             continue
-        label = name or "+".join([layout.name, *effects, str(seed)])
-        answer = describe(label, seed, attempt, setup, planted, change, share)
-        recording = _recorded(setup, plant, course, drawn)
-        return Case(scene, plant, tuple(planted), recording, answer, drawn)
+        return Case(
+            name=name,
+            seed=seed,
+            drawn=drawn,
+            scene=scene,
+            plant=plant,
+            planted=tuple(planted),
+            recording=_recorded(setup, plant, course, drawn),
+        )
     raise ValueError(f"no plant of {ATTEMPTS} shows {' and '.join(effects)} as it should")
 
 

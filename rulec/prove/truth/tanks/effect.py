@@ -50,14 +50,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Built:
-    """A plant with one more effect.
-
-    `period` are seconds from and to, for what begins or ends.
-    """
+    """A plant with one more effect."""
 
     plant: Plant
     values: Values
-    period: tuple[float, float] | None = None
 
 
 Make = Callable[[Scene, Plant, str, float, np.random.Generator], Built]
@@ -73,7 +69,6 @@ class Effect:
     at : what it belongs to: a tank, the feed or a sensor
     low, high : of the size; what an effect changes rises with its size
     scale : of what it should change, for effects that would else be grotesque
-    twins : what looks the same in the readings, exactly or within their noise
     """
 
     name: str
@@ -84,7 +79,6 @@ class Effect:
     high: float
     make: Make
     scale: float = 1.0
-    twins: tuple[str, ...] = ()
 
 
 def quantile(values: Array, share: float) -> float:

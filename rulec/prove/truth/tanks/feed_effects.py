@@ -44,27 +44,9 @@ def delay(scene: Scene, plant: Plant, place: str, size: float, random: Random) -
 
 
 FEED_EFFECTS = (
-    Effect(
-        "dead-band",
-        "dead band",
-        "physics",
-        "feed",
-        0.02,
-        3.0,
-        dead_band,
-        twins=("seepage of the first tank, while the input stays above the dead band",),
-    ),
+    Effect("dead-band", "dead band", "physics", "feed", 0.02, 3.0, dead_band),
     Effect("saturation", "saturation", "physics", "feed", 0.01, 0.9, saturation),
     Effect("droop", "flow bends down with the input", "physics", "feed", 0.01, 0.45, droop),
-    Effect("lag", "flow lags", "physics", "feed", 1.0, 200.0, lag, twins=("lag of a sensor",)),
-    Effect(
-        "delay",
-        "flow is delayed",
-        "physics",
-        "feed",
-        1.0,
-        150.0,
-        delay,
-        twins=("dead-time of sensors",),
-    ),
+    Effect("lag", "flow lags", "physics", "feed", 1.0, 200.0, lag),
+    Effect("delay", "flow is delayed", "physics", "feed", 1.0, 150.0, delay),
 )

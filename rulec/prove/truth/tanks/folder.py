@@ -1,4 +1,4 @@
-"""Plant folders that the cases belong to, for the tool that is tested."""
+"""Plant folders of the cases, for the tool that is tested."""
 
 from __future__ import annotations
 
@@ -7,22 +7,16 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-from .build import CASCADED, ROW, Layout
+from .build import CASCADED, Layout
 
 _PACKAGE = Path(__file__).parents[3]
 ROOT = _PACKAGE if (_PACKAGE / "kb").is_dir() else _PACKAGE.parent
 """Of kb and plants: the installed package, or a checkout."""
-OWN = Path(__file__).parents[1] / "plants"
-"""Plants for tests only, each with its own module types."""
+
+METERED_INFLOW = Path(__file__).with_name("metered-inflow.yaml")
+"""A module type that is not shipped: what feeds a row whose inflow is measured."""
 
 FILES = ("plant.yaml", "columns.yaml")
-
-
-def plant_folder(layout: Layout, into: Path) -> Path:
-    """The folder of a plant; one of the tests' own is put together with the shipped knowledge."""
-    if layout == CASCADED:
-        return ROOT / "plants" / layout.name
-    return write_plant(layout, into / layout.name)
 
 
 def write_plant(layout: Layout, folder: Path) -> Path:
@@ -31,10 +25,9 @@ def write_plant(layout: Layout, folder: Path) -> Path:
     What is written follows from the layout alone; no true parameter is in it.
     """
     folder.mkdir(parents=True)
-    ready = {CASCADED.name: ROOT / "plants", ROW.name: OWN}.get(layout.name)
     for name, lines in zip(FILES, (_plant(layout), _columns(layout)), strict=True):
-        if ready:
-            shutil.copyfile(ready / layout.name / name, folder / name)
+        if layout == CASCADED:
+            shutil.copyfile(ROOT / "plants" / layout.name / name, folder / name)
         else:
             (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     if layout.metered:
@@ -43,9 +36,9 @@ def write_plant(layout: Layout, folder: Path) -> Path:
 
 
 def _add_knowledge(folder: Path) -> None:
-    """The shipped knowledge, and the tests' own module type of a metered inflow."""
+    """The shipped knowledge, and the module type of a metered inflow."""
     shutil.copytree(ROOT / "kb", folder / "kb")
-    shutil.copytree(OWN / ROW.name / "modules", folder / "kb" / "modules", dirs_exist_ok=True)
+    shutil.copy(METERED_INFLOW, folder / "kb" / "modules")
     with (folder / "plant.yaml").open("a", encoding="utf-8") as plant:
         plant.write("kb: kb\n")
 

@@ -29,18 +29,17 @@ class SealedCase:
     @functools.cached_property
     def answer(self) -> sealed.Answer:
         """The sealed answer; what no entry names is of the sort `unnamed`."""
-        own = self.made.answer
-        effects = self._effects()
+        setup, effects = self.made.setup, self._effects()
         return sealed.Answer(
-            own.case,
-            HALF,
-            own.plant,
-            own.profile,
-            own.seed,
-            own.samples,
-            sealed.verdict_of([one.sort for one in effects]),
-            self.concealed,
-            effects,
+            case=self.made.name,
+            half=HALF,
+            plant=setup.layout.name,
+            profile=setup.profile,
+            seed=self.made.seed,
+            samples=setup.time.size,
+            verdict=sealed.verdict_of([one.sort for one in effects]),
+            concealed=self.concealed,
+            effects=effects,
         )
 
     def write(self, folder: Path) -> None:
@@ -58,17 +57,17 @@ class SealedCase:
             effect, key = one.placed.effect, right(self.made.setup, one)
             found.append(
                 sealed.Planted(
-                    effect.name,
-                    effect.title,
-                    effect.sort if key.names else "unnamed",
-                    one.placed.module,
-                    effect.at,
-                    key.names,
-                    key.places,
-                    key.parameters,
-                    limit.gain,
-                    limit.margin,
-                    limit.rival,
+                    effect=effect.name,
+                    title=effect.title,
+                    sort=effect.sort if key.names else "unnamed",
+                    module=one.placed.module,
+                    place=effect.at,
+                    names=key.names,
+                    places=key.places,
+                    parameters=key.parameters,
+                    gain=limit.gain,
+                    margin=limit.margin,
+                    rival=limit.rival,
                 )
             )
         return tuple(found)

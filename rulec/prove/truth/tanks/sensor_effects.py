@@ -48,80 +48,26 @@ def stuck(scene: Scene, plant: Plant, place: str, size: float, random: Random) -
     first = random.uniform(0.1, 0.35)
     begin, end = scene.time_at(first), scene.time_at(min(first + size, 1.0))
     sensor = replace(plant.sensor(place), stuck=(begin, end))
-    return Built(
-        plant.with_sensor(sensor), {"begin": (begin, "s"), "end": (end, "s")}, (begin, end)
-    )
+    return Built(plant.with_sensor(sensor), {"begin": (begin, "s"), "end": (end, "s")})
 
 
-OUTLET, GAIN = "outlet-height of its tank, above or below zero", "another gain g: recalibration"
+def _error(
+    name: str, title: str, low: float, high: float, make: Make, scale: float = 1.0
+) -> Effect:
+    return Effect(name, title, "sensor", "sensor", low, high, make, scale)
+
 
 SENSOR_EFFECTS = (
-    Effect(
-        "offset-high",
-        "reads high",
-        "sensor",
-        "sensor",
-        0.15,
-        1.4,
-        _set("offset", "offset", "V"),
-        twins=(OUTLET,),
-    ),
-    Effect(
-        "offset-low",
-        "reads low",
-        "sensor",
-        "sensor",
-        0.15,
-        1.4,
-        _set("offset", "offset", "V", -1.0),
-        twins=(OUTLET,),
-    ),
-    Effect(
-        "gain-high",
-        "gain too high",
-        "sensor",
-        "sensor",
-        0.02,
-        0.4,
-        _set("slope", "slope", "1"),
-        twins=(GAIN,),
-    ),
-    Effect(
-        "gain-low",
-        "gain too low",
-        "sensor",
-        "sensor",
-        0.02,
-        0.4,
-        _set("slope", "slope", "1", -1.0),
-        twins=(GAIN,),
-    ),
-    Effect("clipping", "highest voltage", "sensor", "sensor", 0.01, 0.8, clipping),
-    Effect(
-        "lag",
-        "lags",
-        "sensor",
-        "sensor",
-        1.0,
-        200.0,
-        _set("lag", "time constant", "s"),
-        twins=("lag of the feed",),
-    ),
-    Effect(
-        "dead-time",
-        "shows the past",
-        "sensor",
-        "sensor",
-        1.0,
-        150.0,
-        _set("dead_time", "dead time", "s"),
-        twins=("delay of the feed",),
-    ),
-    Effect("hysteresis", "play", "sensor", "sensor", 0.1, 6.0, _set("play", "width", "V")),
-    Effect(
-        "quantisation", "coarse steps", "sensor", "sensor", 0.4, 1.5, _set("step", "step", "V"), 0.4
-    ),
-    Effect("drift-up", "drifts up", "sensor", "sensor", 0.2, 3.0, _drift(1.0)),
-    Effect("drift-down", "drifts down", "sensor", "sensor", 0.2, 3.0, _drift(-1.0)),
-    Effect("stuck", "stuck for a while", "sensor", "sensor", 0.03, 0.6, stuck),
+    _error("offset-high", "reads high", 0.15, 1.4, _set("offset", "offset", "V")),
+    _error("offset-low", "reads low", 0.15, 1.4, _set("offset", "offset", "V", -1.0)),
+    _error("gain-high", "gain too high", 0.02, 0.4, _set("slope", "slope", "1")),
+    _error("gain-low", "gain too low", 0.02, 0.4, _set("slope", "slope", "1", -1.0)),
+    _error("clipping", "highest voltage", 0.01, 0.8, clipping),
+    _error("lag", "lags", 1.0, 200.0, _set("lag", "time constant", "s")),
+    _error("dead-time", "shows the past", 1.0, 150.0, _set("dead_time", "dead time", "s")),
+    _error("hysteresis", "play", 0.1, 6.0, _set("play", "width", "V")),
+    _error("quantisation", "coarse steps", 0.4, 1.5, _set("step", "step", "V"), 0.4),
+    _error("drift-up", "drifts up", 0.2, 3.0, _drift(1.0)),
+    _error("drift-down", "drifts down", 0.2, 3.0, _drift(-1.0)),
+    _error("stuck", "stuck for a while", 0.03, 0.6, stuck),
 )

@@ -10,7 +10,6 @@ import numpy as np
 
 from .build import CASCADED, Layout, stream
 from .case import case
-from .cases import HIDING
 from .effects import Placed, possible_effects
 from .rows import row
 from .sealed import SealedCase
@@ -42,6 +41,24 @@ CONCEALED: Mapping[str, str] = {
 
 CORNER = ("overflow-sharp", "saturation", "clipping")
 """Their size is the share of samples in which they act."""
+
+HIDING = (
+    ("upper.overflow-sharp", "lower.y.clipping"),
+    ("upper.overflow-sharp", "lower.laminar"),
+    ("upper.overflow-sharp", "lower.power-low"),
+    ("lower.overflow-broad", "lower.power-low"),
+    ("pump.dead-band", "lower.laminar"),
+    ("pump.dead-band", "lower.y.offset-high"),
+    ("pump.droop", "lower.power-low"),
+    ("upper.seepage", "lower.y.gain-high"),
+    ("upper.seepage", "lower.y.offset-high"),
+    ("upper.seepage", "lower.y.jet"),
+    ("upper.seepage", "lower.clogging"),
+    ("upper.leak", "lower.clogging"),
+    ("upper.leak", "lower.y.drift-up"),
+    ("lower.clogging", "lower.y.drift-down"),
+)
+"""Together they show less than they add up to."""
 
 UNSEEN = ("gain-high", "gain-low")
 """What these change is what a recalibration mends: nothing is missing."""
@@ -91,11 +108,11 @@ class Planned:
             self.effects,
             self.samples,
             self.layout,
-            self.name,
-            self.group == "hiding",
-            self.strength,
-            self.profile,
-            self.rarely,
+            name=self.name,
+            hiding=self.group == "hiding",
+            strength=self.strength,
+            profile=self.profile,
+            rarely=self.rarely,
         )
         found = SealedCase(made, (CONCEALED[self.group],))
         if len(found.answer.effects) == 1 and found.answer.effects[0].gain < LEAST:

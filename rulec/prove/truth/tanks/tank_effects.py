@@ -105,7 +105,7 @@ def leak(scene: Scene, plant: Plant, place: str, size: float, random: Random) ->
     tank, begin = plant.tank(place), scene.time_at(random.uniform(0.35, 0.65))
     fault = Fault(size * tank.outlet, begin)
     values = {"area": (fault.size, "cm2"), "begin": (begin, "s")}
-    return Built(plant.with_tank(replace(tank, leak=fault)), values, (begin, scene.time_at(1.0)))
+    return Built(plant.with_tank(replace(tank, leak=fault)), values)
 
 
 def clogging(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
@@ -113,7 +113,7 @@ def clogging(scene: Scene, plant: Plant, place: str, size: float, random: Random
     tank, begin = plant.tank(place), scene.time_at(random.uniform(0.35, 0.65))
     values = {"share": (size, "1"), "begin": (begin, "s")}
     clogged = replace(tank, clog=Fault(size, begin))
-    return Built(plant.with_tank(clogged), values, (begin, scene.time_at(1.0)))
+    return Built(plant.with_tank(clogged), values)
 
 
 TANK_EFFECTS = (
@@ -122,26 +122,8 @@ TANK_EFFECTS = (
     Effect("laminar", "outlet with laminar part", "physics", "tank", 0.02, 6.0, laminar),
     Effect("power-high", "outlet with high exponent", "physics", "tank", 0.02, 0.6, power_high),
     Effect("power-low", "outlet with low exponent", "physics", "tank", 0.02, 0.4, power_low),
-    Effect(
-        "outlet-height",
-        "outlet above the floor",
-        "physics",
-        "tank",
-        0.2,
-        3.0,
-        outlet_height,
-        twins=("offset-high of its sensor",),
-    ),
-    Effect(
-        "seepage",
-        "constant seepage",
-        "physics",
-        "tank",
-        0.005,
-        0.5,
-        seepage,
-        twins=("dead-band of a feed that always gives something, if of the first tank",),
-    ),
+    Effect("outlet-height", "outlet above the floor", "physics", "tank", 0.2, 3.0, outlet_height),
+    Effect("seepage", "constant seepage", "physics", "tank", 0.005, 0.5, seepage),
     Effect("evaporation", "constant loss of each tank", "physics", "tank", 0.003, 0.3, evaporation),
     Effect("growing-area", "walls lean outwards", "physics", "tank", 0.005, 0.6, growing_area),
     Effect("body", "something stands in the tank", "physics", "tank", 0.05, 0.85, body),
