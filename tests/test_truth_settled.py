@@ -16,11 +16,13 @@ from rulec.prove.truth.sealed import Request
 from rulec.prove.truth.settled.effects import EFFECTS, key
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from rulec.prove.truth.settled.pumps import PUMPS
-from rulec.prove.truth.settled.rig import Rig, solve
+from rulec.prove.truth.settled.rig import Rig
 from rulec.prove.truth.settled.rigs import dosing_rig
-from rulec.prove.truth.settled.scene import scene, stream
+from rulec.prove.truth.settled.scene import scene
+from rulec.prove.truth.settled.solve import Operated, solve
 from rulec.prove.truth.settled.suite import FULL, QUICK, planned
 from rulec.prove.truth.settled.visible import sight
+from rulec.prove.truth.streams import stream
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR
 from tests.conftest import ROOT
 
@@ -69,7 +71,7 @@ def test_the_network_agrees_with_the_other_truth(name: str) -> None:
     plant: Plant = make()
     shown = record(healthy_run(plant, 1), NOISE_FREE).readings
     given = {f"{m}.n": np.array([module.speed]) for m, module in plant.modules.items()}
-    found = solve(rig, {n: v for n, (v, _) in rig.numbers.items()}, given)
+    found = solve(Operated(rig, {n: v for n, (v, _) in rig.numbers.items()}, given))
     for module in rig.pumps:
         assert found[f"{module}.dp"][0] / BAR == pytest.approx(
             shown[f"{module}.dp [bar]"][0], rel=1e-6

@@ -1,8 +1,9 @@
 """Independent truth of stationary plants for the proof, written from physics.
 
 Shares no code with the packages it tests. Files in order of data flow: `pumps`, `term` (what acts
-beyond plain laws), `rig` (plant and operating points), `rigs` (plants that are drawn), `drive`,
-`scene` (a plant and how it is run), `effect` and four files of effects, `effects`, `key.yaml` (what
-the catalogue calls them), `visible` (how much can be seen at best), `sized`, `rivals`, `told` (the
-answer), `folder`, `reference` (the true model on held-out samples), `plan` (a case), `suite`.
+beyond plain laws), `rig` (the plant), `solve` (its operating points), `rigs` (plants that are
+drawn), `drive`, `scene` (a plant and how it is run), `effect` and four files of effects, `effects`,
+`key.yaml` (what the catalogue calls them), `visible` (how much can be seen at best), `sized`,
+`rivals`, `answer`, `folder`, `reference` (the true model on held-out samples), `plan` (a case),
+`suite`.
 """

@@ -12,9 +12,6 @@ COLD, WARM = 18.0 + ZERO_CELSIUS, 42.0 + ZERO_CELSIUS
 LOW, HIGH = 0.15, 0.8
 """m; level of a feed tank."""
 
-APPROACH = 1.0
-"""s; time constant of a converter's ramp."""
-
 
 def steps(random: np.random.Generator, samples: int) -> Array:
     """Random values, each held for 8 to 30 samples."""
@@ -86,15 +83,6 @@ def level(random: np.random.Generator, samples: int) -> Array:
     period = random.uniform(0.25, 0.6) * samples
     phase = (np.arange(samples) / period + random.uniform()) % 1.0
     return np.asarray(HIGH - (HIGH - LOW) * phase)
-
-
-def approached(setting: Array) -> Array:
-    """What a converter makes of a setting; one sample per second."""
-    value = np.array(setting, dtype=np.float64)
-    left = float(np.exp(-1.0 / APPROACH))
-    for k in range(1, value.size):
-        value[k] = setting[k] + left * (value[k - 1] - setting[k])
-    return value
 
 
 def _held(random: np.random.Generator, samples: int, shortest: int, longest: int) -> Array:

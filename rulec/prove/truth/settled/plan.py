@@ -12,16 +12,18 @@ import numpy as np
 
 from ..recording import write_csv
 from ..sealed import Answer, Reference, Request
+from ..streams import stream
+from .answer import answer_of
 from .effect import Made
 from .effects import EFFECTS, Placed, places_of
 from .folder import write_plant
 from .reference import reference
 from .rig import Rig
 from .rigs import dosing_rig, oil_rig
-from .scene import Scene, Stalled, scene, stream
+from .scene import Scene, scene
 from .sized import sized
+from .solve import Stalled
 from .term import Change
-from .told import answer_of
 from .visible import Sight, sight
 
 ATTEMPTS = 40

@@ -14,9 +14,9 @@ import numpy as np
 from ..sealed import Reference, Request
 from ..sensors import Sensing, read
 from ..units import Array
-from .rig import delivered, leak, line_loss, of_module
 from .scene import SENSING, Scene
-from .term import Change, total
+from .solve import Operated
+from .term import Change
 
 STEP = 1e-5
 ROUNDS = 30
@@ -64,8 +64,11 @@ def _error(
     """Root mean square of predicted less measured on held-out samples, in the sensor's unit."""
     given = {**noisy, signal: truth[signal]}
     step = STEP * float(np.max(np.abs(truth[signal])))
-    off = _relation(scene, terms, given, relation)
-    moved = _relation(scene, terms, {**given, signal: given[signal] + step}, relation)
+    moved_too = {**given, signal: given[signal] + step}
+    off, moved = (
+        _relation(Operated(scene.rig, scene.values, readings, terms), scene.plain, relation)
+        for readings in (given, moved_too)
+    )
     with np.errstate(all="ignore"):
         predicted = truth[signal] - off * step / (moved - off)
     error = (predicted - noisy[signal])[scene.first :] / scene.rig.sensors[signal].scale
@@ -75,50 +78,47 @@ def _error(
     return float(np.sqrt(np.mean(error[used] ** 2))) if used.any() else float("nan")
 
 
-def _relation(
-    scene: Scene, terms: tuple[Change, ...], given: Mapping[str, Array], relation: str
-) -> Array:
-    """What a relation such as `A.pump-plant` or `M.power-resis` is off by, m3/s."""
+def _relation(plant: Operated, plain: Mapping[str, Array], relation: str) -> Array:
+    """What a relation such as `A.pump-plant` or `M.power-resis` is off by, m3/s.
+
+    `plain` has flows from which a root search may begin.
+    """
     module, _, pair = relation.partition(".")
     first, second = pair.split("-")
-    if module in scene.rig.pumps:
-        return _flow(scene, terms, given, module, first) - _flow(
-            scene, terms, given, module, second
-        )
-    feeding = [m for m in scene.rig.pumps if module in scene.rig.path(m)]
-    flows = [_flow(scene, terms, given, m, first) for m in feeding]
-    return np.asarray(np.sum(flows, axis=0) - _flow(scene, terms, given, module, second))
+    if module in plant.rig.pumps:
+        return _flow(plant, plain, module, first) - _flow(plant, plain, module, second)
+    feeding = [m for m in plant.rig.pumps if module in plant.rig.path(m)]
+    flows = [_flow(plant, plain, m, first) for m in feeding]
+    return np.asarray(np.sum(flows, axis=0) - _flow(plant, plain, module, second))
 
 
-def _flow(
-    scene: Scene, terms: tuple[Change, ...], given: Mapping[str, Array], module: str, way: str
-) -> Array:
+def _flow(plant: Operated, plain: Mapping[str, Array], module: str, way: str) -> Array:
     """Net flow of a module as one observer tells it, by the true laws, m3/s."""
-    rig = scene.rig
+    rig, given = plant.rig, plant.given
     if way == "flow":
         return given[f"{module}.Q"]
-    if way in ("plant", "resis"):
-        rest = sum((given[f"{m}.dp"] for m in rig.path(module)), np.zeros_like(scene.time))
-        loss = given[f"{module}.dp"] - (rest if way == "plant" else 0.0)
-        return _through(scene, terms, module, loss)
     pressure = given[f"{module}.dp"]
-    guess = scene.plain.get(f"{module}.Q", np.zeros_like(pressure))
-    flow, state = delivered(rig, module, scene.values, given, terms, pressure, guess)
+    if way in ("plant", "resis"):
+        rest = sum((given[f"{m}.dp"] for m in rig.path(module)), np.zeros_like(pressure))
+        return _through(plant, module, pressure - (rest if way == "plant" else 0.0))
+    guess = plain.get(f"{module}.Q", np.zeros_like(pressure))
+    flow, state = plant.delivered(module, pressure, guess)
     if way == "power":
-        kind, p = rig.kind(module), of_module(scene.values, module)
-        inner = flow + total(terms, "slip", module, state)
-        law = kind.power(p, state.speed, pressure, inner) if not kind.rising else state.power
-        flow = flow * given[f"{module}.P_el"] / (law + total(terms, "power", module, state))
-    return np.asarray(flow * (1.0 - leak(terms, module, flow)))
+        kind = rig.kind(module)
+        inner = flow + plant.total("slip", module, state)
+        law = state.power
+        if not kind.rising:
+            law = kind.power(plant.parameters(module), state.speed, pressure, inner)
+        flow = flow * given[f"{module}.P_el"] / (law + plant.total("power", module, state))
+    return plant.net(module, flow)
 
 
-def _through(scene: Scene, terms: tuple[Change, ...], module: str, loss: Array) -> Array:
+def _through(plant: Operated, name: str, loss: Array) -> Array:
     """Flow that loses so much in a line or mixer."""
-    friction = scene.values[f"{module}.k2"]
-    flow = np.sqrt(np.maximum(loss, 1.0) / friction)
+    flow = np.sqrt(np.maximum(loss, 1.0) / plant.values[f"{name}.k2"])
     for _ in range(ROUNDS):
         step = 1e-6 * flow
-        now = line_loss(scene.values, module, terms, flow)
-        slope = (line_loss(scene.values, module, terms, flow + step) - now) / step
+        now = plant.line_loss(name, flow)
+        slope = (plant.line_loss(name, flow + step) - now) / step
         flow = np.maximum(flow - (now - loss) / slope, 0.2 * flow)
     return flow

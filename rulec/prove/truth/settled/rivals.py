@@ -8,8 +8,8 @@ from ..limit import Rival, margin
 from ..units import Array
 from .effect import Made
 from .effects import EFFECTS, Placed, key, places_of
-from .scene import Stalled
 from .sized import made_of
+from .solve import Stalled
 from .visible import Sight
 
 SHAPES = 5

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..sensors import Sensing, read
+from ..streams import stream
+from ..transients import INERTIA, approach
 from ..units import BAR, Array
 from . import drive
 from .pumps import Values
-from .rig import Rig, Stalled, solve
+from .rig import Rig
+from .solve import Operated, solve
 from .term import Change, shown_by
 
 SENSING = Sensing(law="truncated")
@@ -55,7 +57,7 @@ class Scene:
 
         Raises Stalled where there is no operating point.
         """
-        found = solve(self.rig, values or self.values, self.given, terms, self.plain)
+        found = solve(Operated(self.rig, values or self.values, self.given, terms), self.plain)
         return {**_ambient(self.rig, self.temperature, self.level), **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
@@ -90,11 +92,12 @@ def scene(
         m: np.concatenate([drive.visits(random, before), make(random, samples)]) for m in rig.pumps
     }
     samples += before
+    seconds = np.arange(samples, dtype=np.float64)
     given = {}
     for m in rig.pumps:
         low, high = LOAD if rig.by_load else rig.kind(m).speeds
         setting = low + (high - low) * (0.08 + 0.87 * share[m])
-        given[f"{m}.{'dp' if rig.by_load else 'n'}"] = drive.approached(setting)
+        given[f"{m}.{'dp' if rig.by_load else 'n'}"] = approach(seconds, setting, INERTIA.speed)
     temperatures = {
         m: drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
         for m in rig.pumps
@@ -105,8 +108,8 @@ def scene(
         running = drive.stops(random, samples) > 0
         running[:before] = True
     values = drawn(rig, stream(seed, "parameters"))
-    plain = {**_ambient(rig, temperatures, levels), **given, **solve(rig, values, given)}
-    time = np.maximum(np.arange(samples, dtype=np.float64) - before, 0.0)
+    plain = {**_ambient(rig, temperatures, levels), **given, **solve(Operated(rig, values, given))}
+    time = np.maximum(seconds - before, 0.0)
     return Scene(
         rig, profile, seed, values, before, time, given, temperatures, levels, running, plain
     )
@@ -123,11 +126,6 @@ def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:
     return found
 
 
-def stream(seed: int, purpose: str) -> np.random.Generator:
-    """Random numbers of their own for every purpose: what is added changes nothing else."""
-    return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
-
-
 def _ambient(
     rig: Rig, temperature: Mapping[str, Array], level: Mapping[str, Array]
 ) -> dict[str, Array]:
@@ -135,6 +133,3 @@ def _ambient(
     if not rig.by_load:
         found |= {f"{m}.l": values for m, values in level.items()}
     return found
-
-
-__all__ = ["Scene", "Stalled", "drawn", "scene", "stream"]

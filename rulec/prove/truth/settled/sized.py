@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from ..streams import stream
 from .effect import Made
 from .effects import Placed
-from .scene import Scene, Stalled, stream
+from .scene import Scene
+from .solve import Stalled
 from .visible import Sight
 
 TRIES = 14

@@ -7,12 +7,12 @@ reads no file of the tool. A test compares them.
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..streams import stream
 from ..units import Array
 from .drive import DRAWN, PROFILES
 from .laws import GRAVITY
@@ -124,11 +124,6 @@ def recorded_input(setup: Setup, seed: int) -> Array:
         return setup.shown
     noise = stream(seed, "noise of the meter").standard_normal(setup.shown.size)
     return np.asarray(setup.shown * (1.0 + METER_NOISE * noise))
-
-
-def stream(seed: int, purpose: str) -> np.random.Generator:
-    """Random numbers of their own for every purpose: what is added changes nothing else."""
-    return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
 
 
 def _drawn(layout: Layout, random: np.random.Generator) -> Plant:

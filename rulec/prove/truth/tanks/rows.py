@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .build import Layout, stream
+from ..streams import stream
+from .build import Layout
 
 NAMES = (
     ("upper", "centre", "lower", "bottom"),

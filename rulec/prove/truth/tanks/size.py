@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..streams import stream
 from ..units import Array
 from .balance import Course, integrate
-from .build import stream
 from .effect import Built, Scene
 from .effects import Placed
 from .plant import Plant

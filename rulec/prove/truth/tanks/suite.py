@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .build import CASCADED, Layout, stream
+from ..streams import stream
+from .build import CASCADED, Layout
 from .case import case
 from .effects import Placed, possible_effects
 from .rows import row

@@ -1,0 +1,205 @@
+"""Operating points of a stationary plant, for all samples at once.
+
+Unknown is the flow of each pump: it must be what the pump delivers against the pressure that the
+flows cause. Newton's method with differences. Where the load sets the pressure (oil sets), nothing
+is unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..units import BAR, LITRE_PER_HOUR, Array
+from .pumps import Values
+from .rig import Rig
+from .term import Change, Kind, State, total
+
+ITERATIONS = 60
+TOLERANCE = 1e-11
+STEP = 1e-7
+
+START = 400.0 * LITRE_PER_HOUR
+"""Flow from which the root search starts."""
+
+HEAD_SCALE = 200.0 * LITRE_PER_HOUR / BAR
+"""Flow that a pressure off the curve counts as."""
+
+
+class Stalled(ValueError):
+    """A pump cannot overcome its back-pressure, or no operating point was found."""
+
+
+@dataclass(frozen=True)
+class Operated:
+    """A plant as it is operated.
+
+    Attributes
+    ----------
+    values : true parameters, SI, by `module.parameter`
+    given : true inputs, SI, by signal, shape (n,)
+    terms : what the plant does beyond its plain laws
+    """
+
+    rig: Rig
+    values: Values
+    given: Mapping[str, Array]
+    terms: Sequence[Change] = ()
+
+    def parameters(self, module: str) -> dict[str, float]:
+        """Parameters of one module by their own names."""
+        lead = f"{module}."
+        return {n.removeprefix(lead): v for n, v in self.values.items() if n.startswith(lead)}
+
+    def total(self, kind: Kind, module: str, state: State) -> Array | float:
+        """Sum of all terms of a kind in a module."""
+        return total(self.terms, kind, module, state)
+
+    def delivered(self, module: str, pressure: Array, flow: Array) -> tuple[Array, State]:
+        """Flow of a pump before a leak, m3/s, and its operating point."""
+        state = self._state(module, pressure, flow)
+        free, slip = self.rig.kind(module).flow(
+            self.parameters(module), state.speed, state.pressure
+        )
+        state = replace(state, pressure=pressure, slip=slip)
+        kept = 1.0 - self.total("gain", module, state)
+        return (free - slip) * kept - self.total("slip", module, state), state
+
+    def line_loss(self, name: str, flow: Array) -> Array:
+        """Loss of a line or mixer, Pa."""
+        state = _of_flow(flow)
+        friction = self.values[f"{name}.k2"] * (1.0 + self.total("friction", name, state))
+        loss = self.values[f"{name}.k0"] + friction * flow * np.abs(flow)
+        return np.asarray(loss + self.total("loss", name, state))
+
+    def net(self, module: str, flow: Array) -> Array:
+        """What of a pump's flow leaves its module, behind a leak, m3/s."""
+        return np.asarray(flow * (1.0 - self.total("leak", module, _of_flow(flow))))
+
+    def power(self, module: str, state: State) -> Array:
+        """At the motor, W."""
+        return np.asarray(state.power + self.total("power", module, state))
+
+    def _state(self, module: str, pressure: Array, flow: Array) -> State:
+        """Operating point of a pump against a pressure."""
+        kind, p = self.rig.kind(module), self.parameters(module)
+        zero = np.zeros_like(pressure)
+        speed = self.given.get(f"{module}.n", np.ones_like(pressure))
+        plain = State(speed, flow, pressure, zero, zero, zero)
+        pressure = pressure + self.total("head", module, plain)
+        speed = speed * (1.0 - self.total("shaft", module, plain))
+        free, slip = kind.flow(p, speed, pressure)
+        power = kind.power(p, speed, pressure, free - slip)
+        idle = kind.power(p, speed, zero, free) if kind.rising else power
+        return State(speed, flow, pressure, power, idle, slip)
+
+
+def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str, Array]:
+    """What truly happens, by signal, SI, shape (n,): outputs, and the net flow `module.Q`.
+
+    Parameters
+    ----------
+    start : net flows `module.Q` to begin with
+
+    Raises
+    ------
+    Stalled
+        No operating point with forward flow in every pump.
+    """
+    rig = plant.rig
+    if rig.by_load:
+        return _by_load(plant)
+    modules = list(rig.pumps)
+    samples = plant.given[rig.inputs[0]].size
+    flow = np.full((samples, len(modules)), START)
+    if start is not None:
+        flow = np.stack([start[f"{m}.Q"] for m in modules], 1)
+    scale = np.abs(flow).max(axis=0)
+    for _ in range(ITERATIONS):
+        off = _imbalance(plant, flow)
+        jacobian = np.empty((*flow.shape, len(modules)))
+        for k in range(len(modules)):
+            moved = flow.copy()
+            moved[:, k] += STEP * scale[k]
+            jacobian[:, :, k] = (_imbalance(plant, moved) - off) / (STEP * scale[k])
+        try:
+            step = np.linalg.solve(jacobian, off[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError as problem:
+            raise Stalled("no operating point") from problem
+        # A pump's flow is never more than halved or doubled at once: curves end there.
+        flow = np.clip(flow - step, 0.5 * flow, 2.0 * flow)
+        if not np.all(np.isfinite(flow)):
+            raise Stalled("no operating point")
+        if np.max(np.abs(step) / scale) < TOLERANCE:
+            break
+    else:
+        if np.max(np.abs(step) / scale) > 1e-7:
+            raise Stalled("no operating point")
+    if np.any(flow < 0.02 * scale):
+        raise Stalled("a pump cannot overcome its back-pressure")
+    return _results(plant, flow)
+
+
+def _of_flow(flow: Array) -> State:
+    """All that a line knows of its operating point."""
+    zero = np.zeros_like(flow)
+    return State(zero, flow, zero, zero, zero, zero)
+
+
+def _imbalance(plant: Operated, flow: Array) -> Array:
+    """What vanishes where every pump works against what the flows cause, m3/s."""
+    pressure, _ = _pressures(plant, _net(plant, flow))
+    found = [_off(plant, m, pressure[:, k], flow[:, k]) for k, m in enumerate(plant.rig.pumps)]
+    return np.stack(found, 1)
+
+
+def _off(plant: Operated, module: str, pressure: Array, flow: Array) -> Array:
+    """What vanishes at the operating point of a pump, as a flow, m3/s."""
+    given_flow, state = plant.delivered(module, pressure, flow)
+    curve = plant.rig.kind(module).head
+    if curve is None:
+        return flow - given_flow
+    inner = flow + plant.total("slip", module, state)
+    inner = inner / (1.0 - plant.total("gain", module, state))
+    wanted = pressure + plant.total("head", module, state)
+    head = curve(plant.parameters(module), state.speed, inner)
+    return np.asarray((wanted - head) * HEAD_SCALE)
+
+
+def _net(plant: Operated, flow: Array) -> Array:
+    return np.stack([plant.net(m, flow[:, k]) for k, m in enumerate(plant.rig.pumps)], 1)
+
+
+def _pressures(plant: Operated, net: Array) -> tuple[Array, Array]:
+    """Pressure across each pump and each mixer by the net flows, Pa; shapes (n, ...)."""
+    rig = plant.rig
+    through = net @ rig.feeds
+    mixers = [plant.line_loss(m, through[:, k]) for k, m in enumerate(rig.mixers)]
+    lines = [plant.line_loss(m, net[:, k]) for k, m in enumerate(rig.pumps)]
+    mixer = np.stack(mixers, 1) if mixers else np.zeros((len(net), 0))
+    return np.stack(lines, 1) + mixer @ rig.feeds.T, mixer
+
+
+def _results(plant: Operated, flow: Array) -> dict[str, Array]:
+    net = _net(plant, flow)
+    pressure, mixer = _pressures(plant, net)
+    found = {}
+    for k, m in enumerate(plant.rig.pumps):
+        _, state = plant.delivered(m, pressure[:, k], flow[:, k])
+        found[f"{m}.dp"] = pressure[:, k]
+        found[f"{m}.P_el"] = plant.power(m, state)
+        found[f"{m}.Q"] = net[:, k]
+    return found | {f"{m}.dp": mixer[:, k] for k, m in enumerate(plant.rig.mixers)}
+
+
+def _by_load(plant: Operated) -> dict[str, Array]:
+    """Oil sets: the load sets the pressure, the flow follows."""
+    found = {}
+    for m in plant.rig.pumps:
+        pressure = plant.given[f"{m}.dp"]
+        flow, state = plant.delivered(m, pressure, np.zeros_like(pressure))
+        found[f"{m}.Q"] = plant.net(m, flow)
+        found[f"{m}.P_el"] = plant.power(m, state)
+    return found
