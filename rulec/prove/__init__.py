@@ -1,7 +1,9 @@
-"""The proof on concealed effects: scores of a run, its page, and what others would make of it.
+"""The proof on concealed effects: how far can the answers of `rulec mismatch` be trusted?
 
-`results` is what is known of a judged case, `scores` makes the tables of them, `page` (with
-`pictures`) writes one HTML file and `tell` the terminal's text. `baselines` (with `aligned`,
-`trees` and `sparse`) mends predictions by learning alone: boosted trees, and sparse regression of
-laws and maps. They predict and name nothing, so they stand beside held-out errors, nowhere else.
+Files in order of data flow: `command` (options), `partition` (which cases), `campaign` (seal,
+analyse, judge; with `analyst`, `kept` and `ending`), `judge`, `results` (a judged case, a run),
+`scores` (against the goals in `limits`; with `mistakes` and `attainable`), `page` (with `tables`
+and `pictures`) and `terminal`. `baselines` (with `aligned`, `trees` and `sparse`) learn the
+residual instead: they predict and name nothing. `refit` asks of a kept run what the search lost and
+what the readings do not hold (with `nonparametric_term`). `truth` is the independent simulator.
 """

@@ -1,4 +1,4 @@
-"""A predicted course, and what may explain its residual: columns at its times, lags, chunks."""
+"""A predicted reading over time, and the columns that may explain its residual: lags, folds."""
 
 from __future__ import annotations
 
@@ -73,11 +73,11 @@ def courses_of(text: str) -> list[Course]:
     signals = [n.removesuffix(" measured") for n in named if n.endswith(" measured")]
     return [
         Course(
-            signal,
-            named["time"],
-            named["heldout"] == 1,
-            named[f"{signal} measured"],
-            named[f"{signal} recalibrated"],
+            signal=signal,
+            time=named["time"],
+            heldout=named["heldout"] == 1,
+            measured=named[f"{signal} measured"],
+            recalibrated=named[f"{signal} recalibrated"],
         )
         for signal in signals
     ]
@@ -86,7 +86,7 @@ def courses_of(text: str) -> list[Course]:
 def drivers_of(columns: Columns, course: Course, own: Sequence[str] = ()) -> dict[str, Array]:
     """Columns at the times of the course, without that of the predicted signal.
 
-    That is known by its name (`own` where the plant calls it otherwise), or by showing the same.
+    That one is recognised by its name (`own` where the plant calls it otherwise) or its values.
     """
     aligned = at_times(columns, course.time)
     return {
@@ -115,7 +115,7 @@ def at_times(columns: Columns, time: Array) -> dict[str, Array]:
 
 
 def lagged(columns: Columns) -> dict[str, Array]:
-    """Columns as they are and as they were; before the beginning they stood still."""
+    """Columns with LAGS; before the first sample they have its value."""
     return {
         f"{header} {lag} ago": values[np.maximum(np.arange(len(values)) - lag, 0)]
         for header, values in columns.items()
@@ -142,7 +142,7 @@ def _means(
 
 
 def _same(values: Array, course: Course) -> bool:
-    """Whether a column is the reading; held-out samples are not looked at."""
+    """Is a column the predicted reading? Held-out samples are not looked at."""
     both = course.learnt & np.isfinite(values)
     own = course.measured[both]
     return bool(both.any()) and rms(values[both] - own) <= SAME * rms(own)
@@ -156,9 +156,9 @@ def _number(cell: str) -> float:
 
 
 def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
-    """Correlation of a reconstructed course with the truth, its sign free; 0 where there is none.
+    """Absolute correlation of a reconstructed course with the truth; 0 where there is none.
 
-    Shapes (n,) and (m,), each beside its times.
+    `time` and `course` have shape (n,), `clock` and `driver` shape (m,).
     """
     usable = np.isfinite(course)
     truth = np.interp(time[usable], clock, driver)
@@ -167,13 +167,13 @@ def likeness(time: Array, course: Array, clock: Array, driver: Array) -> float:
     return float(abs(np.corrcoef(course[usable], truth)[0, 1]))
 
 
-def driver_told(clock: Array, driver: Array) -> str:
-    """The course of a driver that was not recorded, as text."""
+def driver_text(clock: Array, driver: Array) -> str:
+    """The course of an unrecorded driver, as CSV."""
     rows = [f"{t!r},{v!r}" for t, v in zip(clock.tolist(), driver.tolist(), strict=True)]
     return "\n".join([f"{TIME},driver", *rows, ""])
 
 
 def driver_of(text: str) -> tuple[Array, Array]:
-    """Its times and values again."""
+    """Times and values of what `driver_text` wrote."""
     columns = columns_of(text)
     return columns[TIME], columns["driver"]

@@ -1,6 +1,6 @@
-"""The analysis of a case, as a user would run it: the plant's folder and the recording, no more.
+"""The analysis of a case, as a user would run it: with the plant's folder and the recording only.
 
-This file imports nothing of the truth, and its process is given a folder's path only.
+This file imports nothing of the truth, and its process gets the path of a folder only.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ FORM, SERIES, EARLIER = "mismatch.json", "series.csv", "earlier.csv"
 
 
 def analyse(folder: Path) -> dict[str, Any]:
-    """Calibrate the plant, if there is an earlier run, and ask what is missing.
+    """Calibrate the plant, if there is an earlier run, and run `rulec mismatch`.
 
-    Returns the machine form with `seconds` by the clock; `error` where there is no answer. It is
-    kept in the folder, so a run that was killed goes on where it was.
+    Returns the JSON form with `seconds`, its duration, and `error` where there is no answer. The
+    folder keeps it, so that a run that was killed goes on where it was.
     """
     form = folder / FORM
     if form.exists():
@@ -31,7 +31,7 @@ def analyse(folder: Path) -> dict[str, Any]:
     begin = time.perf_counter()
     try:
         found = _asked(folder)
-    except Exception as failure:  # what the tool does not survive is a result
+    except Exception as failure:  # a crash of the tool is a result
         last = traceback.extract_tb(failure.__traceback__)[-1]
         found = {"error": f"{type(failure).__name__}: {failure} ({last.name}:{last.lineno})"}
     found["seconds"] = time.perf_counter() - begin
@@ -44,7 +44,7 @@ def _asked(folder: Path) -> dict[str, Any]:
     file = plant / "plant.yaml"
     if (folder / EARLIER).exists() and "calibration:" not in file.read_text(encoding="utf-8"):
         made = plant / "calibration.yaml"
-        # Where the earlier run does not tell a parameter, a user goes on with the data sheet.
+        # Where the earlier run does not determine a parameter, a user keeps the data sheet.
         with contextlib.suppress(ValueError):
             _run("calibrate", plant, folder / EARLIER, "-o", made)
             plain = file.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What could be reached at best: the share of names that the readings hold, whoever reads them.
+"""What the best analysis could reach: the share of names that the readings hold.
 
 An analyst who knows every law but its size, all noise and all that may be missing compares log
 likelihoods of the samples that may be looked at before the proof. That of the true model is ahead

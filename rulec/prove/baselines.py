@@ -1,7 +1,7 @@
-"""What learning alone makes of a residual: held-out errors beside those of a repaired model.
+"""Baselines that learn the residual of a model: held-out errors beside those of a repaired model.
 
-They predict and name nothing: no place, no cause, no parameter with a unit. All choices are fixed
-here, or made by cross-validation on samples that are not held out.
+They predict and name nothing: no place, no cause, no parameter with a unit. All choices are fixed,
+or made by cross-validation on samples that are not held out.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from rulec.prove.sparse import mended_by_law, mended_by_map
 from rulec.prove.trees import mended_by_trees
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Baselines:
     """Root mean square errors on held-out samples, in the unit of the signal.
 
-    `ran_away` tells that the simulation of PySINDy did; its error is then that of recalibration.
+    `points` is the number of samples; `ran_away`: the simulation of PySINDy diverged, and its
+    error is that of recalibration.
     """
 
     points: int
@@ -76,7 +77,13 @@ def _errors(course: Course, trees: Any, sindy: Any, ran_away: bool) -> Baselines
         rms((predicted - course.measured)[judged])
         for predicted in (course.recalibrated, trees, sindy)
     )
-    return Baselines(int(judged.sum()), plain, grown, mapped, ran_away)
+    return Baselines(
+        points=int(judged.sum()),
+        recalibrated=plain,
+        trees=grown,
+        sindy=mapped,
+        ran_away=ran_away,
+    )
 
 
 def one_thread() -> AbstractContextManager[Any]:

@@ -1,7 +1,8 @@
-"""A run of the proof: seal all answers, analyse, open the answers, judge. It resumes after a kill.
+"""A run of the proof: seal all answers, analyse, open the answers, judge.
 
-Folders are numbered; names, seeds and answers stand in no file until all is judged. A run that goes
-on makes the answers anew and compares their hashes with those that were sealed.
+Case folders are numbered; names, seeds and answers are in no file until every case is judged. A run
+that was killed goes on where it was: it makes the answers again and compares their hashes with
+those that were sealed.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, TypeVar
 
 from rulec_runtime.output.write_file import write_text
 
-from rulec.prove.aligned import driver_told
+from rulec.prove.aligned import driver_text
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.ending import end_with_parent, end_workers
 from rulec.prove.judge import judge
@@ -28,8 +29,8 @@ from rulec.prove.truth.sealed import Request
 
 OPENED, DRIVER = "answer-opened.json", "driver-opened.csv"
 
-Told = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and how much there is."""
+OnProgress = Callable[[str, int, int], None]
+"""Called with the name of the work, how much of it is done, and how much there is."""
 
 B = TypeVar("B")
 
@@ -38,8 +39,8 @@ class Changed(Exception):
     """The folder belongs to another run or tool, or answers are not what was sealed."""
 
 
-def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]:
-    """Make all cases; their hashes by number, empty where no plant showed what was planned.
+def sealed(partition: Partition, work: Path, jobs: int, on_progress: OnProgress) -> list[str]:
+    """Make all cases; returns their hashes by number, empty where no plant shows the effect.
 
     Raises Changed where a folder was sealed with other answers.
     """
@@ -48,15 +49,15 @@ def sealed(partition: Partition, work: Path, jobs: int, told: Told) -> list[str]
         return kept
     cases = partition.cases()
     todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
-    made = list(_spread(_seal, todo, jobs, lambda n: told("sealing", n, len(todo))))
+    made = list(_spread(_seal, todo, jobs, lambda n: on_progress("sealing", n, len(todo))))
     _write_seals(work, [*_head(partition.digest), *made])
     return made
 
 
 def owned(work: Path, whose: str) -> list[str]:
-    """Make a folder that of a run, if it is none yet; what was sealed in it, none at first.
+    """Claim a folder for a run; returns the hashes that were sealed in it, none at first.
 
-    Raises Changed where it is that of another run, or of the same one with another tool.
+    Raises Changed where the folder belongs to another run, or to this one with another tool.
     """
     head = _head(whose)
     file = work / SEALS
@@ -84,24 +85,26 @@ def digest_of(seals: Sequence[str]) -> str:
     return hashlib.sha256("\n".join(seals).encode()).hexdigest()
 
 
-def analysed(work: Path, seals: Sequence[str], jobs: int, told: Told) -> None:
-    """Ask the tool about every case that was made and not asked about yet."""
-    asked([_folder(work, i) for i, seal in enumerate(seals) if seal], jobs, told)
+def analysed(work: Path, seals: Sequence[str], jobs: int, on_progress: OnProgress) -> None:
+    """Ask the tool about every case that has no answer of the tool yet."""
+    asked([_folder(work, i) for i, seal in enumerate(seals) if seal], jobs, on_progress)
 
 
-def asked(folders: Sequence[Path], jobs: int, told: Told) -> None:
-    """Ask the tool about every folder that holds a plant and a recording, and no answer yet."""
+def asked(folders: Sequence[Path], jobs: int, on_progress: OnProgress) -> None:
+    """Ask the tool about every folder with a plant, a recording, and no answer of the tool yet."""
     todo = [(f,) for f in folders if not (f / FORM).exists()]
     done = len(folders) - len(todo)
-    told("analysing", done, len(folders))
-    for _ in _spread(_analyse, todo, jobs, lambda n: told("analysing", done + n, len(folders))):
+    on_progress("analysing", done, len(folders))
+    for _ in _spread(
+        _analyse, todo, jobs, lambda n: on_progress("analysing", done + n, len(folders))
+    ):
         pass
 
 
 def judged(
-    partition: Partition, work: Path, seals: Sequence[str], jobs: int, told: Told
+    partition: Partition, work: Path, seals: Sequence[str], jobs: int, on_progress: OnProgress
 ) -> tuple[list[Judged], int]:
-    """Open the answers and judge; also how often the simulation of a baseline ran away.
+    """Open the answers and judge; also counts the baselines whose simulation ran away.
 
     Raises Changed where an answer is not what was sealed.
     """
@@ -110,7 +113,7 @@ def judged(
         for i, case in enumerate(partition.cases())
         if seals[i]
     ]
-    found = list(_spread(_judge, todo, jobs, lambda n: told("judging", n, len(todo))))
+    found = list(_spread(_judge, todo, jobs, lambda n: on_progress("judging", n, len(todo))))
     return [j for j, _ in found], sum(away for _, away in found)
 
 
@@ -142,7 +145,7 @@ def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judg
     write_text(folder / OPENED, made.answer.to_json())
     driver = made.reference(Request(())).driver if made.answer.unrecorded else None
     if driver is not None:
-        write_text(folder / DRIVER, driver_told(*driver))
+        write_text(folder / DRIVER, driver_text(*driver))
     return result
 
 
@@ -150,7 +153,7 @@ def _spread(
     work: Callable[..., B],
     todo: Sequence[tuple[Any, ...]],
     jobs: int,
-    told: Callable[[int], None],
+    on_count: Callable[[int], None],
 ) -> Iterator[B]:
     """Results in the order of the list, from processes that share nothing with this one."""
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
@@ -161,7 +164,7 @@ def _spread(
             asked = {pool.submit(work, *words): i for i, words in enumerate(todo)}
             for count, future in enumerate(as_completed(asked), 1):
                 found[asked[future]] = future.result()
-                told(count)
+                on_count(count)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             end_workers()

@@ -21,16 +21,16 @@ from rulec_runtime.output.terminal import styled, terminal
 from rulec_runtime.output.write_file import write_text
 
 from rulec.cli import prove_options
-from rulec.prove.campaign import Changed, Told, analysed, digest_of, judged, sealed
+from rulec.prove.campaign import Changed, OnProgress, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
 from rulec.prove.kept import unusable
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Run
-from rulec.prove.tell import tell
+from rulec.prove.terminal import show
 
 RIGS = "tests.prove"
-"""Real recordings with what is known of their rigs: theirs is the source tree, not the product."""
+"""Where real recordings are prepared: in the source tree, they are no part of the product."""
 
 
 def main(words: list[str] | None = None) -> int:
@@ -55,7 +55,7 @@ def _ended(aside: Console, code: int, why: str) -> int:
 
 
 def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
-    """What the options ask for."""
+    """Do what the options ask for; returns the exit code."""
     mistake = _mistake(options)
     if mistake is not None:
         return _ended(aside, 2, mistake)
@@ -65,7 +65,7 @@ def _asked(options: argparse.Namespace, out: Console, aside: Console) -> int:
         if options.real:
             return _real(options, work, out, aside)
         run = _run(options, work, aside)
-    tell(out, run)
+    show(out, run)
     if options.json:
         write_text(Path(options.json), run.to_json())
     if options.report:
@@ -79,8 +79,10 @@ def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console)
         rigs, teller = (importlib.import_module(f"{RIGS}.{name}") for name in ("real", "tell_real"))
     except ModuleNotFoundError:
         return _ended(aside, 1, "--real: the rigs are part of the source tree; run it in a clone")
-    with _progress(aside) as told:
-        found = rigs.answers(rigs.recordings_folder(), work, options.only, options.jobs, told)
+    with _progress(aside) as on_progress:
+        found = rigs.answers(
+            rigs.recordings_folder(), work, options.only, options.jobs, on_progress
+        )
     if options.only and not found[0]:
         return _ended(aside, 2, f"--only {options.only}: no recording that is here has this name")
     teller.tell_real(out, *found)
@@ -91,7 +93,7 @@ def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console)
 
 
 def _mistake(options: argparse.Namespace) -> str | None:
-    """What is wrong with the options, before long work is done for them."""
+    """What is wrong with the options; asked before the long work."""
     if options.final and register()["final"]["seed"] is None:
         return "--final: the final cases were not drawn yet; --seed N draws cases of your own"
     if options.jobs is not None and options.jobs < 1:
@@ -126,36 +128,36 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
     begin = time.perf_counter()
     partition, openings = partition_of(options)
-    with _progress(aside) as told:
-        seals = sealed(partition, work, options.jobs, told)
+    with _progress(aside) as on_progress:
+        seals = sealed(partition, work, options.jobs, on_progress)
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
         aside.print(f"{made} answers sealed, hash {digest[:16]}")
-        analysed(work, seals, options.jobs, told)
-        found, away = judged(partition, work, seals, options.jobs, told)
+        analysed(work, seals, options.jobs, on_progress)
+        found, away = judged(partition, work, seals, options.jobs, on_progress)
     lost = len(seals) - made
     notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
     return Run(
         tuple(found),
-        {partition.name: str(partition.seed)},
-        openings,
-        digest,
-        version("rulec"),
-        time.perf_counter() - begin,
-        away,
-        notes,
+        seeds={partition.name: str(partition.seed)},
+        openings=openings,
+        digest=digest,
+        version=version("rulec"),
+        seconds=time.perf_counter() - begin,
+        ran_away=away,
+        notes=notes,
     )
 
 
 @contextlib.contextmanager
-def _progress(aside: Console) -> Iterator[Told]:
-    """Shows what is being done, a bar for each kind of work."""
+def _progress(aside: Console) -> Iterator[OnProgress]:
+    """Show a bar for each kind of work."""
     with Progress(console=aside, transient=True) as progress:
         tasks = {}
 
-        def told(what: str, done: int, all_: int) -> None:
+        def on_progress(what: str, done: int, all_: int) -> None:
             if what not in tasks:
                 tasks[what] = progress.add_task(what, total=all_)
             progress.update(tasks[what], completed=done)
 
-        yield told
+        yield on_progress

@@ -1,4 +1,4 @@
-"""How a run ends before it is done: an interrupt, or the end of the process that started it."""
+"""How a run is interrupted: by a signal, or by the end of the process that started it."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ INPUT = 0
 def interruptible(lifeline: bool) -> Iterator[None]:
     """Raise KeyboardInterrupt for SIGINT, for SIGTERM, and where the lifeline ends.
 
-    An interrupt that whoever started this process wants ignored (`nohup`) is. With a `lifeline`
-    standard input is read: at its end the process that holds the other side asks for an interrupt,
-    or is gone, however it ended.
+    A signal that is ignored at the start (`nohup`) stays ignored. With a `lifeline` standard input
+    is read: its end means that the process at the other side wants an interrupt, or is gone.
     """
     heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
     if lifeline and signal.SIGTERM not in heard:
@@ -42,7 +41,7 @@ def interruptible(lifeline: bool) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """What tidies up behind an interrupt is not interrupted."""
+    """Raise, unless an interrupt is being handled already."""
     if not isinstance(sys.exc_info()[1], KeyboardInterrupt):
         raise KeyboardInterrupt
 

@@ -1,4 +1,4 @@
-"""The sealed answer and what the tool said, held against each other."""
+"""Compares the tool's answer with the sealed one."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from rulec.prove.results import Heldout, Judged
 from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
 
 NAN = float("nan")
+ERRORS = ("shipped", "recalibrated", "repaired", "noise")
 Form = Mapping[str, Any]
 
 
 def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged, bool]:
-    """Score a case; also tells whether the simulation of a baseline ran away."""
+    """Score a case; second: did the simulation of a baseline run away?"""
     answer = case.answer
     effects = list(form.get("effects", ()))
     fit = form.get("fit")
@@ -29,22 +30,21 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
     verdict = form.get("verdict", "failed")
     named = [p for p in answer.effects if p.names]
     asked = bool(named) and answer.verdict != "unnamed"
-    strength = sum(p.gain for p in answer.effects)
     judged = Judged(
-        answer.case,
-        answer.half,
-        answer.plant,
-        answer.profile,
-        partition,
-        answer.verdict,
-        verdict,
-        answer.concealed,
-        tuple(f"{p.effect}@{p.module}" for p in answer.effects),
-        tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
-        tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
-        strength,
-        min((p.margin for p in answer.effects), default=float("inf")),
-        answer.digest,
+        case=answer.case,
+        half=answer.half,
+        plant=answer.plant,
+        profile=answer.profile,
+        partition=partition,
+        verdict_true=answer.verdict,
+        verdict=verdict,
+        concealed=answer.concealed,
+        planted=tuple(f"{p.effect}@{p.module}" for p in answer.effects),
+        places=tuple(dict.fromkeys(place for p in answer.effects for place in p.places)),
+        said=tuple(f"{e['effect']}@{e['module']}.{e['place']}" for e in effects),
+        gain=sum(p.gain for p in answer.effects),
+        margin=min((p.margin for p in answer.effects), default=float("inf")),
+        digest=answer.digest,
         place_right=place_right(answer.effects, form) if answer.effects else None,
         name_right=name_right(named, effects) if asked else None,
         clean_right=None if answer.effects else float(verdict == "none"),
@@ -64,7 +64,7 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
 
 
 def _set_of(effect: Form) -> list[tuple[str, str]]:
-    """Names that a finding leaves open, each with its id, its own first."""
+    """Names that a finding leaves open, its own first, each with its id."""
     names = [(str(effect["effect"]), str(effect["id"]))]
     if (effect["probability"] or 0.0) < CERTAIN:
         near = AS_LIKELY * (effect["probability"] or 0.0)
@@ -74,8 +74,10 @@ def _set_of(effect: Form) -> list[tuple[str, str]]:
 
 
 def _is(planted: Planted, effect: Form) -> float:
-    """Share of the names left open that are right, in the right module or at a place that means
-    the same: 1/n of n, and more where the key has several that say the same of this plant."""
+    """Share of the names left open that are right, in the right module or at an equivalent place.
+
+    1/n of n, and more where the key has several names for the same in this plant.
+    """
     open_, right = _set_of(effect), 0
     for name, id_ in open_:
         modules = {id_.partition(".")[0], *(effect["modules"] if id_ == effect["id"] else ())}
@@ -86,18 +88,18 @@ def _is(planted: Planted, effect: Form) -> float:
 
 
 def _credit(planted: Planted, effects: Sequence[Form]) -> float:
-    """What counts of a name among those that were told."""
+    """The best share of any finding."""
     return max((_is(planted, e) for e in effects), default=0.0)
 
 
 def name_right(planted: Sequence[Planted], effects: Sequence[Form]) -> float:
-    """Share named rightly; a false name beside lowers the share."""
+    """Share of effects named rightly; each false name besides lowers it."""
     credit = sum(_credit(p, effects) for p in planted)
     return float(credit / max(len(planted), len(effects)))
 
 
 def _said_places(form: Form) -> set[str]:
-    """All places of an answer."""
+    """All places in an answer."""
     places = [*form.get("effects", ()), *form.get("locations", ())]
     hidden = form.get("hidden_driver")
     found = {f"{e['module']}.{e['place']}" for e in [*places, *([hidden] if hidden else [])]}
@@ -107,8 +109,10 @@ def _said_places(form: Form) -> set[str]:
 
 
 def place_right(planted: Sequence[Planted], form: Form) -> float:
-    """Share of the places that are right; what is named rightly has its place, one of several that
-    are left open as much as its name."""
+    """Share of effects with the right place.
+
+    What is named rightly has its place; one of several names left open counts as much as its name.
+    """
     said, effects = _said_places(form), form.get("effects", ())
     right = [
         1.0 if said & set(p.places) else _credit(p, effects) if p.names else 0.0 for p in planted
@@ -117,12 +121,12 @@ def place_right(planted: Sequence[Planted], form: Form) -> float:
 
 
 def unnamed_right(planted: Sequence[Planted], form: Form) -> float:
-    """Called unnamed, with its place."""
+    """1 if the verdict is `unnamed` and a place is right, else 0."""
     return float(form.get("verdict") == "unnamed" and place_right(planted, form) > 0)
 
 
 def _told(answer: Answer, verdict: str) -> bool | None:
-    """Fault or sensor told from physics, where the tool named something at all."""
+    """Is fault or sensor error told from physics? None where the tool named nothing."""
     sorts = {p.sort for p in answer.effects}
     if verdict not in ("named", "fault", "sensor") or not sorts or "unnamed" in sorts:
         return None
@@ -132,7 +136,7 @@ def _told(answer: Answer, verdict: str) -> bool | None:
 
 
 def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, int]:
-    """Intervals of what was named rightly that hold the truth, and all of them."""
+    """Number of intervals that hold the truth, and of all, for what was named rightly."""
     hits = count = 0
     for p in planted:
         for effect in effects:
@@ -165,7 +169,7 @@ def _request(form: Form) -> Request:
 
 
 def _reference(case: Case, form: Form) -> Reference:
-    """The true model on what the tool held out; nothing where it cannot be had."""
+    """The true model on what the tool held out; empty where it has no solution."""
     try:
         return case.reference(_request(form))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
@@ -173,7 +177,7 @@ def _reference(case: Case, form: Form) -> Reference:
 
 
 def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
-    """Of the signal that the tool shows first, where it repaired something."""
+    """Held-out error over the true model's, of the first signal; None without a repair."""
     fit = form.get("fit")
     if not fit or verdict not in ("named", "ambiguous", "fault", "sensor"):
         return None
@@ -187,7 +191,7 @@ def _ratio(form: Form, known: Reference, verdict: str) -> float | None:
 
 
 def _course(known: Reference, form: Form, folder: Path) -> float:
-    """Likeness of the reconstructed course; its sign is free. 0 where there is none."""
+    """Correlation of the reconstructed course with the truth; 0 where there is no course."""
     hidden = form.get("hidden_driver")
     if not hidden or not hidden.get("series") or known.driver is None:
         return 0.0
@@ -200,12 +204,11 @@ def _errors(fit: Form | None) -> Heldout | None:
     if not fit:
         return None
     held = fit["heldout"]
-    values = [held[name] for name in ("shipped", "recalibrated", "repaired", "noise")]
-    return Heldout(*(NAN if v is None else float(v) for v in values))
+    return Heldout(**{name: NAN if held[name] is None else float(held[name]) for name in ERRORS})
 
 
 def _baselines(answer: Answer, fit: Form, folder: Path) -> Baselines | None:
-    """What learning makes of the same held-out samples."""
+    """The baselines on the same held-out samples."""
     file = folder / SERIES
     if not file.exists():
         return None

@@ -15,7 +15,7 @@ SEALS, CASES = "seals.txt", "cases"
 
 
 def tool_digest() -> str:
-    """Tells one state of the tool from another: a run never mixes the answers of two."""
+    """Hash of the tool and its knowledge base: a run never mixes answers of two states."""
     digest = hashlib.sha256()
     for root in (Path(rulec.__path__[0]), Path(rulec_runtime.__path__[0]), shipped("kb")):
         for file in sorted(f for f in root.rglob("*") if f.suffix in {".py", ".yaml", ".json"}):
@@ -25,9 +25,9 @@ def tool_digest() -> str:
 
 
 def unusable(work: Path) -> str | None:
-    """What stands in the way, before work is done. What lies there beside a run does not matter.
+    """Why the folder cannot be used, before any work is done; None if it can.
 
-    The folder is made where it is not there yet; nothing in it is changed.
+    Makes the folder where it does not exist; changes nothing in it. Other files in it do no harm.
     """
     try:
         work.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What goes wrong, by name: planted against said, and the worst cases."""
+"""What goes wrong: the confusion matrix of planted and reported names, and the worst cases."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from rulec.prove.results import Judged
 from rulec.prove.scores import NAN
 
 OTHERS = ("nothing", "unnamed", "failed")
-"""What is said instead of a name."""
+"""Answers without a name."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Confusion:
-    """Cases with one planted effect: counts, shape (rows, columns), of planted and said.
+    """Cases with one planted effect: counts, shape (rows, columns), of planted and reported names.
 
-    `right` are counts of right answers in the same cells, `rates` those of the rows, best first.
+    `right` counts the right answers in the same cells; `rates` are the shares of right answers by
+    row, best first.
     """
 
     rows: tuple[str, ...]
@@ -31,7 +32,7 @@ class Confusion:
 
 
 def confusion(judged: Sequence[Judged]) -> Confusion:
-    """Where several effects are named, the first counts."""
+    """Of several reported names the first counts."""
     single = [j for j in judged if len(j.planted) == 1]
     planted = [j.planted[0] for j in single]
     said = [answer_of(j) for j in single]
@@ -48,11 +49,13 @@ def confusion(judged: Sequence[Judged]) -> Confusion:
         counts[rows.index(p), columns.index(s)] += 1
         rights[rows.index(p), columns.index(s)] += right_of(j)
     rates = tuple(right[name] / total[name] for name in rows)
-    return Confusion(tuple(rows), tuple(columns), counts, rights, rates)
+    return Confusion(
+        rows=tuple(rows), columns=tuple(columns), counts=counts, right=rights, rates=rates
+    )
 
 
 def answer_of(judged: Judged) -> str:
-    """What was said, in a word."""
+    """The answer in one word."""
     if judged.error:
         return "failed"
     if judged.said:
@@ -61,23 +64,23 @@ def answer_of(judged: Judged) -> str:
 
 
 def right_of(judged: Judged) -> float:
-    """How right that is; an effect without an entry is right if it is called unnamed."""
+    """Score of the answer; for an effect without an entry that of `unnamed`."""
     scores = (judged.name_right, judged.unnamed_right)
     return float(next((s for s in scores if s is not None), 0.0))
 
 
 @dataclass(frozen=True)
 class Bad:
-    """A case that went wrong, and why it stands here."""
+    """A case that went wrong, and why."""
 
     judged: Judged
     why: str
 
 
 def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
-    """Wrong and certain, false claims on clean cases, no answer, then what was missed.
+    """Wrong and certain first, then false claims on clean cases, no answer, what was missed.
 
-    In each sort the strongest effect comes first.
+    Within each kind the strongest effect comes first.
     """
     ranked = [(rank, j, why) for j in judged for rank, why in [_sort(j)] if why]
     ranked.sort(key=lambda r: (r[0], -np.nan_to_num(r[1].gain), r[1].case))
@@ -85,7 +88,7 @@ def worst(judged: Sequence[Judged], count: int = WORST_CASES) -> list[Bad]:
 
 
 def _sort(judged: Judged) -> tuple[int, str]:
-    """Its place in the order of sorts, and why; no word where nothing is wrong."""
+    """Rank of the kind of mistake, and why; an empty text where nothing is wrong."""
     certain = judged.said and judged.verdict in ("named", "fault", "sensor")
     if judged.error:
         return 2, f"no answer: {judged.error}"

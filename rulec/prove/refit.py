@@ -1,17 +1,17 @@
-"""Lost by the search, or not in the readings? The truth refitted, by the tool's own likelihood.
+"""Did the search lose an effect, or do the readings not hold it? Refits the true laws.
 
-`python -m rulec.prove.refit DIR [NUMBER...]` asks again about the cases of a run that was kept in
-DIR and whose answers were opened: those of which a name or a place was lost, or the ones that are
-numbered. The search is run once more; then the true laws stand in its place, all values fitted
-anew, and both are weighed by the tool's own likelihood and prices. Where no entry has the true law,
-something without a name stands at its place (`nameless.py`).
+`python -m rulec.prove.refit DIR [NUMBER...]` takes the cases of a run that was kept in DIR and
+whose answers were opened: those of which a name or a place was lost, or the numbered ones. It runs
+the search again, then refits all parameters with the true laws in place of the answer, and compares
+both by the tool's own likelihood and complexity penalties. Where no entry has the true law, a
+nonparametric term stands at its place.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,23 +44,27 @@ from rulec.prove.campaign import OPENED
 from rulec.prove.judge import name_right, place_right, unnamed_right
 from rulec.prove.kept import CASES
 from rulec.prove.limits import CLEAR
-from rulec.prove.nameless import at_its_place, course_at, in_its_tank
+from rulec.prove.nonparametric_term import at_its_place, course_at, in_its_tank
 from rulec.prove.truth.sealed import Planted
 
-Planned = Sequence[Planted]
+Laws = Sequence[Planted]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refitted:
-    """A case with the gains of the truth and of what was told, over the plain model.
+    """A case with the gains of the truth and of the tool's answer over the plain model.
 
-    `needed` is the gain from which on anything is told; `course` the likeness of the course of a
-    driver that nobody recorded, where its place is known.
+    Attributes
+    ----------
+    true, reported : gain in log likelihood of the true laws, and of the answer
+    needed : gain that any answer needs
+    laws, names : terms of the refitted truth, and of the answer
+    course : correlation of the course of an unrecorded driver with the truth, at its true place
     """
 
     case: str
     true: float
-    told: float
+    reported: float
     needed: float
     laws: tuple[str, ...]
     names: tuple[str, ...]
@@ -68,37 +72,57 @@ class Refitted:
 
     @property
     def is_in_the_readings(self) -> bool:
-        """Does the truth lead by enough, and gain enough to be told?"""
-        return self.true > max(self.told + CLEAR, self.needed)
+        """Does the truth lead clearly, and gain as much as an answer needs?"""
+        return self.true > max(self.reported + CLEAR, self.needed)
 
     @property
-    def told_in_words(self) -> str:
+    def summary(self) -> str:
         """One line."""
         laws, names = ", ".join(self.laws) or "nothing", ", ".join(self.names) or "nothing"
         sign = "✗ lost by the search" if self.is_in_the_readings else "not in the readings"
         known = "" if self.course is None else f"; course at its place {self.course:.2f}"
         return (
-            f"{self.case}: the truth gains {self.true:.1f} ({laws}), what was told "
-            f"{self.told:.1f} ({names}), needed {self.needed:.1f}: {sign}{known}"
+            f"{self.case}: the truth gains {self.true:.1f} ({laws}), the answer "
+            f"{self.reported:.1f} ({names}), needed {self.needed:.1f}: {sign}{known}"
         )
 
 
+@dataclass(frozen=True)
+class Opened:
+    """A case of a kept run with its opened answer."""
+
+    folder: Path
+    answer: Mapping[str, Any]
+    ruleset: Ruleset
+    builder: ModelBuilder
+    recording: Recording
+
+    @property
+    def laws(self) -> Laws:
+        """Planted effects that an entry names; none where something else is planted, too."""
+        if self.answer["verdict"] == "unnamed":
+            return []
+        return [Planted(**effect) for effect in self.answer["effects"] if effect["names"]]
+
+    @property
+    def places_without_entry(self) -> set[str]:
+        """Places of effects that no entry names; none where every effect has a name."""
+        if self.answer["verdict"] != "unnamed":
+            return set()
+        return {place for effect in self.answer["effects"] for place in effect["places"]}
+
+
 def refitted(folder: Path) -> Refitted:
-    """Ask about a case, and refit its true laws."""
+    """Run the search on a case again, and refit its true laws."""
     answer = json.loads((folder / OPENED).read_text(encoding="utf-8"))
     ruleset, builder = open_builder(folder / "plant")
     recording = read_recording(folder / "recording.csv", ruleset)
-    ask = _stationary if ruleset.dynamics is None else _dynamic
-    return ask(answer, folder, recording, ruleset, builder)
-
-
-def planted_of(answer: dict[str, Any]) -> Planned:
-    """Named effects of an answer."""
-    return [Planted(**effect) for effect in answer["effects"] if effect["names"]]
+    refit = _stationary if ruleset.dynamics is None else _dynamic
+    return refit(Opened(folder, answer, ruleset, builder, recording))
 
 
 def _right(planted: Planted, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Explanations that are right for an effect."""
+    """Candidates that are right for an effect."""
     own, places = planted.module.partition(".")[0], set(planted.places)
     return [
         c
@@ -109,44 +133,31 @@ def _right(planted: Planted, candidates: Sequence[Candidate]) -> list[Candidate]
     ]
 
 
-def _places_without_a_name(answer: dict[str, Any]) -> set[str]:
-    """Where something is that no entry names; none where all of it has a name."""
-    if answer["verdict"] != "unnamed":
-        return set()
-    return {place for effect in answer["effects"] for place in effect["places"]}
-
-
-def _stationary(
-    answer: dict[str, Any],
-    folder: Path,
-    recording: Recording,
-    ruleset: Ruleset,
-    builder: ModelBuilder,
-) -> Refitted:
-    data = prepare(recording, ruleset, ())
+def _stationary(case: Opened) -> Refitted:
+    ruleset, builder = case.ruleset, case.builder
+    data = prepare(case.recording, ruleset, ())
     assert data is not None
     found = search(rows_of(System(ruleset, builder, data), Setting()), _quiet)
     plain, best = found.plain, found.best.fitted
-    told = contest(fit(best.rows, best.setting, best.used, temper=plain.fitted.temper), None)
-    nameless = at_its_place(plain, _places_without_a_name(answer))
-    planted = planted_of(answer)
-    orders = (planted, planted[::-1]) if answer["verdict"] != "unnamed" else ()
-    laws = [plain, *nameless[:1], *(_with(plain, order, builder) for order in orders)]
-    true = max(laws, key=lambda c: gain_in_sample(c, plain))
+    reported = contest(fit(best.rows, best.setting, best.used, temper=plain.fitted.temper), None)
+    nonparametric = at_its_place(plain, case.places_without_entry)
+    orders = (case.laws, case.laws[::-1])
+    models = [plain, *nonparametric[:1], *(_with(plain, order, builder) for order in orders)]
+    true = max(models, key=lambda c: gain_in_sample(c, plain))
     return Refitted(
-        case=answer["case"],
+        case=case.answer["case"],
         true=gain_in_sample(true, plain),
-        told=gain_in_sample(told, plain),
+        reported=gain_in_sample(reported, plain),
         needed=needed(plain, len(builder.candidates)),
         laws=tuple(c.id for c in true.fitted.setting.joined),
         names=tuple(c.id for c in best.setting.joined),
-        course=course_at(folder, nameless),
+        course=course_at(case.folder, nonparametric),
     )
 
 
-def _with(now: Contestant, planted: Planned, builder: ModelBuilder) -> Contestant:
-    """The model with the true laws, one after the other."""
-    for one in planted:
+def _with(now: Contestant, laws: Laws, builder: ModelBuilder) -> Contestant:
+    """The model with the true laws, added one after the other."""
+    for one in laws:
         ways = [
             entered(now.fitted, trial)
             for candidate in _right(one, builder.candidates)
@@ -159,46 +170,41 @@ def _with(now: Contestant, planted: Planned, builder: ModelBuilder) -> Contestan
     return now
 
 
-def _dynamic(
-    answer: dict[str, Any],
-    folder: Path,
-    recording: Recording,
-    ruleset: Ruleset,
-    builder: ModelBuilder,
-) -> Refitted:
-    record = record_of(recording, ruleset, builder.given, ())
+def _dynamic(case: Opened) -> Refitted:
+    ruleset, builder = case.ruleset, case.builder
+    record = record_of(case.recording, ruleset, builder.given, ())
     assert record is not None
     bench = Bench(ruleset, builder, record)
     found = search_stores(bench, _quiet, 1)
     searcher, plain = Searcher(bench, found.judged, 1), found.plain
-    told, _ = doubted(searcher, found)
-    true = in_its_tank(searcher, plain, _places_without_a_name(answer)) or plain
-    for one in planted_of(answer) if answer["verdict"] != "unnamed" else ():
+    reported, _ = doubted(searcher, found)
+    true = in_its_tank(searcher, plain, case.places_without_entry) or plain
+    for one in case.laws:
         tasks = [(true, (*true.joined, c)) for c in _right(one, bench.candidates)]
         ways = [searcher.polished(searcher.trial(*task)) for task in tasks]
-        if len(told.joined) == 1 and told.joined[0].onset is not None:
-            # What was told may have begun at the right time.
+        if len(reported.joined) == 1 and reported.joined[0].onset is not None:
+            # The answer may have the right onset.
             ids = {f.ids for f in ways}
-            ways = [f for f in begun_alike(searcher, [told], ways, plain) if f.ids in ids]
+            ways = [f for f in begun_alike(searcher, [reported], ways, plain) if f.ids in ids]
         true = max(ways, key=lambda f: searcher.gain(f, plain), default=true)
-    # As far as what was told, which was exchanged and fitted again.
+    # Fitted as far as the answer, which the search polished last.
     true = searcher.polished(true)
     return Refitted(
-        case=answer["case"],
+        case=case.answer["case"],
         true=searcher.gain(true, plain),
-        told=searcher.gain(told, plain),
+        reported=searcher.gain(reported, plain),
         needed=needed_of_stores(len(bench.candidates)),
         laws=true.ids,
-        names=told.ids,
+        names=reported.ids,
     )
 
 
 def _quiet(what: str) -> None:
-    """Nobody watches."""
+    """Show no progress."""
 
 
 def lost_in(work: Path) -> list[Path]:
-    """Folders of cases of which a name, a place, or that there is no name, was lost."""
+    """Folders of cases of which the answer lacks a name or a place, or the verdict `unnamed`."""
     found = []
     for folder in sorted((work / CASES).iterdir()):
         if not all((folder / name).exists() for name in (OPENED, FORM)):
@@ -219,14 +225,14 @@ def lost_in(work: Path) -> list[Path]:
 
 
 def main(words: Sequence[str]) -> int:
-    """Print a line for each case, and how many of them the readings do not hold."""
+    """Print a line for each case, and in how many the readings do not hold the effect."""
     work = Path(words[0])
     folders = [work / CASES / f"{int(n):04d}" for n in words[1:]] or lost_in(work)
     found, out = [], terminal()
     for folder in folders:
         one = refitted(folder)
         found.append(one)
-        out.print(f"{folder.name} {one.told_in_words}")
+        out.print(f"{folder.name} {one.summary}")
     held = sum(one.is_in_the_readings for one in found)
     out.print(
         f"{len(found)} cases: {held} lost by the search, {len(found) - held} not in the readings"

@@ -1,4 +1,4 @@
-"""What is known of a run of the proof: every case as judged, and how the run was made. As JSON."""
+"""A run of the proof as data and as JSON: every judged case, and how the run was made."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 PARTITIONS = ("development", "final")
-"""Cases to improve the tool with, and cases that are opened to tell how good it is."""
+"""Cases to improve the tool with, and cases that are opened once to measure how good it is."""
 
 Score = float | None
-"""None where the case says nothing of it; what is right or wrong runs from 0 to 1."""
+"""None where the score does not apply to the case; 0 is wrong, 1 is right."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Heldout:
     """Root mean square errors on held-out samples, in the unit of one signal; None: not known."""
 
@@ -26,25 +26,25 @@ class Heldout:
     noise: Score
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A case, what the tool said of it, and how right that is.
+    """A case, the tool's answer, and the scores of that answer.
 
     Attributes
     ----------
     planted : names of effects, as the truth calls them; none on a clean case
     places : `module.place` that are right
-    said : effects that the tool named, as `entry@module.place`
+    said : effects in the tool's answer, as `entry@module.place`
     gain : expected gain in log likelihood of the true model over the plain one: the strength
     margin : the same over the best wrong model; infinite where none was tried
-    name_right : an ambiguity set counts by 1/size
-    unnamed_right : an effect that no entry names is called so, with its place
-    told_right : fault and sensor error told from physics
-    inside : intervals of parameters that hold the truth, and all that can be compared
-    ratio : held-out error over that of the true model refitted
+    name_right : share of names that are right; of n names left open each counts 1/n
+    unnamed_right : an effect without an entry is called unnamed, with its place
+    told_right : fault or sensor error is told from physics
+    inside : number of intervals of parameters that hold the truth, and of all intervals
+    ratio : held-out error over that of the true model
     course : correlation of the course of an unrecorded driver with the truth
-    baselines : held-out errors of those who learn only, over that of recalibration, by name
-    error : why the tool gave no answer, or empty
+    baselines : held-out errors of the baselines over that of recalibration, by name
+    error : why the tool gave no answer; empty if it gave one
     digest : hash of the sealed answer
     """
 
@@ -90,12 +90,13 @@ class Run:
     seeds : per partition, in words
     openings : how often the final partition was opened, this time included
     digest : hash over all sealed answers, shown before the first analysis
-    version : of the tool, such as a commit
-    seconds : of the whole run, by the clock
-    ran_away : simulations of PySINDy that did
+    version : of the tool
+    seconds : duration of the whole run
+    ran_away : number of simulations of PySINDy that diverged
     """
 
     judged: tuple[Judged, ...]
+    _: KW_ONLY
     seeds: Mapping[str, str] = field(default_factory=dict)
     openings: int = 0
     digest: str = ""
@@ -106,22 +107,22 @@ class Run:
 
     @property
     def partition(self) -> str:
-        """The partition that is told of: the final one, where there is one."""
+        """The partition that is reported: the final one, where there is one."""
         return PARTITIONS[any(j.partition == PARTITIONS[1] for j in self.judged)]
 
     @property
     def shown(self) -> tuple[Judged, ...]:
-        """Cases of that partition; scores of both together would be neither."""
+        """Cases of that partition; scores of both partitions together would mean nothing."""
         return tuple(j for j in self.judged if j.partition == self.partition)
 
     def to_json(self) -> str:
-        """As text; what is no finite number is text in it."""
+        """As JSON; infinite and undefined numbers are strings in it."""
         fields = _written(dataclasses.asdict(self))
         return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def run_from_json(text: str) -> Run:
-    """A run as `to_json` wrote it."""
+    """Read what `to_json` wrote."""
     data: dict[str, Any] = json.loads(text)
     judged = tuple(_judged(case) for case in data.pop("judged"))
     return Run(judged, **{**data, "notes": tuple(data["notes"])})

@@ -32,7 +32,7 @@ HALVES = ("stationary", "dynamic")
 
 @dataclass(frozen=True)
 class Goal:
-    """Values that are good enough, both ends included, and how they are told."""
+    """Values that are good enough, both ends included, and their text."""
 
     low: float
     high: float
@@ -42,13 +42,17 @@ class Goal:
         return self.low <= value <= self.high
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Row:
-    """One score: of `count` cases (or intervals), `hits` of them right; None where it has no hits.
+    """One score.
 
-    `share` is the score, `low` and `high` its 95 % interval, NaN without cases. `is_share` tells
-    that it runs from 0 to 1. `met` is None without cases; `sure` tells that the whole interval
-    is on the same side of the goal.
+    Attributes
+    ----------
+    count, hits : number of cases (or intervals), and of right ones; None where nothing is counted
+    share : the score; `low` and `high` its 95 % interval; NaN without cases
+    is_share : does the score run from 0 to 1?
+    met : None without cases
+    sure : is the whole interval on the same side of the goal?
     """
 
     score: str
@@ -78,7 +82,7 @@ class Row:
 
     @property
     def words(self) -> str:
-        """The same, and whether it is beyond doubt."""
+        """The same, and whether the interval leaves a doubt."""
         return self.verdict + ("" if self.met is None or self.sure else ", not surely")
 
 
@@ -117,7 +121,7 @@ def table(judged: Sequence[Judged]) -> list[Row]:
 
 
 def plain(judged: Sequence[Judged]) -> list[Judged]:
-    """Cases with something that is plain to see, whose failure no limit of information excuses."""
+    """Cases with an effect that is plain to see: the readings hold enough to name it."""
     return [j for j in judged if not j.clean and j.gain >= PLAIN_GAIN and j.margin >= PLAIN_MARGIN]
 
 
@@ -141,7 +145,7 @@ def wilson(hits: float, count: int) -> tuple[float, float]:
 
 
 def bootstrap(values: Sequence[float], of: Callable[..., np.ndarray]) -> tuple[float, float]:
-    """95 % interval of a mean or median by drawing cases anew; NaN below two of them."""
+    """95 % interval of a mean or median by bootstrap over cases; NaN below two of them."""
     if len(values) < 2:
         return NAN, NAN
     drawn = np.random.default_rng(0).choice(np.asarray(values), (BOOTSTRAP_SAMPLES, len(values)))
@@ -221,9 +225,21 @@ def _share(title: str, goal: Goal, values: Sequence[float]) -> Row:
 
 
 def _of_hits(title: str, goal: Goal, count: int, hits: float) -> Row:
-    return Row(title, goal, count, hits, hits / count if count else NAN, *wilson(hits, count))
+    low, high = wilson(hits, count)
+    share = hits / count if count else NAN
+    return Row(score=title, goal=goal, count=count, hits=hits, share=share, low=low, high=high)
 
 
 def _number(title: str, goal: Goal, values: Sequence[float], of: Callable[..., np.ndarray]) -> Row:
     value = float(of(values)) if values else NAN
-    return Row(title, goal, len(values), None, value, *bootstrap(values, of), is_share=False)
+    low, high = bootstrap(values, of)
+    return Row(
+        score=title,
+        goal=goal,
+        count=len(values),
+        hits=None,
+        share=value,
+        low=low,
+        high=high,
+        is_share=False,
+    )

@@ -1,4 +1,4 @@
-"""A residual learnt by boosted trees; how many, by cross-validation over chunks of time."""
+"""A residual learnt by boosted trees; cross-validation over chunks of time chooses their number."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _count(features: Array, residual: Array, folds: np.ndarray) -> int:
 
 
 def _learner(count: int):  # type: ignore[no-untyped-def]
-    # Loaded here: three seconds that only those pay who compare.
+    # Imported here: it takes seconds that only the baselines need.
     from sklearn.ensemble import HistGradientBoostingRegressor
 
     return HistGradientBoostingRegressor(

@@ -42,7 +42,7 @@ def judged(case: str = "case", **fields: object) -> Judged:
         "margin": float("inf"),
         "digest": "0" * 64,
     }
-    return Judged(case, **{**usual, **fields})  # type: ignore[arg-type]
+    return Judged(case=case, **{**usual, **fields})  # type: ignore[arg-type]
 
 
 def planted(
@@ -98,7 +98,7 @@ def _errors(random: np.random.Generator, missing: float) -> dict[str, object]:
     learnt = {"boosted trees": ratio(0.5, 1.1) if missing else ratio(1.0, 1.1)}
     learnt["PySINDy"] = ratio(0.6, 1.2) if missing else 1.0
     return {
-        "errors": Heldout(2 * before, before, after, noise),
+        "errors": Heldout(shipped=2 * before, recalibrated=before, repaired=after, noise=noise),
         "baselines": learnt,
         "seconds": float(ratio(3, 40)),
     }

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec.prove.analyst import FORM
-from rulec.prove.campaign import Told, asked, owned
+from rulec.prove.campaign import OnProgress, asked, owned
 from rulec.prove.kept import CASES
 from tests.conftest import recordings_folder as recordings_folder
 from tests.rig.mismatch import esp, hsy, zema
@@ -77,7 +77,7 @@ SOURCES = (
 
 
 def answers(
-    recordings: Path, work: Path, only: str, jobs: int, told: Told
+    recordings: Path, work: Path, only: str, jobs: int, on_progress: OnProgress
 ) -> tuple[list[Answer], list[str]]:
     """Ask about every recording that is there; also what was skipped, and why.
 
@@ -89,10 +89,10 @@ def answers(
     planned: list[Planned] = []
     for count, source in enumerate(there, 1):
         planned += (p for p in _planned(source, recordings, work) if only in p.case.name)
-        told("preparing", count, len(there))
+        on_progress("preparing", count, len(there))
     for plan in planned:
         _lay_out(plan)
-    asked([p.folder for p in planned], jobs, told)
+    asked([p.folder for p in planned], jobs, on_progress)
     return [_answer(p) for p in planned], skipped
 
 

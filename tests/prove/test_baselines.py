@@ -166,4 +166,6 @@ def test_tables_of_the_command_are_read() -> None:
 
 def test_ratios_are_over_recalibration() -> None:
     """As a judged case carries them."""
-    assert {"boosted trees": 0.5, "PySINDy": 2.0} == Baselines(9, 2.0, 1.0, 4.0, False).ratios
+    assert {"boosted trees": 0.5, "PySINDy": 2.0} == Baselines(
+        points=9, recalibrated=2.0, trees=1.0, sindy=4.0, ran_away=False
+    ).ratios

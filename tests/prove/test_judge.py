@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,17 @@ from rulec.prove.results import Judged
 from rulec.prove.truth.sealed import Answer, Planted
 
 LOW = Planted(
-    "dp-low", "reads low", "sensor", "B", "sensor", ("slope",), ("B.dp",), {}, 90.0, 3.0, ""
+    effect="dp-low",
+    title="reads low",
+    sort="sensor",
+    module="B",
+    place="sensor",
+    names=("slope",),
+    places=("B.dp",),
+    parameters={},
+    gain=90.0,
+    margin=3.0,
+    rival="",
 )
 
 
@@ -28,7 +39,17 @@ def effect(
 
 def scored(*effects: dict[str, Any], planted: Planted = LOW) -> Judged:
     """How an answer is judged where that was planted."""
-    sealed = Answer("it", "stationary", "one", "steps", 1, 600, "sensor", ("open",), (planted,), "")
+    sealed = Answer(
+        case="it",
+        half="stationary",
+        plant="one",
+        profile="steps",
+        seed=1,
+        samples=600,
+        verdict="sensor",
+        concealed=("open",),
+        effects=(planted,),
+    )
     form = {"verdict": "ambiguous", "effects": effects, "locations": ()}
     return judge(SimpleNamespace(answer=sealed), form, Path(), "development")[0]  # type: ignore[arg-type]
 
@@ -39,9 +60,7 @@ def other(name: str, id_: str, probability: float) -> dict[str, Any]:
 
 def test_names_that_say_the_same_count_together() -> None:
     """A dead band of a pump in proportion to its signal is a constant loss: both are right."""
-    same = Planted(
-        "dead-band", "", "physics", "B", "", ("dead-band", "loss"), ("B.Q",), {}, 9.0, 9.0, ""
-    )
+    same = replace(LOW, sort="physics", names=("dead-band", "loss"), places=("B.Q",))
     left = (other("loss", "B.loss", 0.4), other("leak", "B.leak", 0.2))
     both = effect("dead-band", "B.dead-band", "Q", 0.5, alternatives=left[:1])
     three = effect("dead-band", "B.dead-band", "Q", 0.4, alternatives=left)

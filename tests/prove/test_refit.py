@@ -1,4 +1,4 @@
-"""Lost by the search, or not in the readings: the true laws refitted beside what was told."""
+"""Lost by the search, or not in the readings: the true laws refitted beside the answer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def quiet(what: str, done: int, all_: int) -> None:
 
 def told(true: float, found: float, least: float = 20.0) -> Refitted:
     return Refitted(
-        case="it", true=true, told=found, needed=least, laws=("A.slip",), names=("A.loss",)
+        case="it", true=true, reported=found, needed=least, laws=("A.slip",), names=("A.loss",)
     )
 
 
@@ -41,7 +41,7 @@ def told(true: float, found: float, least: float = 20.0) -> Refitted:
 )
 def test_the_true_laws_must_lead_and_be_worth_telling(one: Refitted, held: bool) -> None:
     assert held == one.is_in_the_readings
-    assert ("lost by the search" in one.told_in_words) == held
+    assert ("lost by the search" in one.summary) == held
 
 
 def test_the_true_laws_are_refitted_beside_what_is_told(tmp_path: Path) -> None:
@@ -56,6 +56,6 @@ def test_the_true_laws_are_refitted_beside_what_is_told(tmp_path: Path) -> None:
     assert folder in lost_in(tmp_path)
     one = refitted(folder)
     assert one.laws == one.names
-    assert one.true == pytest.approx(one.told, abs=0.01)
+    assert one.true == pytest.approx(one.reported, abs=0.01)
     assert one.true > one.needed
     assert not one.is_in_the_readings

@@ -15,7 +15,7 @@ from rulec.prove.mistakes import confusion, worst
 from rulec.prove.page import headline, page
 from rulec.prove.results import Heldout, Judged, Run, run_from_json
 from rulec.prove.scores import by, by_concealment, curve, table, wilson
-from rulec.prove.tell import text
+from rulec.prove.terminal import text
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
 
@@ -182,7 +182,18 @@ def test_final_cases_are_told_of_where_there_are_any() -> None:
         Run((judged(clean_right=0.0),)),
         Run((planted("a", "leakage", float("inf")),)),
         Run((planted("a", "leakage", 0.0, ratio=1.0),)),
-        Run((planted("a", "leakage", 9.0, errors=Heldout(None, 1.0, None, float("nan"))),)),
+        Run(
+            (
+                planted(
+                    "a",
+                    "leakage",
+                    9.0,
+                    errors=Heldout(
+                        shipped=None, recalibrated=1.0, repaired=None, noise=float("nan")
+                    ),
+                ),
+            )
+        ),
         run(60),
     ],
     ids=["nothing", "no score", "one claim", "endless", "one", "unknown", "many"],
@@ -202,7 +213,14 @@ def test_hostile_names_are_escaped() -> None:
     names = {"plant": HOSTILE, "concealed": (HOSTILE,), "places": (HOSTILE,), "half": "dynamic"}
     bad = planted(HOSTILE, HOSTILE, 9.0, HOSTILE, baselines={HOSTILE: 1.0}, **names)
     lost = replace(bad, error=HOSTILE)
-    made = Run((bad, lost), {HOSTILE: HOSTILE}, 1, HOSTILE, version=HOSTILE, notes=(HOSTILE,))
+    made = Run(
+        (bad, lost),
+        seeds={HOSTILE: HOSTILE},
+        openings=1,
+        digest=HOSTILE,
+        version=HOSTILE,
+        notes=(HOSTILE,),
+    )
     written = page(made)
     tree(written)
     assert "<b>x" not in written

@@ -1,9 +1,9 @@
-"""What has no name, asked at its own place: the best that the tool could have said of it.
+"""Nonparametric terms at the true place of an effect without an entry: the best possible answer.
 
-No entry holds the true law, so it cannot be refitted. In its stand an error is put where the truth
-has it: with a course that is free in time, there or in a parameter of the law, and as a free curve
-over each reading. If these gain no more than what was told, or too little to tell anything, no
-better search would have told the place.
+No entry has the true law, so it cannot be refitted. An error stands for it at the true place: with
+a course that is free in time, there or in a parameter of the law, or as a free curve over a
+reading. If these gain no more than the answer, or less than any answer needs, no better search
+would have found the place.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rulec.prove.limits import CURVES_REFITTED
 
 
 def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]:
-    """Models of a settled plant with something without a name at one of some places, best first."""
+    """Models of a settled plant with a nonparametric term at one of some places, best first."""
     fitted = plain.fitted
     here = [s for s in suspects(fitted) if f"{s.spot.module}.{s.spot.place}" in places]
     found = [entered(fitted, t) for s in here for t in _trials(fitted, s)]
@@ -54,7 +54,7 @@ def _trials(fitted: Fitted, place: Suspect) -> Iterator[Trial]:
 def in_its_tank(
     searcher: Searcher, plain: FittedStores, places: Collection[str]
 ) -> FittedStores | None:
-    """The best model of a plant that stores, with a free curve at one of some places."""
+    """The best model of a plant that stores with a free curve at one of some places."""
     spots = [s for s in searcher.bench.builder.spots if f"{s.module}.{s.place}" in places]
     tasks = curves(searcher, [plain], spots)
     drawn = searcher.refined(searcher.ranked(tasks, plain)[:CURVES_REFITTED], plain)
@@ -62,7 +62,7 @@ def in_its_tank(
 
 
 def course_at(folder: Path, models: Sequence[Contestant]) -> float | None:
-    """Likeness of the likeliest free course to the driver that was opened; None without one."""
+    """Correlation of the best free course with the opened driver; None without either."""
     file = folder / DRIVER
     hidden = [(m, c) for m in models for c in m.fitted.setting.joined if c.sort == HIDDEN]
     if not file.exists() or not hidden:

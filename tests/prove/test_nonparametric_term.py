@@ -13,9 +13,9 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.compete import Contestant, contest
 from rulec.mismatch.search.weigh import gain_in_sample, needed
-from rulec.prove.aligned import driver_of, driver_told, likeness
+from rulec.prove.aligned import driver_of, driver_text, likeness
 from rulec.prove.campaign import DRIVER
-from rulec.prove.nameless import at_its_place, course_at
+from rulec.prove.nonparametric_term import at_its_place, course_at
 from rulec.prove.truth.sealed import Request
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
@@ -39,7 +39,7 @@ def test_the_course_of_a_driver_is_found_at_its_place(tmp_path: Path) -> None:
     (planted,) = made.answer.effects
     models = at_its_place(plain, planted.places)
     assert course_at(tmp_path, models) is None
-    (tmp_path / DRIVER).write_text(driver_told(*driver), encoding="utf-8")
+    (tmp_path / DRIVER).write_text(driver_text(*driver), encoding="utf-8")
     course = course_at(tmp_path, models)
     assert course is not None
     assert course > 0.9
@@ -53,7 +53,7 @@ def test_the_sign_of_a_course_is_free(sign: float, noise: float, least: float) -
     """A law may fall with what drives it; where there is no course there is no likeness."""
     time = np.linspace(0.0, 10.0, 50)
     driver = np.sin(time)
-    clock, same = driver_of(driver_told(time, driver))
+    clock, same = driver_of(driver_text(time, driver))
     course = sign * driver + noise * np.random.default_rng(0).standard_normal(50)
     assert likeness(time, course, clock, same) >= least - 1e-12
     assert 0.0 == likeness(time, np.full(50, np.nan), clock, same)

@@ -1,4 +1,4 @@
-"""The same for the terminal: the table with goals, and the ten worst cases."""
+"""A run in the terminal: the table with goals, and the worst cases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rulec.prove.tables import PLAIN, interval_of, of_count, planted_words, said
 MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
 
 
-def tell(out: Console, run: Run) -> None:
+def show(out: Console, run: Run) -> None:
     """Write table and worst cases."""
     rows = table(run.shown)
     out.print(styled("[bold]{}[/]", headline(run, rows)))
@@ -45,7 +45,7 @@ def tell(out: Console, run: Run) -> None:
 def text(run: Run, width: int = 100) -> str:
     """The same without colours."""
     out = Terminal(file=io.StringIO(), width=width, color_system=None)
-    tell(out, run)
+    show(out, run)
     assert isinstance(out.file, io.StringIO)
     return out.file.getvalue()
 
