@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rulec_runtime.simulation.code_cache import can_be_kept
+from rulec_runtime.simulation.tape import Tape
 
 try:
     KEPT = can_be_kept(__file__)
@@ -33,34 +34,49 @@ except ImportError:  # an operator's station may do without numba: slow, but the
 
 LIVELY = 1.0
 """Step times rate of the fastest mode beyond which a step is cut in pieces; Runge-Kutta is stable
-up to 2.8."""
+up to 2.8. Origin: numerical."""
 
 EXACT = 1e-7
-"""Error of a step, as a share of each state's largest value so far, beyond which it is cut."""
+"""Error of a step, as a share of each state's largest value so far, beyond which it is cut. Origin:
+numerical."""
 
 PIECES = 4
-"""Pieces of a sample's step at most; what is faster still is stepped implicitly."""
+"""Pieces of a sample's step at most; what is faster still is stepped implicitly. Origin:
+numerical."""
 
 GROWN = 256
-"""Pieces at most where a state grows by itself."""
+"""Pieces at most where a state grows by itself. Origin: numerical."""
 
 ROUGH = 3e-4
 """How far the two orders of the implicit method may be apart, as a share of each state's largest
-value so far; a step on whose way a rim begins is cut until they agree."""
+value so far; a step on whose way a rim begins is cut until they agree. Origin: numerical."""
 
 SMOOTH = 3.0
-"""Times the bend in the middle of a step by which the last stage may bend without a rim."""
+"""Times the bend in the middle of a step by which the last stage may bend without a rim. Origin:
+assumed."""
 
 FINEST = 256
-"""Pieces of a sample's step at most, stepped implicitly."""
+"""Pieces of a sample's step at most, stepped implicitly. Origin: numerical."""
 
 GAMMA = 1.0 - math.sqrt(0.5)
-"""Parameter of the implicit method at which it damps the fastest modes altogether."""
+"""Parameter of the implicit method at which it damps the fastest modes altogether. Origin: source,
+Verwer, Spee, Blom, Hundsdorfer 1999."""
 
 TINY = 1e-14
-"""Roots and logarithms see at least this: a tank that runs empty has no infinite slope."""
+"""Roots and logarithms see at least this: a tank that runs empty has no infinite slope. Origin:
+numerical."""
 
 HUGE = 1e150
+"""A state beyond this ran away. Origin: numerical."""
+
+AT_REST = 1e-18
+"""Square of a mode's share of what there is, below which it stands still. Origin: numerical."""
+
+STAGES = (4, 2)
+NODES = np.array([[0.0, 0.5, 0.5, 1.0], [0.0, 1.0, 0.0, 0.0]])
+WEIGHTS = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
+"""Tableaus of Runge and Kutta's method and of ROS2: how many stages, at which share of the step
+each is, and how much each counts in the explicit one; there each starts from the one before."""
 
 
 @compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
@@ -180,7 +196,7 @@ def _solve(matrix: np.ndarray, right_side: np.ndarray) -> None:
             right_side[i, c] = total / lead
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+@compiled(inline="always")
 def _give(
     values: np.ndarray,
     slots: np.ndarray,
@@ -261,27 +277,115 @@ def _aim(
             past_slopes[node, j, c] += weight * (moved + slopes[after, c] * values[rate])
 
 
-@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
-def integrate(
-    first: int,
-    codes: np.ndarray,
-    left: np.ndarray,
-    right: np.ndarray,
-    begin: int,
+@compiled(inline="always")
+def _place(
+    values: np.ndarray, slopes: np.ndarray, slots: np.ndarray, x: np.ndarray, dx: np.ndarray
+) -> None:
+    """Put states where the plan reads them."""
+    for i in range(slots.shape[0]):
+        values[slots[i]] = x[i]
+        for c in range(slopes.shape[1]):
+            slopes[slots[i], c] = dx[i, c]
+
+
+@compiled(inline="always")
+def _confine(
     values: np.ndarray,
     slopes: np.ndarray,
-    clock: int,
-    state_slots: np.ndarray,
-    start_slots: np.ndarray,
-    rate_slots: np.ndarray,
-    low_slots: np.ndarray,
-    high_slots: np.ndarray,
-    after_slots: np.ndarray,
-    input_slots: np.ndarray,
+    lows: np.ndarray,
+    highs: np.ndarray,
+    end: int,
+    x: np.ndarray,
+    dx: np.ndarray,
+) -> bool:
+    """Keep states within their limits, as far as these have slots below `end`; was one moved?"""
+    moved = False
+    for i in range(x.shape[0]):
+        for side in range(2):
+            slot = lows[i] if side == 0 else highs[i]
+            if slot < 0 or slot >= end:
+                continue
+            limit = values[slot]
+            if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
+                x[i] = limit
+                moved = True
+                for c in range(slopes.shape[1]):
+                    dx[i, c] = slopes[slot, c]
+    return moved
+
+
+@compiled(inline="always")
+def _linearised(
+    jacobian: np.ndarray, rates: np.ndarray, afters: np.ndarray, step: float, matrix: np.ndarray
+) -> float:
+    """Fill the matrix of the implicit method; the rate of the fastest mode, by row sums."""
+    rate, count = 0.0, matrix.shape[0]
+    for i in range(count):
+        for c in range(count):
+            matrix[i, c] = -GAMMA * step * jacobian[rates[i], c]
+        matrix[i, i] += 1.0
+        if afters[i] >= 0:
+            matrix[i, :] = 0.0
+            matrix[i, i] = 1.0
+            continue
+        total = 0.0
+        for c in range(count):
+            total += abs(jacobian[rates[i], c])
+        rate = max(rate, total)
+    return rate
+
+
+@compiled(inline="always")
+def _seen_by_stages(
+    k: np.ndarray, peak: np.ndarray, step: float
+) -> tuple[float, float, float, float]:
+    """What the stages of an explicit step show.
+
+    The rate of the fastest mode, how much of it there is, whether it grows by itself (positive),
+    and how far a rim within the step bends it.
+    """
+    above, below, turn, bent = 0.0, 0.0, 0.0, 0.0
+    for i in range(peak.shape[0]):
+        share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
+        if share > 0.0:
+            above += ((k[2, i] - k[1, i]) / share) ** 2
+            below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
+            turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
+        # Where a rim begins within a step, the last stage may be the first to see it; a smooth
+        # mode bends there as much as between the two in the middle.
+        bend = abs(k[0, i] - k[1, i] - k[2, i] + k[3, i])
+        bend = step / 3.0 * (bend - SMOOTH * abs(k[2, i] - k[1, i]))
+        bent = max(bent, bend / peak[i] if peak[i] > 0.0 else 0.0)
+    # Where nothing moves, rounding would look like a fast mode.
+    if below > AT_REST:
+        return math.sqrt(above / below), math.sqrt(below), turn, bent
+    return 0.0, math.sqrt(below), 0.0, bent
+
+
+@compiled(inline="always")
+def _next_pieces(
+    stiff: bool, pieces: int, lively: bool, error: float, bent: float, growing: bool
+) -> tuple[bool, bool, int]:
+    """Whether a sample's step is taken again, whether implicitly, and in how many pieces."""
+    # What grows by itself must not be damped: it is followed until it runs away.
+    most = GROWN if growing else PIECES
+    switch = (lively or bent > ROUGH) and not growing and pieces >= PIECES
+    more = (lively and pieces < most) or ((error > EXACT or bent > ROUGH) and pieces < PIECES)
+    if stiff and error > ROUGH and pieces < FINEST:
+        return True, True, 2 * pieces
+    if not stiff and (switch or more):
+        return True, switch, min(PIECES if switch else 2 * pieces, most)
+    return False, stiff, pieces
+
+
+@compiled(cache=KEPT, nogil=True, fastmath=False, error_model="numpy")
+def integrate(
+    tape: Tape,
     held: np.ndarray,
-    output_slots: np.ndarray,
     time: np.ndarray,
     inputs: np.ndarray,
+    values: np.ndarray,
+    slopes: np.ndarray,
     outputs: np.ndarray,
     output_slopes: np.ndarray,
     states: np.ndarray,
@@ -290,46 +394,40 @@ def integrate(
 
     Parameters
     ----------
+    held : per input, whether it keeps its value up to the next sample; others are interpolated.
+    inputs : shape (n, inputs).
     values, slopes : one row per value of the plan, parameters, constants and what follows from
-        them alone (operations before `begin`) filled in; (values,) and (values, width).
-    clock : the slot of time, or -1.
-    start_slots, rate_slots, low_slots, high_slots, after_slots : outputs of the plan per state;
-        limits and dead times may be -1.
-    inputs : shape (n, inputs); a `held` one keeps its value up to the next sample, others are
-        interpolated.
+        them alone (operations before `tape.begin`) filled in; (values,) and (values, width).
     outputs, output_slopes, states : filled, shapes (n, outputs), (n, outputs, width), (n, states).
     """
-    n, count, width = time.shape[0], state_slots.shape[0], slopes.shape[1]
+    first, codes, left, right, begin, clock, slots, starts, rates, lows, highs, afters = tape[:12]
+    given, shown = tape[12:]
+    n, count, width = time.shape[0], slots.shape[0], slopes.shape[1]
     x, dx = np.zeros(count), np.zeros((count, width))
     matrix, work = np.zeros((count, count)), np.zeros((count, count))
     right_side = np.zeros((count, 1 + width))
     jacobian = np.zeros((values.shape[0], count))
     peak = np.zeros(count)
     for i in range(count):
-        jacobian[state_slots[i], i] = 1.0
+        jacobian[slots[i], i] = 1.0
     k, dk = np.zeros((4, count)), np.zeros((4, count, width))
     old, d_old = np.zeros(count), np.zeros((count, width))
-    half = np.array([0.0, 0.5, 0.5, 1.0])
-    weight = np.array([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0])
     taken, pieces, stiff = 0, 1, False
-    for j in range(input_slots.shape[0]):
-        values[input_slots[j]] = inputs[0, j]
+    for j in range(given.shape[0]):
+        values[given[j]] = inputs[0, j]
     if clock >= 0:
         values[clock] = time[0]
     # A state may start where another one's start puts it.
     for _ in range(count):
-        for i in range(count):
-            values[state_slots[i]] = x[i]
-            for c in range(width):
-                slopes[state_slots[i], c] = dx[i, c]
+        _place(values, slopes, slots, x, dx)
         evaluate(first, codes, left, right, begin, values, slopes, width)
         for i in range(count):
-            x[i] = values[start_slots[i]]
+            x[i] = values[starts[i]]
             for c in range(width):
-                dx[i, c] = slopes[start_slots[i], c]
+                dx[i, c] = slopes[starts[i], c]
     # The past of what has a dead time: as it began, then one mean per step, in its middle, where
     # the mean of what is held from sample to sample lies.
-    late = np.flatnonzero(after_slots >= 0)
+    late = np.flatnonzero(afters >= 0)
     lates = late.shape[0]
     nodes = np.zeros(n + 1 if lates else 1)
     past = np.zeros((nodes.shape[0], lates))
@@ -342,15 +440,12 @@ def integrate(
             past_slopes[0, j, c] = dx[late[j], c]
     for s in range(n):
         # What is shown at this sample, states within their limits.
-        for j in range(input_slots.shape[0]):
-            values[input_slots[j]] = inputs[s, j]
+        for j in range(given.shape[0]):
+            values[given[j]] = inputs[s, j]
         if clock >= 0:
             values[clock] = time[s]
         for _ in range(2):
-            for i in range(count):
-                values[state_slots[i]] = x[i]
-                for c in range(width):
-                    slopes[state_slots[i], c] = dx[i, c]
+            _place(values, slopes, slots, x, dx)
             evaluate(first, codes, left, right, begin, values, slopes, width)
             moved = False
             if lates and s < n - 1:
@@ -358,40 +453,27 @@ def integrate(
                 nodes[s + 1] = 0.5 * (time[s] + time[s + 1])
                 past[s + 1] = 0.0
                 past_slopes[s + 1] = 0.0
-                _aim(
-                    values, slopes, late, state_slots, rate_slots, after_slots, 1.0, past,
-                    past_slopes, s + 1,
-                )  # fmt: skip
+                _aim(values, slopes, late, slots, rates, afters, 1.0, past, past_slopes, s + 1)
             if lates and s > 0:
+                known = min(s + 2, n)
                 _follow(
-                    values, slopes, late, state_slots, after_slots, time[s], nodes,
-                    min(s + 2, n), past, past_slopes,
-                )  # fmt: skip
+                    values, slopes, late, slots, afters, time[s], nodes, known, past, past_slopes
+                )
                 for j in range(lates):
-                    slot = state_slots[late[j]]
+                    slot = slots[late[j]]
                     moved = moved or abs(values[slot] - x[late[j]]) > 0.0
                     x[late[j]] = values[slot]
                     for c in range(width):
                         dx[late[j], c] = slopes[slot, c]
-            for i in range(count):
-                for side in range(2):
-                    slot = low_slots[i] if side == 0 else high_slots[i]
-                    if slot < 0:
-                        continue
-                    limit = values[slot]
-                    if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
-                        x[i] = limit
-                        moved = True
-                        for c in range(width):
-                            dx[i, c] = slopes[slot, c]
+            moved = _confine(values, slopes, lows, highs, values.shape[0], x, dx) or moved
             if not moved:
                 break
         for i in range(count):
             states[s, i] = x[i]
-        for j in range(output_slots.shape[0]):
-            outputs[s, j] = values[output_slots[j]]
+        for j in range(shown.shape[0]):
+            outputs[s, j] = values[shown[j]]
             for c in range(width):
-                output_slopes[s, j, c] = slopes[output_slots[j], c]
+                output_slopes[s, j, c] = slopes[shown[j], c]
         if s == n - 1:
             break
         length = time[s + 1] - time[s]
@@ -404,49 +486,48 @@ def integrate(
             mean[:] = 0.0
             mean_slopes[:] = 0.0
             step = length / pieces
+            method = 1 if stiff else 0
+            stages = STAGES[method]
             rate, error, bent, growing = 0.0, 0.0, 0.0, False
             for p in range(pieces):
-                if stiff:
-                    for stage in range(2):
+                for stage in range(stages):
+                    before = stage - 1 if stage > 0 and not stiff else 0
+                    scale = NODES[method, stage] * step
+                    for i in range(count):
+                        values[slots[i]] = x[i] + scale * k[before, i]
+                        for c in range(width):
+                            slopes[slots[i], c] = dx[i, c] + scale * dk[before, i, c]
+                    at = (p + NODES[method, stage]) / pieces
+                    now = time[s] + at * length
+                    _give(values, given, held, inputs, s, at)
+                    if clock >= 0:
+                        values[clock] = now
+                    if lates:
+                        _follow(
+                            values,
+                            slopes,
+                            late,
+                            slots,
+                            afters,
+                            now,
+                            nodes,
+                            s + 2,
+                            past,
+                            past_slopes,
+                        )
+                    if stiff and stage == 0:
+                        evaluate(first, codes, left, right, begin, values, jacobian, count)
+                        rate = max(rate, _linearised(jacobian, rates, afters, step, matrix))
+                    evaluate(first, codes, left, right, begin, values, slopes, width)
+                    ends = (p == 0 and stage == 0) or (p == pieces - 1 and stage == stages - 1)
+                    if lates and ends:
+                        _aim(values, slopes, late, slots, rates, afters, 0.5, mean, mean_slopes, 0)
+                    if stiff:
                         for i in range(count):
-                            values[state_slots[i]] = x[i] + stage * step * k[0, i]
+                            right_side[i, 0] = values[rates[i]] - 2.0 * stage * k[0, i]
                             for c in range(width):
-                                moved_slope = dx[i, c] + stage * step * dk[0, i, c]
-                                slopes[state_slots[i], c] = moved_slope
-                        at = (p + stage) / pieces
-                        _give(values, input_slots, held, inputs, s, at)
-                        if clock >= 0:
-                            values[clock] = time[s] + at * length
-                        if lates:
-                            _follow(
-                                values, slopes, late, state_slots, after_slots,
-                                time[s] + at * length, nodes, s + 2, past, past_slopes,
-                            )  # fmt: skip
-                        if stage == 0:
-                            evaluate(first, codes, left, right, begin, values, jacobian, count)
-                            for i in range(count):
-                                for c in range(count):
-                                    matrix[i, c] = -GAMMA * step * jacobian[rate_slots[i], c]
-                                matrix[i, i] += 1.0
-                                if after_slots[i] >= 0:
-                                    matrix[i, :] = 0.0
-                                    matrix[i, i] = 1.0
-                                    continue
-                                total = 0.0
-                                for c in range(count):
-                                    total += abs(jacobian[rate_slots[i], c])
-                                rate = max(rate, total)
-                        evaluate(first, codes, left, right, begin, values, slopes, width)
-                        if lates and ((p == 0 and stage == 0) or (p == pieces - 1 and stage == 1)):
-                            _aim(
-                                values, slopes, late, state_slots, rate_slots, after_slots, 0.5,
-                                mean, mean_slopes, 0,
-                            )  # fmt: skip
-                        for i in range(count):
-                            right_side[i, 0] = values[rate_slots[i]] - 2.0 * stage * k[0, i]
-                            for c in range(width):
-                                moved_slope = slopes[rate_slots[i], c] - 2.0 * stage * dk[0, i, c]
-                                right_side[i, 1 + c] = moved_slope
+                                slope = slopes[rates[i], c] - 2.0 * stage * dk[0, i, c]
+                                right_side[i, 1 + c] = slope
                         for j in range(lates):
                             right_side[late[j], :] = 0.0
                         work[:, :] = matrix
@@ -455,6 +536,15 @@ def integrate(
                             k[stage, i] = right_side[i, 0]
                             for c in range(width):
                                 dk[stage, i, c] = right_side[i, 1 + c]
+                        continue
+                    for i in range(count):
+                        k[stage, i] = values[rates[i]]
+                        for c in range(width):
+                            dk[stage, i, c] = slopes[rates[i], c]
+                    for j in range(lates):
+                        k[stage, late[j]] = 0.0
+                        dk[stage, late[j], :] = 0.0
+                if stiff:
                     for i in range(count):
                         apart = abs(0.5 * step * (k[0, i] + k[1, i]))
                         error = max(error, apart / peak[i] if peak[i] > 0.0 else 0.0)
@@ -462,99 +552,39 @@ def integrate(
                         for c in range(width):
                             dx[i, c] += step * (1.5 * dk[0, i, c] + 0.5 * dk[1, i, c])
                 else:
-                    for stage in range(4):
-                        before = stage - 1 if stage > 0 else 0
-                        scale = half[stage] * step if stage > 0 else 0.0
-                        for i in range(count):
-                            values[state_slots[i]] = x[i] + scale * k[before, i]
-                            for c in range(width):
-                                slopes[state_slots[i], c] = dx[i, c] + scale * dk[before, i, c]
-                        at = (p + half[stage]) / pieces
-                        _give(values, input_slots, held, inputs, s, at)
-                        if clock >= 0:
-                            values[clock] = time[s] + at * length
-                        if lates:
-                            _follow(
-                                values, slopes, late, state_slots, after_slots,
-                                time[s] + at * length, nodes, s + 2, past, past_slopes,
-                            )  # fmt: skip
-                        evaluate(first, codes, left, right, begin, values, slopes, width)
-                        if lates and ((p == 0 and stage == 0) or (p == pieces - 1 and stage == 3)):
-                            _aim(
-                                values, slopes, late, state_slots, rate_slots, after_slots, 0.5,
-                                mean, mean_slopes, 0,
-                            )  # fmt: skip
-                        for i in range(count):
-                            k[stage, i] = values[rate_slots[i]]
-                            for c in range(width):
-                                dk[stage, i, c] = slopes[rate_slots[i], c]
-                        for j in range(lates):
-                            k[stage, late[j]] = 0.0
-                            dk[stage, late[j], :] = 0.0
-                    # The rate of the fastest mode, from two slopes at the same time.
-                    above, below, turn = 0.0, 0.0, 0.0
-                    for i in range(count):
-                        share = peak[i] if peak[i] > 0.0 else abs(step * k[0, i])
-                        if share > 0.0:
-                            above += ((k[2, i] - k[1, i]) / share) ** 2
-                            below += (0.5 * step * (k[1, i] - k[0, i]) / share) ** 2
-                            turn += (k[2, i] - k[1, i]) * (k[1, i] - k[0, i]) / share**2
-                    # Where nothing moves, rounding would look like a fast mode.
-                    if below > 1e-18:
-                        rate = max(rate, math.sqrt(above / below))
-                        growing = growing or (turn > 0.0 and rate * step > LIVELY)
+                    fastest, there, turn, bend = _seen_by_stages(k, peak, step)
+                    rate, bent = max(rate, fastest), max(bent, bend)
+                    growing = growing or (turn > 0.0 and rate * step > LIVELY)
                     # A mode with z = rate * step bends by z**2/4 of it in half a step; the error is
                     # z**5/120 of it.
-                    error = max(error, (rate * step) ** 3 / 30.0 * math.sqrt(below))
+                    error = max(error, (rate * step) ** 3 / 30.0 * there)
                     for i in range(count):
-                        # Where a rim begins within a step, the last stage may be the first to see
-                        # it; a smooth mode bends there as much as between the two in the middle.
-                        bend = abs(k[0, i] - k[1, i] - k[2, i] + k[3, i])
-                        bend = step / 3.0 * (bend - SMOOTH * abs(k[2, i] - k[1, i]))
-                        bent = max(bent, bend / peak[i] if peak[i] > 0.0 else 0.0)
                         for stage in range(4):
-                            x[i] += step * weight[stage] * k[stage, i]
+                            x[i] += step * WEIGHTS[stage] * k[stage, i]
                             for c in range(width):
-                                dx[i, c] += step * weight[stage] * dk[stage, i, c]
+                                dx[i, c] += step * WEIGHTS[stage] * dk[stage, i, c]
                 taken += 1
-                for i in range(count):
-                    # Fixed limits hold within a step too; moving ones are seen at the next sample.
-                    for side in range(2):
-                        slot = low_slots[i] if side == 0 else high_slots[i]
-                        if slot < 0 or slot >= first + begin:
-                            continue
-                        limit = values[slot]
-                        if (side == 0 and x[i] < limit) or (side == 1 and x[i] > limit):
-                            x[i] = limit
-                            for c in range(width):
-                                dx[i, c] = slopes[slot, c]
-            lively = rate * step > LIVELY
-            # What grows by itself must not be damped: it is followed until it runs away.
-            most = GROWN if growing else PIECES
-            switch = (lively or bent > ROUGH) and not growing and pieces >= PIECES
-            more = (lively and pieces < most) or (
-                (error > EXACT or bent > ROUGH) and pieces < PIECES
+                # Fixed limits hold within a step too; moving ones are seen at the next sample.
+                _confine(values, slopes, lows, highs, first + begin, x, dx)
+            again, stiff, pieces = _next_pieces(
+                stiff, pieces, rate * step > LIVELY, error, bent, growing
             )
-            finer = stiff and error > ROUGH and pieces < FINEST
-            if finer or (not stiff and (switch or more)):
-                stiff = stiff or switch
-                pieces = 2 * pieces if finer else min(PIECES if switch else 2 * pieces, most)
-                for i in range(count):
-                    x[i] = old[i]
-                    for c in range(width):
-                        dx[i, c] = d_old[i, c]
-                continue
-            if stiff:
-                if error < ROUGH / 8.0 and pieces > PIECES:
-                    pieces //= 2
-                stiff = rate * length > 0.5 * LIVELY * PIECES
-                pieces = pieces if stiff else PIECES
-            elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
+            if not again:
+                break
+            for i in range(count):
+                x[i] = old[i]
+                for c in range(width):
+                    dx[i, c] = d_old[i, c]
+        if stiff:
+            if error < ROUGH / 8.0 and pieces > PIECES:
                 pieces //= 2
-            if lates:
-                past[s + 1] = mean[0]
-                past_slopes[s + 1] = mean_slopes[0]
-            break
+            stiff = rate * length > 0.5 * LIVELY * PIECES
+            pieces = pieces if stiff else PIECES
+        elif rate * step < 0.4 * LIVELY and error < EXACT / 50.0 and pieces > 1:
+            pieces //= 2
+        if lates:
+            past[s + 1] = mean[0]
+            past_slopes[s + 1] = mean_slopes[0]
         for i in range(count):
             if not abs(x[i]) < HUGE:
                 return -1
