@@ -10,7 +10,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.findings import Finding, Period, findings_of
+from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import see_stretches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import settle
@@ -46,7 +46,7 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     letters = {f.condition.status for f in health.findings} | {found.status}
     return replace(
         found,
-        status=next((letter for letter in "FCSM" if letter in letters), "ok"),
+        status=_worst(letters),
         sensors=health.findings,
         calendar=recording.calendar,
     )
@@ -54,71 +54,47 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
 
 def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
     """The diagnosis of a recording without the readings that are none."""
-    if ruleset.dynamics is not None:
-        return _of_stores(recording, ruleset, mode)
-    stretches, noise = settle(recording, ruleset)
-    notes = list(recording.notes)
-    notes += [f"{name} is not in the recording" for name in recording.missing]
-    if not len(stretches):
-        period = Period(
-            float(recording.time[0]), float(recording.time[-1]), _restless(len(recording))
-        )
-        return Diagnosis(
-            ruleset=ruleset,
-            mode=mode,
-            samples=len(recording),
-            judged=0,
-            status="C",
-            findings=(),
-            unknown=(),
-            not_judged=(period,),
-            notes=tuple(notes),
-        )
-    findings: list[Finding] = []
-    unknown: list[Period] = []
-    not_judged: list[Period] = []
-    judged = np.zeros(len(stretches), dtype=bool)
-    for seen in see_stretches(recording, ruleset, stretches, noise, mode):
-        found = findings_of(recording.time, ruleset, stretches, seen)
-        findings += found.findings
-        unknown += found.unknown
-        not_judged += found.not_judged
-        judged |= seen.isolation.judged
-    samples = int(stretches.lengths[judged].sum())
+    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
+    if ruleset.dynamics is None:
+        samples, found = _of_settled(recording, ruleset, mode)
+    else:
+        # The integrator takes a second to load, and plants that store nothing do without it.
+        from rulec_runtime.diagnosis.stores.diagnose import judge_stores
+
+        if mode != "default":
+            notes.append(f"mode {mode} knows no balances of what is stored: judged as by default")
+        said = judge_stores(recording, ruleset)
+        samples, found = int(said.covered.sum()), said.found
+        notes += said.notes
     return Diagnosis(
         ruleset=ruleset,
         mode=mode,
         samples=len(recording),
         judged=samples,
-        status=_status(findings, unknown, samples),
-        findings=tuple(sorted(findings, key=lambda f: f.since)),
-        unknown=tuple(sorted(unknown, key=lambda p: p.since)),
-        not_judged=tuple(sorted(not_judged, key=lambda p: p.since)),
+        status=_status(found, samples),
+        findings=tuple(sorted(found.findings, key=lambda f: f.since)),
+        unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
+        not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
         notes=tuple(notes),
     )
 
 
-def _of_stores(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
-    """The diagnosis of a plant that stores: there is one mode only."""
-    # The integrator takes a second to load, and plants that store nothing do without it.
-    from rulec_runtime.diagnosis.stores.diagnose import judge_stores
-
-    said = judge_stores(recording, ruleset)
-    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
-    if mode != "default":
-        notes.append(f"mode {mode} knows no balances of what is stored: judged as by default")
-    samples = int(said.covered.sum())
-    return Diagnosis(
-        ruleset=ruleset,
-        mode=mode,
-        samples=len(recording),
-        judged=samples,
-        status=_status(list(said.findings), list(said.unknown), samples),
-        findings=tuple(sorted(said.findings, key=lambda f: f.since)),
-        unknown=said.unknown,
-        not_judged=said.not_judged,
-        notes=(*notes, *said.notes),
-    )
+def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
+    """Number of judged samples, and what the settled stretches say."""
+    stretches, noise = settle(recording, ruleset)
+    found = Found([], [], [])
+    if not len(stretches):
+        since, until = float(recording.time[0]), float(recording.time[-1])
+        found.not_judged.append(Period(since, until, _restless(len(recording))))
+        return 0, found
+    judged = np.zeros(len(stretches), dtype=bool)
+    for seen in see_stretches(recording, ruleset, stretches, noise, mode):
+        own = findings_of(recording.time, ruleset, stretches, seen)
+        found.findings.extend(own.findings)
+        found.unknown.extend(own.unknown)
+        found.not_judged.extend(own.not_judged)
+        judged |= seen.isolation.judged
+    return int(stretches.lengths[judged].sum()), found
 
 
 def _restless(samples: int) -> str:
@@ -130,9 +106,11 @@ def _restless(samples: int) -> str:
     return f"no settled stretch was found: no {needed} samples in a row without a jump"
 
 
-def _status(findings: list[Finding], unknown: list[Period], judged: int) -> str:
+def _status(found: Found, judged: int) -> str:
     """NE 107 letter of the whole: F over C over S over M."""
-    letters = {f.fault.status for f in findings} | ({"S"} if unknown else set())
-    if not judged:
-        letters.add("C")
+    letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
+    return _worst(letters if judged else letters | {"C"})
+
+
+def _worst(letters: set[str]) -> str:
     return next((letter for letter in "FCSM" if letter in letters), "ok")

@@ -30,7 +30,7 @@ def document(title: str, name: str, what: str, body: str) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"/>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        f"<title>{safe(name)}: {what}</title><style>{STYLE}</style></head>\n<body>"
+        f"<title>{safe(name)}: {what}</title><style>\n{STYLE}</style></head>\n<body>"
         f'<svg class="symbols" aria-hidden="true">{shapes}</svg>'
         f'<header><h1>{safe(title)}</h1><span class="soft">{safe(name)}</span></header>\n'
         f"<main>{body}</main></body></html>\n"

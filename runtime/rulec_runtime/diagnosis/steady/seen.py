@@ -71,41 +71,26 @@ def see_block(
     wander = np.zeros_like(plain.noise)
     if mode == PAPER:
         # The paper knows no baseline.
-        paper = _by_paper(ruleset, plain, isolate(ruleset, plain))
-        return Seen(
-            block=block,
-            plain=plain,
-            observed=plain,
-            baselines=_nothing(plain),
-            isolation=paper,
-            combined=False,
-            wander=wander,
-        )
-    if halves is not None:
-        wander = wander_of(ruleset, plain, halves)
-        plain = wandering(plain, wander)
-    baselines = learn(ruleset, plain)
-    compared = against(ruleset, plain, baselines)
-    isolation = isolate(ruleset, compared)
-    lasting = throughout(ruleset, plain, isolation)
-    if lasting is None:
-        return Seen(
-            block=block,
-            plain=plain,
-            observed=compared,
-            baselines=baselines,
-            isolation=isolation,
-            combined=True,
-            wander=wander,
-        )
-    # What was learned from these stretches is the fault.
+        compared, baselines = plain, _nothing(plain)
+        isolation = _by_paper(ruleset, plain, isolate(ruleset, plain))
+    else:
+        if halves is not None:
+            wander = wander_of(ruleset, plain, halves)
+            plain = wandering(plain, wander)
+        baselines = learn(ruleset, plain)
+        compared = against(ruleset, plain, baselines)
+        isolation = isolate(ruleset, compared)
+        lasting = throughout(ruleset, plain, isolation)
+        if lasting is not None:
+            # What was learned from these stretches is the fault.
+            compared, baselines, isolation = plain, _nothing(plain), lasting
     return Seen(
         block=block,
         plain=plain,
-        observed=plain,
-        baselines=_nothing(plain),
-        isolation=lasting,
-        combined=True,
+        observed=compared,
+        baselines=baselines,
+        isolation=isolation,
+        combined=mode != PAPER,
         wander=wander,
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores.edges import edge_of
 from rulec_runtime.diagnosis.stores.evidence import evidence_of
 from rulec_runtime.diagnosis.stores.judge import Judged
@@ -32,9 +32,7 @@ class StoresJudged:
     windows: Windows
     weighed: Weighed
     spells: tuple[Spell, ...]
-    findings: tuple[Finding, ...]
-    unknown: tuple[Period, ...]
-    not_judged: tuple[Period, ...]
+    found: Found
     notes: tuple[str, ...]
     covered: np.ndarray
 
@@ -44,24 +42,22 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     windows = windows_of(recording, ruleset)
     found = weighed(ruleset, windows)
     spells = spells_of(found.judged, {f.id: i for i, f in enumerate(ruleset.faults)})
-    findings, unknown = [], []
-    not_judged = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
+    blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
+    said = Found([], [], blind)
     for place, spell in enumerate(spells):
         since, until = _times(found.judged, spell)
         if spell.brief:
             if not _beside_another(spells, place):
-                not_judged.append(Period(since, until, _brief(spell)))
+                said.not_judged.append(Period(since, until, _brief(spell)))
         elif spell.cause is None:
-            unknown.append(Period(since, until, _unknown(ruleset, found, spell)))
+            said.unknown.append(Period(since, until, _unknown(ruleset, found, spell)))
         else:
-            findings.append(_finding(ruleset, windows, found, spell, spell.cause))
+            said.findings.append(_finding(ruleset, windows, found, spell, spell.cause))
     return StoresJudged(
         windows=windows,
         weighed=found,
         spells=tuple(spells),
-        findings=tuple(findings),
-        unknown=tuple(unknown),
-        not_judged=tuple(sorted(not_judged, key=lambda p: p.since)),
+        found=said,
         notes=tuple(_notes(ruleset, windows, found)),
         covered=_covered(recording, found.judged),
     )

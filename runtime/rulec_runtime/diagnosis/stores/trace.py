@@ -31,9 +31,9 @@ def trace_stores(recording: Recording, ruleset: Ruleset, said: StoresJudged) -> 
                 if test.fits:
                     degree[row[name], sample] = test.degree
                     half[row[name], sample] = limits.COVERAGE * test.u
-    for period in said.unknown:
+    for period in said.found.unknown:
         _say(words, recording, period.since, period.until, "unknown")
-    for finding in said.findings:
+    for finding in said.found.findings:
         _say(words, recording, finding.since, finding.until, finding.fault.id)
     lower = np.maximum(degree - half, 0.0)
     return Trace(recording.time, tuple(words), degree, lower, degree + half)
