@@ -51,7 +51,15 @@ def parameter(
     unit: str = "1",
 ) -> EffectParameter:
     return EffectParameter(
-        "", "", Unit(unit, 1.0, UNKNOWN), null, lowest, highest, starts, (), of, fixed
+        name="",
+        title="",
+        unit=Unit(unit, 1.0, UNKNOWN),
+        null=null,
+        lowest=lowest,
+        highest=highest,
+        starts=starts,
+        driver=of,
+        fixed=fixed,
     )
 
 
@@ -70,7 +78,6 @@ def effect(
         joins=joins,
         drivers={n: replace(d, name=n) for n, d in (drivers or {}).items()},
         parameters={n: replace(p, name=n, title=n) for n, p in (parameters or {}).items()},
-        regime="",
         text=text,
         action="",
         origin=Origin("tests/effects.py", 1, "own"),

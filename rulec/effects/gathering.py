@@ -8,8 +8,8 @@ from dataclasses import replace
 from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.plant import Module
 from rulec.language.expression import GATHER
-from rulec.language.rewrite import name_node, over
-from rulec.passes.amend import Amended, fresh, state_over
+from rulec.language.rewrite import name_node
+from rulec.passes.amend import Amended, fresh, type_over
 from rulec.passes.downstream import Downstream, Undefined
 from rulec.passes.link import Network
 
@@ -66,19 +66,6 @@ class Gathering:
         for local, source in amended.outside.items():
             argument = name_node(self.name(module, source))
             table[local] = ast.Call(name_node(GATHER), [argument], [])
-        kind = self._with_provides(amended.type)
-        definitions = {
-            n: replace(d, expression=over(d.expression, table)) for n, d in kind.definitions.items()
-        }
-        observers = {
-            n: replace(o, expression=over(o.expression, table)) for n, o in kind.observers.items()
-        }
-        states = {n: state_over(s, table) for n, s in kind.states.items()}
-        readings = {
-            n: replace(r, expression=over(r.expression, table)) for n, r in kind.readings.items()
-        }
-        kind = replace(
-            kind, definitions=definitions, observers=observers, states=states, readings=readings
-        )
+        kind = type_over(self._with_provides(amended.type), table)
         gathers = {name for e in kind.equations() for name, _ in e.gathered()}
         return replace(amended, type=replace(kind, gathers=tuple(sorted(gathers))), outside={})

@@ -222,8 +222,8 @@ class _Matcher:
         unit = unit_of(self._plant, self._module, site)
         if site.kind == "balance":
             unit = self._plant.knowledge.units.plain(unit.dimension / SECOND)
-        equations = state.rate, state.start, state.low, state.high
-        return State(name, "", unit, f"delayed {site.name}", *equations, origin, state.after)
+        title = f"delayed {site.name}"
+        return State(name=name, quantity="", unit=unit, title=title, origin=origin, **vars(state))
 
     def _place(self, site: Site) -> str:
         """Name of a place; with its kind where a definition has the name of an observer."""

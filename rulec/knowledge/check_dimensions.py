@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import sympy
 
-from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Observer
+from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
-from rulec.language.dimension import dimension
 from rulec.language.document import Document
-from rulec.language.expression import Expression, Rejected, constant
-from rulec.language.part_readers import read_unit, within
+from rulec.language.expression import constant
+from rulec.language.reader import Reader
 from rulec.language.symbolic import to_sympy
 from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
 
@@ -26,126 +26,79 @@ def provided_names(
         for name, signal in document.data.get("provides", {}).items():
             if signal not in document.data.get("signals", {}):
                 continue
-            place = document.key("provides", name)
-            own = read_unit(document, ("signals", signal, "unit"), units, []).dimension
+            own = Reader(document, units, []).unit("signals", signal, "unit").dimension
             if not own.fits(result.get(name, own)):
                 message = f"'{name}' is {own} here, but {result[name]} in another module"
                 hint = "what is summed must be of one kind"
-                found.append(Diagnostic(place, "KB058", message, hint, first[name]))
+                path = ("provides", name)
+                Reader(document, units, found).report_key(path, "KB058", message, hint, first[name])
             result.setdefault(name, own)
-            first.setdefault(name, place)
+            first.setdefault(name, document.key("provides", name))
     return result
 
 
-def check_dimensions(
-    document: Document,
-    module: ModuleType,
-    provided: Mapping[str, Dimension],
-    found: list[Diagnostic],
-) -> None:
-    """Check the dimensions of every equation as written."""
-    if any(d.place.file == document.path for d in found):
-        return
-    known = {n: s.unit.dimension for n, s in module.signals.items()}
-    known |= {n: p.unit.dimension for n, p in module.parameters.items()}
-    known |= {n: s.unit.dimension for n, s in module.states.items()} | dict.fromkeys(
-        ENDS, VOLUME_FLOW
-    )
-    gathered = {name: provided.get(name, UNKNOWN) for name in module.gathers}
-    for definition in module.definitions.values():
-        path = ("definitions", definition.name, "is")
-        _check_gathered(document, path, definition.expression, provided, found)
-        known[definition.name] = _dimension(
-            document, path, definition.expression, known, gathered, found
-        )
-        if definition.name in ENDS and not known[definition.name].fits(VOLUME_FLOW):
-            message = f"'{definition.name}' is a volume flow, but this is {known[definition.name]}"
-            found.append(Diagnostic(document.place(*path), "KB057", message, "check each factor"))
-    for observer in module.observers.values():
-        path = ("observers", observer.name, "Q")
-        _check_gathered(document, path, observer.expression, provided, found)
-        result = _dimension(document, path, observer.expression, known, gathered, found)
-        if not result.fits(VOLUME_FLOW):
-            message = f"an observer gives a volume flow ({VOLUME_FLOW}), but this is {result}"
-            found.append(Diagnostic(document.place(*path), "KB057", message, "check each factor"))
-    for state in module.states.values():
-        for key, expression in state.equations():
-            path = ("states", state.name, key)
-            wanted = {"der": state.unit.dimension / SECOND, "after": SECOND}.get(
-                key, state.unit.dimension
-            )
-            _check_gathered(document, path, expression, provided, found)
-            _check_given(document, path, expression, wanted, known, gathered, found)
-    for reading in module.readings.values():
-        path, wanted = ("readings", reading.name, "is"), known[reading.name]
-        _check_gathered(document, path, reading.expression, provided, found)
-        _check_given(document, path, reading.expression, wanted, known, gathered, found)
+@dataclass
+class EquationReader(Reader):
+    """Checks the equations of a module type; `provided` gives dimensions of sums downstream."""
 
+    module: ModuleType
+    provided: Mapping[str, Dimension]
 
-def _check_given(
-    document: Document,
-    path: tuple[str | int, ...],
-    expression: Expression,
-    wanted: Dimension,
-    known: Mapping[str, Dimension],
-    gathered: Mapping[str, Dimension],
-    found: list[Diagnostic],
-) -> None:
-    """The equation of a state or a reading gives what it is to give; a bare number always does."""
-    result = _dimension(document, path, expression, known, gathered, found)
-    if not result.fits(wanted) and constant(expression, {}) is None:
-        message = f"this is {result}, but should be {wanted}"
-        found.append(Diagnostic(document.place(*path), "KB112", message, "check each factor"))
+    def check(self) -> None:
+        """Check dimensions, then comparisons, of a module type without mistakes so far."""
+        if not self.is_refused:
+            self._check_dimensions()
+        if not self.is_refused:
+            self._check_comparisons()
 
+    def _check_dimensions(self) -> None:
+        module = self.module
+        known = {n: s.unit.dimension for n, s in module.signals.items()}
+        known |= {n: p.unit.dimension for n, p in module.parameters.items()}
+        known |= {n: s.unit.dimension for n, s in module.states.items()}
+        known |= dict.fromkeys(ENDS, VOLUME_FLOW)
+        gathered = {name: self.provided.get(name, UNKNOWN) for name in module.gathers}
+        for path, expression in module.equations_at():
+            group, name, key = path[0], str(path[1]), str(path[2])
+            for asked, column in expression.gathered():
+                if asked not in self.provided:
+                    message = f"no module type provides '{asked}'"
+                    hint = did_you_mean(asked, self.provided)
+                    self.report_word(path, column, asked, "KB056", message, hint)
+            own = self.dimension(path, expression, known, gathered)
+            wanted, code = VOLUME_FLOW, "KB057"
+            if group == "definitions":
+                known[name] = own
+                wanted = VOLUME_FLOW if name in ENDS else UNKNOWN
+                told = f"'{name}' is a volume flow, but this is {{own}}"
+            elif group == "observers":
+                told = "an observer gives a volume flow ({wanted}), but this is {own}"
+            else:
+                per = {"der": known[name] / SECOND, "after": SECOND}
+                # A bare number fits everything.
+                is_bare = constant(expression, {}) is not None
+                wanted = UNKNOWN if is_bare else per.get(key, known[name])
+                code, told = "KB112", "this is {own}, but should be {wanted}"
+            if not own.fits(wanted):
+                message = told.format(own=own, wanted=wanted)
+                self.report(path, code, message, "check each factor")
 
-def check_comparisons(document: Document, module: ModuleType, found: list[Diagnostic]) -> None:
-    """Refuse min and max of something that is no real number, as sympy would not compare it."""
-    parts: list[tuple[tuple[str, str, str], Definition | Observer]] = []
-    parts += [(("definitions", d.name, "is"), d) for d in module.definitions.values()]
-    parts += [(("observers", o.name, "Q"), o) for o in module.observers.values()]
-    compares = any(word in part.expression.text for _, part in parts for word in ("min", "max"))
-    if not compares or any(d.place.file == document.path for d in found):
-        return
-    names = (*module.signals, *module.parameters, *module.states, *ENDS)
-    table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
-    gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
-    asked = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}
-    for path, part in parts:
-        try:
-            table[part.name] = to_sympy(part.expression, table, gathered, asked)
-        except ValueError:
-            message = "min() or max() gets something that is no real number"
-            hint = "is there a root of something below 0, or a division by 0?"
-            found.append(Diagnostic(document.place(*path), "KB041", message, hint))
+    def _check_comparisons(self) -> None:
+        """Refuse min and max of something that is no real number: sympy would not compare it."""
+        module = self.module
+        if not any(word in e.text for e in module.equations() for word in ("min", "max")):
             return
-
-
-def _check_gathered(
-    document: Document,
-    path: tuple[str | int, ...],
-    expression: Expression,
-    provided: Mapping[str, Dimension],
-    found: list[Diagnostic],
-) -> None:
-    for name, column in expression.gathered():
-        if name not in provided:
-            place = within(document.place(*path), column, len(name), expression.text)
-            message = f"no module type provides '{name}'"
-            found.append(Diagnostic(place, "KB056", message, did_you_mean(name, provided)))
-
-
-def _dimension(
-    document: Document,
-    path: tuple[str | int, ...],
-    expression: Expression,
-    known: Mapping[str, Dimension],
-    gathered: Mapping[str, Dimension],
-    found: list[Diagnostic],
-) -> Dimension:
-    """Dimension of an equation; a misfit is reported, and what it gives then fits everything."""
-    try:
-        return dimension(expression, known, gathered)
-    except Rejected as error:
-        place = within(document.place(*path), error.column, error.length, expression.text)
-        found.append(Diagnostic(place, error.code, error.message, error.hint))
-        return UNKNOWN
+        names = (*module.signals, *module.parameters, *module.states, *ENDS)
+        table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}
+        gathered = {n: sympy.Symbol(f"downstream.{n}", real=True) for n in module.gathers}
+        asked = {n: lambda _, n=n: sympy.Symbol(n, positive=True) for n in PROPERTIES}
+        for path, expression in module.equations_at():
+            if path[0] not in ("definitions", "observers"):
+                continue
+            try:
+                table[str(path[1])] = to_sympy(expression, table, gathered, asked)
+            except ValueError:
+                message = "min() or max() gets something that is no real number"
+                hint = "is there a root of something below 0, or a division by 0?"
+                self.report(path, "KB041", message, hint)
+                return

@@ -7,31 +7,27 @@ import sympy
 from rulec.knowledge.check_length import check_law
 from rulec.knowledge.degree_unit import UNIT
 from rulec.knowledge.knowledge import FaultType, Variant
-from rulec.language.diagnostics import Diagnostic
-from rulec.language.document import Document
+from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
-from rulec.language.part_readers import origin_of, read_expression, within
+from rulec.language.reader import Reader
 from rulec.language.symbolic import to_sympy
 
 
-def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:
-    data = document.data
+def check_fault(reader: Reader) -> FaultType:
+    """Read a fault type; mistakes go to the reader."""
+    data = reader.document.data
     parts = data.get("variants") or {"": data}
     variants = []
     for name, part in parts.items():
-        path: tuple[str | int, ...] = ("variants", name) if name else ()
-        law = _law(document, (*path, "law"), found)
+        path: Path_ = ("variants", name) if name else ()
         lowest, highest = part["degree"]["range"]
-        if not lowest < highest:
-            spot = document.place(*path, "degree", "range")
-            found.append(Diagnostic(spot, "KB055", "the range is empty", "lower end first"))
-        title = part["title"]
+        reader.check_range(lowest, highest, *path, "degree", "range")
         variants.append(
             Variant(
                 name=name,
-                title=title,
-                law=law,
+                title=part["title"],
+                law=_law(reader, (*path, "law")),
                 lowest=lowest,
                 highest=highest,
                 meaning=part["degree"]["meaning"],
@@ -46,29 +42,26 @@ def check_fault(document: Document, found: list[Diagnostic]) -> FaultType:
         status=data["status"],
         text=data["text"],
         action=data["action"],
-        origin=origin_of(document, "fault", source=data["source"]),
+        origin=reader.origin("fault", source=data["source"]),
     )
 
 
-def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic]) -> Expression:
+def _law(reader: Reader, path: Path_) -> Expression:
     """Read the law of a fault: only g and x, g when x is 0, solvable for both."""
-    before = len(found)
-    expression = read_expression(document, path, found)
-    place = document.place(*path)
+    before = len(reader.found)
+    expression = reader.expression(*path)
+    known = {"g", "x", UNIT} if reader.document.data["acts_on"] == "signal" else {"g", "x"}
     for name, column in (*expression.names(), *expression.gathered(), *expression.properties()):
-        if name == UNIT and document.data["acts_on"] == "signal":
-            continue
-        if name not in ("g", "x"):
-            spot = within(place, column, len(name), expression.text)
+        if name not in known:
             message = f"the law of a fault speaks of g and x only, not of '{name}'"
             hint = "g: what should be there, x: the degree; of a signal also unit: one of its units"
-            found.append(Diagnostic(spot, "KB061", message, hint))
-    if len(found) > before or not check_law(document, path, expression, found):
+            reader.report_word(path, column, name, "KB061", message, hint)
+    if len(reader.found) > before or not check_law(reader, path, expression):
         return expression
     missing = sorted({"g", "x"} - {name for name, _ in expression.names()})
     if missing:
         message = f"'{missing[0]}' does not occur in the law"
-        found.append(Diagnostic(place, "KB062", message, "as in (1 + x)*g"))
+        reader.report(path, "KB062", message, "as in (1 + x)*g")
         return expression
     g, x, value = sympy.symbols("g x value", real=True)
     try:
@@ -77,8 +70,8 @@ def _law(document: Document, path: tuple[str | int, ...], found: list[Diagnostic
         law = sympy.nan
     if invert(law, g, value) is None or invert(law, x, value) is None:
         message = "this law cannot be solved for g and x"
-        found.append(Diagnostic(place, "KB064", message, "let g and x occur once each"))
+        reader.report(path, "KB064", message, "let g and x occur once each")
     elif sympy.expand(law.subs(x, 0) - g) != 0:
         message = "at degree 0 this law does not give g back"
-        found.append(Diagnostic(place, "KB063", message, "a fault of degree 0 must change nothing"))
+        reader.report(path, "KB063", message, "a fault of degree 0 must change nothing")
     return expression

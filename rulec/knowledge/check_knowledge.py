@@ -5,17 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rulec.knowledge.check_dimensions import check_comparisons, check_dimensions, provided_names
-from rulec.knowledge.check_effect import check_effect
+from rulec.knowledge.check_dimensions import EquationReader, provided_names
+from rulec.knowledge.check_effect import EffectReader
 from rulec.knowledge.check_fault import check_fault
-from rulec.knowledge.check_fluid import check_fluid
-from rulec.knowledge.check_module import check_module
+from rulec.knowledge.check_fluid import FluidReader
+from rulec.knowledge.check_module import ModuleReader
 from rulec.knowledge.knowledge import Knowledge, SensorClass
 from rulec.knowledge.read import Sources
-from rulec.language.diagnostics import Diagnostic, Refused, did_you_mean
+from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
-from rulec.language.part_readers import origin_of, read_unit
-from rulec.language.units import NONE, UnitTable, unit_table
+from rulec.language.reader import Reader
+from rulec.language.units import NONE, unit_table
 
 
 def check_knowledge(sources: Sources) -> Knowledge:
@@ -26,18 +26,18 @@ def check_knowledge(sources: Sources) -> Knowledge:
         kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
         for kind in ("module", "fault", "effect", "sensor", "fluid")
     }
-    sensors = {d.data["sensor"]: _sensor(d, units, found) for d in table["sensor"]}
-    faults = {d.data["fault"]: check_fault(d, found) for d in table["fault"]}
-    effects = {d.data["effect"]: check_effect(d, units, found) for d in table["effect"]}
-    fluids = {d.data["fluid"]: check_fluid(d, units, found) for d in table["fluid"]}
+    sensors = {d.data["sensor"]: _sensor(Reader(d, units, found)) for d in table["sensor"]}
+    faults = {d.data["fault"]: check_fault(Reader(d, units, found)) for d in table["fault"]}
+    effects = {d.data["effect"]: EffectReader(d, units, found).read() for d in table["effect"]}
+    fluids = {d.data["fluid"]: FluidReader(d, units, found).read() for d in table["fluid"]}
     modules = {
-        d.data["module"]: check_module(d, units, sensors, faults, found) for d in table["module"]
+        d.data["module"]: ModuleReader(d, units, found, sensors, faults).read()
+        for d in table["module"]
     }
     elsewhere = provided_names(sources.by_kind.get("provider", ()), units, [])
     provided = {**elsewhere, **provided_names(table["module"], units, found)}
-    for document in table["module"]:
-        check_dimensions(document, modules[document.data["module"]], provided, found)
-        check_comparisons(document, modules[document.data["module"]], found)
+    for d in table["module"]:
+        EquationReader(d, units, found, modules[d.data["module"]], provided).check()
     if found:
         raise Refused(found)
     return Knowledge(
@@ -60,18 +60,16 @@ def _refuse_twins(
     return tuple(first.values())
 
 
-def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> SensorClass:
-    data, part = document.data, document.data["systematic"]
-    unit = read_unit(document, ("systematic", "unit"), units, found)
-    relative = part["of"] != "value"
-    if relative and not unit.dimension.fits(NONE):
+def _sensor(reader: Reader) -> SensorClass:
+    data = reader.document.data
+    part = data["systematic"]
+    unit = reader.unit("systematic", "unit")
+    if part["of"] != "value" and not unit.dimension.fits(NONE):
         message = f"a bound of the {part['of']} is a share, but '{unit.text}' is {unit.dimension}"
         hint = "write '%', or let it be 'of: value'"
-        found.append(Diagnostic(document.place("systematic", "unit"), "KB053", message, hint))
-    if data.get("measures", "") not in {"", *units.quantities}:
-        message = f"there is no quantity '{data['measures']}'"
-        hint = did_you_mean(data["measures"], units.quantities)
-        found.append(Diagnostic(document.place("measures"), "KB054", message, hint))
+        reader.report(("systematic", "unit"), "KB053", message, hint)
+    if data.get("measures"):
+        reader.quantity("measures")
     return SensorClass(
         name=data["sensor"],
         title=data["title"],
@@ -80,5 +78,5 @@ def _sensor(document: Document, units: UnitTable, found: list[Diagnostic]) -> Se
         unit=unit,
         cost=float(data.get("cost", 1.0)),
         measures=data.get("measures", ""),
-        origin=origin_of(document, "systematic", source=data["source"]),
+        origin=reader.origin("systematic", source=data["source"]),
     )

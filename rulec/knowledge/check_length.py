@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rulec.language.diagnostics import Diagnostic
-from rulec.language.document import Document
+from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.length import Length, length_of
-
-Path = tuple[str | int, ...]
+from rulec.language.reader import Reader
 
 MOST = 40_000
 """Work that the equations of one file may be. Origin: more than twice that of the longest shipped
@@ -24,33 +22,33 @@ LAW = 300
 
 
 def check_lengths(
-    document: Document,
-    definitions: Iterable[tuple[str, Path, Expression]],
-    equations: Iterable[tuple[Path, Expression]],
-    found: list[Diagnostic],
+    reader: Reader,
+    definitions: Iterable[tuple[Path_, Expression]],
+    equations: Iterable[tuple[Path_, Expression]],
 ) -> None:
-    """Add a mistake where definitions (in order of use) or what stands on them grow too long."""
+    """Report where definitions (in order of use) or what stands on them grow too long.
+
+    A definition is known by the last but one key of its path.
+    """
     known: dict[str, Length] = {}
-    for name, path, expression in definitions:
-        known[name] = length_of(expression, known)
-        if _refused(document, path, known[name], MOST, found):
+    for path, expression in definitions:
+        known[str(path[-2])] = length = length_of(expression, known)
+        if _is_refused(reader, path, length, MOST):
             return
     total = 0
     for path, expression in equations:
         length = length_of(expression, known)
-        total += length.work
-        if _refused(document, path, length, MOST - (total - length.work), found):
+        if _is_refused(reader, path, length, MOST - total):
             return
+        total += length.work
 
 
-def check_law(document: Document, path: Path, law: Expression, found: list[Diagnostic]) -> bool:
-    """Whether the law of a fault is short enough; else a mistake is added."""
-    return not _refused(document, path, length_of(law, {}), LAW, found)
+def check_law(reader: Reader, path: Path_, law: Expression) -> bool:
+    """Whether the law of a fault is short enough; else a mistake is reported."""
+    return not _is_refused(reader, path, length_of(law, {}), LAW)
 
 
-def _refused(
-    document: Document, path: Path, length: Length, most: int, found: list[Diagnostic]
-) -> bool:
+def _is_refused(reader: Reader, path: Path_, length: Length, most: int) -> bool:
     if length.depth > DEEPEST:
         message = f"with its definitions written out this is nested {length.depth} deep"
         hint = f"{DEEPEST} at most: let fewer definitions stand on one another"
@@ -59,5 +57,5 @@ def _refused(
         hint = "use a long definition once, not several times; leave out what matters little"
     else:
         return False
-    found.append(Diagnostic(document.place(*path), "KB042", message, hint))
+    reader.report(path, "KB042", message, hint)
     return True

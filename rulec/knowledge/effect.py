@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rulec.knowledge.module_type import Stored
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit
@@ -28,27 +30,34 @@ class Driver:
     title: str
 
 
-@dataclass(frozen=True)
-class EffectParameter:
-    """A parameter of an effect; numbers in SI.
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """What is known of an unknown parameter before any reading; numbers in SI.
 
-    At `null` the plain relation comes back; None where the parameter only shapes the term.
-    `starts` are values to try, `quantiles` quantiles of the readings of `driver` to try. `fixed`:
-    no unknown, but the median reading of `driver`; where `neutral`, the plain law holds at that
+    At `null` the plain relation comes back, whatever the other parameters are; None where the
+    parameter only shapes the term (a threshold, an exponent). `starts` are values to try,
+    `quantiles` quantiles of the readings of `driver` to try. A parameter that is `fixed` is no
+    unknown, but a typical reading of `driver`; where it is `neutral`, the plain law holds at that
     reading, whatever the other parameters are.
     """
 
     name: str
     title: str
-    unit: Unit
-    null: float | None
-    lowest: float
-    highest: float
-    starts: tuple[float, ...]
-    quantiles: tuple[float, ...]
-    driver: str | None
-    fixed: bool
+    null: float | None = None
+    lowest: float = -math.inf
+    highest: float = math.inf
+    starts: tuple[float, ...] = ()
+    quantiles: tuple[float, ...] = ()
+    driver: str | None = None
+    fixed: bool = False
     neutral: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectParameter(Shape):
+    """A parameter of an effect. One that is `fixed` stays at the median reading of `driver`."""
+
+    unit: Unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +78,11 @@ class Join:
     flows ``in`` or ``out`` a law besides.
     """
 
-    reads: str
-    gives: str
-    falls_with: str
-    rises_with: str
-    measured: bool
+    reads: str = ""
+    gives: str = ""
+    falls_with: str = ""
+    rises_with: str = ""
+    measured: bool = False
     law: EffectLaw
     steep: bool | None = None
     stores: str = ""
@@ -108,27 +117,12 @@ class EffectLaw:
         return found
 
 
-@dataclass(frozen=True)
-class EffectState:
-    """Something that an effect stores, of the kind of its place; equations as in its law.
-
-    `after` as in `State`.
-    """
-
-    rate: Expression
-    start: Expression
-    low: Expression | None
-    high: Expression | None
-    after: Expression | None
-
-    def equations(self) -> Iterator[tuple[str, Expression]]:
-        """All of them by key."""
-        given = {"der": self.rate, "start": self.start, "low": self.low, "high": self.high}
-        given["after"] = self.after
-        yield from ((key, e) for key, e in given.items() if e is not None)
+@dataclass(frozen=True, kw_only=True)
+class EffectState(Stored):
+    """Something that an effect stores, of the kind of its place; equations as in its law."""
 
     def names(self) -> set[str]:
-        """Names in them."""
+        """Names in its equations."""
         return {name for _, e in self.equations() for name, _ in e.names()}
 
 
@@ -142,7 +136,6 @@ class Effect:
     joins: tuple[Join, ...]
     drivers: Mapping[str, Driver]
     parameters: Mapping[str, EffectParameter]
-    regime: str
     text: str
     action: str
     origin: Origin

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 from rulec.language.diagnostics import Place
+from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
 from rulec.language.units import Unit
@@ -73,36 +75,44 @@ class Observer:
     origin: Origin
 
 
-@dataclass(frozen=True)
-class State:
-    """What a module stores: `rate` is its derivative by time, `start` its value at the beginning.
+_EQUATIONS = {"der": "rate", "start": "start", "low": "low", "high": "high", "after": "after"}
+"""Equations of what is stored: key in a file, field here."""
 
-    It stays between `low` and `high`, where they are given; all equations, in SI. `quantity` is
-    empty where no sensor measures such a thing. With `after` (s), a dead time, what the state
-    would follow as with a lag arrives all at once, so much later.
+
+@dataclass(frozen=True, kw_only=True)
+class Stored:
+    """How something that is stored moves; all equations, in SI.
+
+    `rate` is its derivative by time, `start` its value at the beginning. It stays between `low` and
+    `high`, where they are given. With `after` (s), a dead time, what it would follow as with a lag
+    arrives all at once, so much later.
     """
+
+    rate: Expression
+    start: Expression
+    low: Expression | None = None
+    high: Expression | None = None
+    after: Expression | None = None
+
+    def equations(self) -> Iterator[tuple[str, Expression]]:
+        """All of them by key, such as ``der``."""
+        given = ((key, getattr(self, name)) for key, name in _EQUATIONS.items())
+        yield from ((key, expression) for key, expression in given if expression is not None)
+
+    def mapped(self, change: Callable[[Expression], Expression]) -> Self:
+        """The same with every equation changed."""
+        return replace(self, **{_EQUATIONS[key]: change(e) for key, e in self.equations()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class State(Stored):
+    """What a module stores. `quantity` is empty where no sensor measures such a thing."""
 
     name: str
     quantity: str
     unit: Unit
     title: str
-    rate: Expression
-    start: Expression
-    low: Expression | None
-    high: Expression | None
     origin: Origin
-    after: Expression | None = None
-
-    def equations(self) -> Iterator[tuple[str, Expression]]:
-        """All of them by key."""
-        yield "der", self.rate
-        yield "start", self.start
-        if self.low is not None:
-            yield "low", self.low
-        if self.high is not None:
-            yield "high", self.high
-        if self.after is not None:
-            yield "after", self.after
 
 
 @dataclass(frozen=True)
@@ -183,14 +193,21 @@ class ModuleType:
         """Properties of a fluid that the equations ask for."""
         return tuple(sorted({name for e in self.equations() for name, _ in e.properties()}))
 
+    def equations_at(self) -> Iterator[tuple[Path_, Expression]]:
+        """All equations with their paths in the file, such as ``("observers", "pump", "Q")``."""
+        for definition in self.definitions.values():
+            yield ("definitions", definition.name, "is"), definition.expression
+        for observer in self.observers.values():
+            yield ("observers", observer.name, "Q"), observer.expression
+        for state in self.states.values():
+            for key, expression in state.equations():
+                yield ("states", state.name, key), expression
+        for reading in self.readings.values():
+            yield ("readings", reading.name, "is"), reading.expression
+
     def equations(self) -> list[Expression]:
         """Equations of all definitions, observers, states and readings."""
-        return [
-            *(d.expression for d in self.definitions.values()),
-            *(o.expression for o in self.observers.values()),
-            *(e for state in self.states.values() for _, e in state.equations()),
-            *(r.expression for r in self.readings.values()),
-        ]
+        return [expression for _, expression in self.equations_at()]
 
     def with_definitions(self, expression: Expression) -> Iterator[Expression]:
         """An equation and those of all definitions that it stands on."""

@@ -9,7 +9,7 @@ other: it is lowered for the analysis, written as YAML, and compiled.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Parameter, Reading, State
@@ -113,22 +113,8 @@ def _with_states(
     for name, state in change.states.items():
         local = names[name]
         assert isinstance(local, ast.Name)
-
-        def told(expression: Expression | None) -> Expression | None:
-            return None if expression is None else written(replaced(expression.tree, table))
-
-        rate, start = told(state.rate), told(state.start)
-        assert rate is not None
-        assert start is not None
-        states[local.id] = replace(
-            state,
-            name=local.id,
-            rate=rate,
-            start=start,
-            low=told(state.low),
-            high=told(state.high),
-            after=told(state.after),
-        )
+        brought = state.mapped(lambda e: written(replaced(e.tree, table)))
+        states[local.id] = replace(brought, name=local.id)
     return replace(amended, type=replace(amended.type, states=states))
 
 
@@ -248,27 +234,9 @@ def _join_signal(
         return replace(result, raw=result.raw | {writer.plain, *writer.copies}), writer.plain
     true = fresh(f"{place}_true", _taken(amended))
     law = written(replaced(change.law.tree, {**raw, **names, "law": name_node(place)}))
-    there = {place: name_node(true)}
-    definitions = {
-        name: d if name in amended.raw else replace(d, expression=over(d.expression, there))
-        for name, d in kind.definitions.items()
-    }
-    observers = {
-        name: replace(o, expression=over(o.expression, there)) for name, o in kind.observers.items()
-    }
-    states = {name: state_over(s, there) for name, s in kind.states.items()}
-    readings = {
-        name: replace(r, expression=over(r.expression, there)) for name, r in kind.readings.items()
-    }
     what = f"what {place} should read" if place in kind.signals else f"{place}, repaired"
-    first = {true: Definition(true, law, what)}
-    kind = replace(
-        kind,
-        definitions={**first, **definitions},
-        observers=observers,
-        states=states,
-        readings=readings,
-    )
+    kind = type_over(kind, {place: name_node(true)}, kept=amended.raw)
+    kind = replace(kind, definitions={true: Definition(true, law, what), **kind.definitions})
     joined = replace(
         amended,
         type=kind,
@@ -279,15 +247,28 @@ def _join_signal(
     return joined, place
 
 
-def state_over(state: State, table: Mapping[str, ast.expr]) -> State:
-    """A state with names in its equations replaced."""
+def type_over(
+    kind: ModuleType, table: Mapping[str, ast.expr], kept: Container[str] = ()
+) -> ModuleType:
+    """A module type with names in its equations replaced, but for the definitions in `kept`."""
 
-    def told(expression: Expression | None) -> Expression | None:
-        return None if expression is None else over(expression, table)
+    def changed(expression: Expression) -> Expression:
+        return over(expression, table)
 
-    rate, start = over(state.rate, table), over(state.start, table)
-    low, high, after = told(state.low), told(state.high), told(state.after)
-    return replace(state, rate=rate, start=start, low=low, high=high, after=after)
+    return replace(
+        kind,
+        definitions={
+            n: d if n in kept else replace(d, expression=changed(d.expression))
+            for n, d in kind.definitions.items()
+        },
+        observers={
+            n: replace(o, expression=changed(o.expression)) for n, o in kind.observers.items()
+        },
+        states={n: s.mapped(changed) for n, s in kind.states.items()},
+        readings={
+            n: replace(r, expression=changed(r.expression)) for n, r in kind.readings.items()
+        },
+    )
 
 
 _JOIN = {

@@ -147,14 +147,10 @@ def lower_states(what: Lowering) -> Plan:
         scope, kind = _Scope(graph, what, module), what.of(module).type
         for name, state in kind.states.items():
             state_id = f"{module}.{name}"
-            graph.outputs[f"der:{state_id}"] = scope.balance(name)
-            graph.outputs[f"start:{state_id}"] = lower_tree(graph, state.start.tree, scope)
-            if state.low is not None:
-                graph.outputs[f"low:{state_id}"] = lower_tree(graph, state.low.tree, scope)
-            if state.high is not None:
-                graph.outputs[f"high:{state_id}"] = lower_tree(graph, state.high.tree, scope)
-            if state.after is not None:
-                graph.outputs[f"after:{state_id}"] = lower_tree(graph, state.after.tree, scope)
+            for key, equation in state.equations():
+                own = key == "der"
+                node = scope.balance(name) if own else lower_tree(graph, equation.tree, scope)
+                graph.outputs[f"{key}:{state_id}"] = node
         for name in kind.readings:
             graph.outputs[f"shown:{module}.{name}"] = scope.shown(name)
         known = [e for e in ENDS if e in kind.definitions or (module, e) in (what.ends or {})]

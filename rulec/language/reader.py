@@ -1,0 +1,173 @@
+"""Reads the parts of one document, and reports what is wrong with them at their places."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from rulec.language.diagnostics import Diagnostic, Place, did_you_mean, nearest
+from rulec.language.dimension import dimension
+from rulec.language.document import Document, Path_
+from rulec.language.expression import Expression, Rejected, parse
+from rulec.language.origin import Origin
+from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
+
+
+@dataclass
+class Reader:
+    """Reads one document; every mistake is added to `found`, at the place of the part it is in.
+
+    A *path* is the keys that lead to a part, such as ``("signals", "dp", "unit")``.
+    """
+
+    document: Document
+    units: UnitTable
+    found: list[Diagnostic] = field(repr=False)
+
+    @property
+    def is_refused(self) -> bool:
+        """Is there a mistake in this document already?"""
+        return any(d.place.file == self.document.path for d in self.found)
+
+    def part(self, path: Path_) -> Any:
+        """The data at a path; KeyError where there is none."""
+        part = self.document.data
+        for step in path:
+            part = part[step]
+        return part
+
+    def origin(self, *path: str | int, source: str = "") -> Origin:
+        """Where a part comes from."""
+        return Origin(self.document.label, self.document.key(*path).line, source)
+
+    def report(
+        self, path: Path_, code: str, message: str, hint: str = "", second: Place | None = None
+    ) -> None:
+        """Report a mistake in the value at a path."""
+        self.found.append(Diagnostic(self.document.place(*path), code, message, hint, second))
+
+    def report_key(
+        self, path: Path_, code: str, message: str, hint: str = "", second: Place | None = None
+    ) -> None:
+        """Report a mistake in the key at a path, or in what should stand under it."""
+        self.found.append(Diagnostic(self.document.key(*path), code, message, hint, second))
+
+    def report_word(
+        self, path: Path_, column: int, word: str, code: str, message: str, hint: str = ""
+    ) -> None:
+        """Report a mistake in one word of the text at a path; `column` counts from 0."""
+        self.report_error(path, Rejected(code, column, message, hint, max(1, len(word))))
+
+    def report_error(self, path: Path_, error: Rejected, shift: int = 0) -> None:
+        """Report what is wrong in the text at a path, of which `shift` characters stand before."""
+        place, text = self.document.place(*path), str(self.part(path))
+        quotes = place.length - len(text)
+        if quotes in (0, 2):  # else the text has several lines or escapes: all of it is marked
+            column = place.column + quotes // 2 + shift + error.column
+            place = Place(place.file, place.line, column, error.length)
+        self.found.append(Diagnostic(place, error.code, error.message, error.hint))
+
+    def unit(self, *path: str | int) -> Unit:
+        """The unit at a path; an unknown one is reported, and then fits everything."""
+        text = self.part(path)
+        try:
+            return self.units.parse(text)
+        except ValueError as error:
+            name = str(error)
+        near = nearest(name, self.units.units)
+        hint = f"did you mean '{near}'?" if near else "the spellings are in kb/units.yaml"
+        if "^" in name:
+            hint = "write a power as in 'l/h/bar**2'"
+        message = f"there is no unit '{name[:40]}'"
+        if name == text:
+            self.report(path, "KB050", message, hint)
+        else:
+            self.report_word(path, text.find(name), name, "KB050", message, hint)
+        return Unit(text, 1.0, UNKNOWN)
+
+    def unit_of(self, dimension: Dimension, what: str, *path: str | int) -> Unit:
+        """The unit at a path; one of another dimension is reported, and then fits everything."""
+        unit = self.unit(*path)
+        if unit.dimension.fits(dimension):
+            return unit
+        self.report(
+            path, "KB053", f"'{unit.text}' is not a unit of {what}", self.units.like(dimension)
+        )
+        return replace(unit, dimension=UNKNOWN)
+
+    def quantity(self, *path: str | int, also: Iterable[str] = ()) -> Dimension | None:
+        """Dimension of the quantity at a path; None, and a report, where there is no such one."""
+        name = self.part(path)
+        known = self.units.quantities.get(name)
+        if known is None:
+            hint = did_you_mean(name, {*self.units.quantities, *also})
+            self.report(path, "KB054", f"there is no quantity '{name}'", hint)
+        return known
+
+    def measured_unit(self, path: Path_) -> Unit:
+        """The unit of a part with a ``unit`` and a ``quantity`` that must fit each other.
+
+        Without a quantity every unit fits.
+        """
+        if "quantity" not in self.part(path):
+            return self.unit(*path, "unit")
+        quantity = self.quantity(*path, "quantity")
+        name = self.part((*path, "quantity"))
+        return self.unit_of(UNKNOWN if quantity is None else quantity, name, *path, "unit")
+
+    def is_reserved(self, path: Path_) -> bool:
+        """Is the name at a path one that no equation could contain? It is reported."""
+        name = str(path[-1])
+        if keyword.iskeyword(name):
+            message = f"'{name}' is a reserved word and cannot be a name"
+            hint = "it could not stand in an equation; use another name"
+            self.report_key(path, "KB024", message, hint)
+        return keyword.iskeyword(name)
+
+    def check_range(self, low: float, high: float, *path: str | int) -> None:
+        """Report a range whose lower end is not below its upper end."""
+        if not low < high:
+            self.report(path, "KB055", "the range is empty", "lower end first")
+
+    def expression(self, *path: str | int) -> Expression:
+        """The equation at a path; a refused one is reported and counts as 0."""
+        try:
+            return parse(str(self.part(path)))
+        except Rejected as error:
+            self.report_error(path, error)
+            return parse("0")
+
+    def check_names(
+        self, path: Path_, expression: Expression, known: Collection[str], what: str, shift: int = 0
+    ) -> None:
+        """Report names in an equation that mean nothing; `what` says what they could be."""
+        for name, column in expression.names():
+            if name not in known:
+                message = f"'{name}' is neither {what}"
+                hint = did_you_mean(name, known)
+                self.report_word(path, shift + column, name, "KB036", message, hint)
+
+    def check_own(
+        self, path: Path_, expression: Expression, what: str, hint: str, shift: int = 0
+    ) -> None:
+        """Report fluid properties and sums downstream in an equation that cannot have them."""
+        for name, column in (*expression.properties(), *expression.gathered()):
+            message = f"'{name}' cannot be asked for in {what}"
+            self.report_word(path, shift + column, name, "KB044", message, hint)
+
+    def dimension(
+        self,
+        path: Path_,
+        expression: Expression,
+        known: Mapping[str, Dimension],
+        gathered: Mapping[str, Dimension] | None = None,
+        shift: int = 0,
+    ) -> Dimension:
+        """Dimension of an equation; a misfit is reported, and the result then fits everything."""
+        try:
+            return dimension(expression, known, gathered or {})
+        except Rejected as error:
+            self.report_error(path, error, shift)
+            return UNKNOWN
