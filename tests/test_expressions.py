@@ -20,7 +20,8 @@ from rulec.language.diagnostics import Diagnostic, render_all
 from rulec.language.dimension import dimension
 from rulec.language.document import parse_document
 from rulec.language.expression import Rejected, parse
-from rulec.language.symbolic import Absolute, Larger, Signum, Smaller, to_sympy
+from rulec.language.functions import Absolute, Larger, Signum, Smaller
+from rulec.language.symbolic import to_sympy
 from rulec.language.units import NONE, VOLUME_FLOW
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT

@@ -11,8 +11,10 @@ Source: incidence matrices are totally unimodular (Poincare 1900); bridges after
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
+
+import networkx as nx
 
 Terms = dict[str, int]
 """A signed sum of modules' flows."""
@@ -57,19 +59,18 @@ class FlowGraph:
 
         At every place but the surroundings the measured flows balance.
         """
-        known, parent = set(measured), {n: n for pair in self.ends.values() for n in pair}
-        parent[SURROUNDINGS] = SURROUNDINGS
+        parts = nx.connected_components(self._without(set(measured)))
+        number = {node: min(part) for part in parts for node in part}
+        return dict(sorted(number.items()))
 
-        def root(node: int) -> int:
-            while parent[node] != node:
-                parent[node] = node = parent[parent[node]]
-            return node
-
+    def _without(self, known: Set[str]) -> nx.MultiGraph:
+        """Junctions as nodes, modules of unknown flow as edges between them."""
+        unknown = nx.MultiGraph()
+        unknown.add_nodes_from([SURROUNDINGS, *(n for pair in self.ends.values() for n in pair)])
         for name, (tail, head) in self.ends.items():
-            if name not in known:
-                low, high = sorted((root(tail), root(head)))
-                parent[high] = low
-        return {node: root(node) for node in sorted(parent)}
+            if name not in known and tail != head:
+                unknown.add_edge(tail, head, key=name)
+        return unknown
 
     def measured_balances(self, measured: Iterable[str]) -> dict[int, dict[str, int]]:
         """The balances of known flows: per place the modules that enter (+1) and leave (-1)."""
@@ -95,92 +96,65 @@ def flows_by_continuity(graph: FlowGraph, known: Iterable[str]) -> dict[str, Fix
     {'C': FixedFlow(terms={'A': 1, 'B': 1}, upstream=True)}
     """
     given = set(known)
-    search = _Search(graph, given)
-    return {name: flow for name in graph.ends if name not in given and (flow := search.flow(name))}
+    cuts = _Cuts(graph, given)
+    return {name: flow for name in graph.ends if name not in given and (flow := cuts.flow(name))}
 
 
 def without_flow(graph: FlowGraph) -> list[str]:
     """Modules in which nothing can flow, as they are the only link between two closed parts."""
-    search = _Search(graph, set())
-    return [name for name in graph.ends if search.is_bridge(name)]
+    cuts = _Cuts(graph, set())
+    return [name for name in graph.ends if name in cuts.below]
 
 
-class _Search:
-    """Depth-first search over the edges of unknown flow; finds bridges and sums per subtree."""
+class _Cuts:
+    """Modules that alone join two parts by an unknown flow, and what is known to enter the parts.
 
-    def __init__(self, graph: FlowGraph, known: set[str]) -> None:
-        self._graph = graph
-        self._open: dict[int, list[tuple[str, int]]] = {SURROUNDINGS: []}
-        self._net: dict[int, Terms] = {SURROUNDINGS: {}}
-        for name, (tail, head) in graph.ends.items():
-            for node in (tail, head):
-                self._open.setdefault(node, [])
-                self._net.setdefault(node, {})
-            if tail == head:
-                continue
-            if name in known:
-                _add(self._net[head], {name: 1})
-                _add(self._net[tail], {name: -1})
-            else:
-                self._open[tail].append((name, head))
-                self._open[head].append((name, tail))
-        self._below: dict[str, int] = {}  # bridge -> node at its far end from the root
+    `below` gives by such a module (a bridge) the node at its far end from the root of its part.
+    """
+
+    def __init__(self, graph: FlowGraph, known: Set[str]) -> None:
+        self._ends = graph.ends
+        unknown = graph._without(known)
+        enters: dict[int, Terms] = {node: {} for node in unknown}
+        for name in (n for n in graph.ends if n in known):
+            tail, head = graph.ends[name]
+            if tail != head:
+                enters[head][name], enters[tail][name] = 1, -1
+        bridges = {frozenset(pair) for pair in nx.bridges(unknown)}
+        self.below: dict[str, int] = {}
         self._root: dict[int, int] = {}
-        self._sum: dict[int, Terms] = {}
-        for start in sorted(self._open):
-            if start not in self._root:
-                self._visit(start)
-
-    def _visit(self, start: int) -> None:
-        """Explore what hangs on `start`; the surroundings come first, so they are a root."""
-        order: dict[int, int] = {start: 0}
-        low: dict[int, int] = {start: 0}
-        self._root[start] = start
-        stack = [(start, "", iter(self._open[start]))]
-        while stack:
-            node, via, edges = stack[-1]
-            for name, other in edges:
-                if name == via:
+        self._sum: dict[int, Terms] = {node: {} for node in unknown}
+        for part in nx.connected_components(unknown):
+            root = min(part)  # the surroundings come first, so they are a root
+            parent = nx.dfs_predecessors(unknown, root)
+            for node in nx.dfs_postorder_nodes(unknown, root):
+                self._root[node] = root
+                _add(self._sum[node], enters[node])
+                if node == root:
                     continue
-                if other in order:
-                    low[node] = min(low[node], order[other])
-                    continue
-                order[other] = low[other] = len(order)
-                self._root[other] = start
-                stack.append((other, name, iter(self._open[other])))
-                break
-            else:
-                stack.pop()
-                total = self._sum.setdefault(node, {})
-                _add(total, self._net[node])
-                if stack:
-                    parent = stack[-1][0]
-                    low[parent] = min(low[parent], low[node])
-                    if low[node] > order[parent]:
-                        self._below[via] = node
-                    _add(self._sum.setdefault(parent, {}), total)
-
-    def is_bridge(self, name: str) -> bool:
-        """Is the module the only link of unknown flow between two parts?"""
-        return name in self._below
+                above = parent[node]
+                _add(self._sum[above], self._sum[node])
+                if frozenset((above, node)) in bridges:
+                    (name,) = unknown[above][node]
+                    self.below[name] = node
 
     def flow(self, name: str) -> FixedFlow | None:
-        """The flow of a module, if its edge is a bridge and some known flow crosses the cut."""
-        node = self._below.get(name)
+        """The flow of a module, if it is a bridge and some known flow crosses the cut."""
+        node = self.below.get(name)
         if node is None:
             return None
-        tail, _ = self._graph.ends[name]
+        tail, _ = self._ends[name]
         # A subtree is the side that the root is not in; the tail is in it if it is `node`,
         # as no other edge joins the two sides.
         inner, root = self._sum[node], self._root[node]
         if tail == node:
-            terms, upstream = inner, True
+            terms, upstream = dict(inner), True
         elif root == SURROUNDINGS:
             terms, upstream = _negative(inner), False
         else:
             terms, upstream = dict(self._sum[root]), True
             _add(terms, _negative(inner))
-        return FixedFlow(dict(terms), upstream) if terms else None
+        return FixedFlow(terms, upstream) if terms else None
 
 
 def _add(total: Terms, more: Terms) -> None:

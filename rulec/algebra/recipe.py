@@ -8,7 +8,8 @@ from typing import Any
 import sympy
 from rulec_runtime.contract.plan import UNARY
 
-from rulec.language.symbolic import Absolute, ClosedForm, Larger, Signum, Smaller
+from rulec.language.functions import FUNCTIONS
+from rulec.language.symbolic import ClosedForm
 
 Step = tuple[str, Any, int]
 """``("symbol", sympy symbol, 0)``, ``("constant", number, 0)`` or ``(operation, step, step)``."""
@@ -116,13 +117,4 @@ class _Writer:
         return self._append("pow", base, self._append("constant", float(exponent)))
 
 
-_NAMES = {
-    Absolute: "abs",
-    sympy.Abs: "abs",
-    Signum: "sign",
-    sympy.exp: "exp",
-    sympy.log: "log",
-    sympy.tanh: "tanh",
-    Smaller: "min",
-    Larger: "max",
-}
+_NAMES = {sympy.Abs: "abs"} | {f.symbolic: name for name, f in FUNCTIONS.items()}

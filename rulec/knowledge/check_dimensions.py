@@ -11,6 +11,7 @@ from rulec.knowledge.module_type import ENDS, ModuleType
 from rulec.language.diagnostics import Diagnostic, Place, did_you_mean
 from rulec.language.document import Document
 from rulec.language.expression import constant
+from rulec.language.functions import FUNCTIONS
 from rulec.language.reader import Reader
 from rulec.language.symbolic import to_sympy
 from rulec.language.units import PROPERTIES, SECOND, UNKNOWN, VOLUME_FLOW, Dimension, UnitTable
@@ -86,7 +87,8 @@ class EquationReader(Reader):
     def _check_comparisons(self) -> None:
         """Refuse min and max of something that is no real number: sympy would not compare it."""
         module = self.module
-        if not any(word in e.text for e in module.equations() for word in ("min", "max")):
+        comparing = [name for name, f in FUNCTIONS.items() if f.arity == 2]
+        if not any(name in e.text for e in module.equations() for name in comparing):
             return
         names = (*module.signals, *module.parameters, *module.states, *ENDS)
         table: dict[str, sympy.Expr] = {n: sympy.Symbol(n, real=True) for n in names}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Mapping
 from fractions import Fraction
 
@@ -13,6 +14,7 @@ from rulec.language.expression import (
     function_of,
     rejected_at,
 )
+from rulec.language.functions import FUNCTIONS, Gives
 from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, Dimension
 
 
@@ -54,13 +56,13 @@ def dimension(
                 message = f"{name}() takes a temperature, but this has {_solid(parts[0])}"
                 raise rejected_at(node.args[0], "KB052", message, f"as in {name}(T)")
             return PROPERTIES[name]
-        if name == "sqrt":
+        assert name is not None
+        gives = FUNCTIONS[name].gives
+        if gives is Gives.ROOT:
             return zero if parts[0] is zero else _solid(parts[0]) ** Fraction(1, 2)
-        if name == "abs":
-            return parts[0]
-        if name in ("min", "max"):
-            return _same(parts[0], parts[1], node)
-        if name == "sign":
+        if gives is Gives.SAME:
+            return functools.reduce(lambda a, b: _same(a, b, node), parts)
+        if gives is Gives.PLAIN:
             return NONE
         if not _solid(parts[0]).fits(NONE):
             message = f"the argument of {name}() must be a plain number, but has {parts[0]}"

@@ -19,6 +19,7 @@ from fractions import Fraction
 from typing import Any
 
 from rulec.language.diagnostics import did_you_mean
+from rulec.language.functions import FUNCTIONS
 from rulec.language.units import PROPERTIES
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
@@ -26,10 +27,7 @@ MAX_LENGTH = 600
 MAX_DEPTH = 30
 MAX_POWER = 8
 MAX_NUMBER = 1e30
-ARITY = {
-    "sqrt": 1, "abs": 1, "sign": 1, "exp": 1, "log": 1, "tanh": 1, "min": 2, "max": 2,
-    **dict.fromkeys(PROPERTIES, 1),
-}  # fmt: skip
+ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | dict.fromkeys(PROPERTIES, 1)
 GATHER = "downstream"
 
 
@@ -65,6 +63,14 @@ class Expression:
         """Properties of the fluid that are asked for, as in ``density(T)``, with their columns."""
         for name, node in self._property_calls():
             yield name, node.col_offset
+
+    def guarded(self) -> Iterator[ast.expr]:
+        """Arguments that must be positive, such as those of roots and logarithms."""
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Call):
+                function = FUNCTIONS.get(function_of(node) or "")
+                if function is not None and function.needs_positive:
+                    yield node.args[0]
 
     def thermometers(self) -> Iterator[str]:
         """Names that stand alone as the temperature of a property."""
@@ -260,11 +266,9 @@ def _names(node: ast.expr) -> Iterator[tuple[str, int]]:
                 yield from _names(right)
 
 
-_PLAIN: Mapping[type[ast.operator] | str, Callable[..., Any]] = {
+_OPERATORS: Mapping[type[ast.operator], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
     ast.Div: operator.truediv, ast.Pow: operator.pow,
-    "sqrt": math.sqrt, "abs": abs, "sign": lambda v: (v > 0) - (v < 0), "exp": math.exp,
-    "log": math.log, "tanh": math.tanh, "min": min, "max": max,
 }  # fmt: skip
 
 
@@ -284,14 +288,14 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
                 value = walk(operand)
                 return -value if value is not None and isinstance(op, ast.USub) else value
             case ast.BinOp(left=left, op=op, right=right):
-                parts, function = [walk(left), walk(right)], _PLAIN[type(op)]
+                parts, function = [walk(left), walk(right)], _OPERATORS[type(op)]
                 if isinstance(op, ast.Div) and parts[1] == 0:
                     raise rejected_at(right, "KB041", "this divides by zero")
             case ast.Call(args=args):
-                name = function_of(node) or ""
-                if name in PROPERTIES:
+                called = FUNCTIONS.get(function_of(node) or "")
+                if called is None:
                     return None
-                parts, function = [walk(a) for a in args], _PLAIN.get(name, min)
+                parts, function = [walk(a) for a in args], called.value
         if None in parts:
             return None
         return bounded(node, lambda: function(*parts))

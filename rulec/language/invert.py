@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import sympy
 
+from rulec.language.functions import FUNCTIONS
+
+_INVERSES = {f.symbolic: f.inverse for f in FUNCTIONS.values() if f.inverse is not None}
+
 
 def invert(expression: sympy.Expr, symbol: sympy.Symbol, value: sympy.Expr) -> sympy.Expr | None:
     """Solve ``expression == value`` for `symbol`; None where this cannot be done by peeling.
@@ -28,10 +32,8 @@ def invert(expression: sympy.Expr, symbol: sympy.Symbol, value: sympy.Expr) -> s
             value = value / sympy.Mul(*rest)
         elif isinstance(expression, sympy.Pow) and expression.exp.is_Number:
             value = value ** (1 / expression.exp)
-        elif isinstance(expression, sympy.exp):
-            value = sympy.log(value)
-        elif isinstance(expression, sympy.log):
-            value = sympy.exp(value)
+        elif expression.func in _INVERSES:
+            value = _INVERSES[expression.func](value)
         else:
             return None
         expression = inner

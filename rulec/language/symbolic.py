@@ -1,9 +1,4 @@
-"""Checked equations to sympy, and back by peeling.
-
-Functions with a corner (abs, sign, min, max) are own sympy functions: their derivatives stay within
-the operations of a plan, where sympy's would bring Heaviside, DiracDelta and unevaluated
-derivatives.
-"""
+"""Checked equations to sympy."""
 
 from __future__ import annotations
 
@@ -15,45 +10,7 @@ from typing import Any
 import sympy
 
 from rulec.language.expression import GATHER, Expression, exponent_of, function_of
-
-
-class Signum(sympy.Function):  # type: ignore[misc]
-    """-1, 0 or 1; its derivative counts as 0, also in the jump."""
-
-    nargs = 1
-
-    def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        return sympy.Integer(0)
-
-
-class Absolute(sympy.Function):  # type: ignore[misc]
-    """Size without sign; the derivative in the corner is 0."""
-
-    nargs = 1
-
-    def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        return Signum(self.args[0])
-
-
-class Smaller(sympy.Function):  # type: ignore[misc]
-    """The smaller of two; where they are equal, half the derivative of each."""
-
-    nargs = 2
-
-    def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        a, b = self.args if argindex == 1 else self.args[::-1]
-        return (1 + Signum(b - a)) / 2
-
-
-class Larger(sympy.Function):  # type: ignore[misc]
-    """The larger of two; where they are equal, half the derivative of each."""
-
-    nargs = 2
-
-    def fdiff(self, argindex: int = 1) -> sympy.Expr:
-        a, b = self.args if argindex == 1 else self.args[::-1]
-        return (1 + Signum(a - b)) / 2
-
+from rulec.language.functions import FUNCTIONS, Absolute
 
 TEMPERATURE = sympy.Symbol("T", real=True)
 """What the equations of a fluid stand over, K."""
@@ -86,18 +43,6 @@ def closed_form(name: str, form: sympy.Expr) -> type[ClosedForm]:
     metaclass: Any = type(ClosedForm)
     kind: type[ClosedForm] = metaclass(name, (ClosedForm,), {"form": form})
     return kind
-
-
-_FUNCTIONS: Mapping[str, Callable[..., sympy.Expr]] = {
-    "sqrt": sympy.sqrt,
-    "abs": Absolute,
-    "sign": Signum,
-    "exp": sympy.exp,
-    "log": sympy.log,
-    "tanh": sympy.tanh,
-    "min": Smaller,
-    "max": Larger,
-}
 
 
 def to_sympy(
@@ -141,8 +86,11 @@ def to_sympy(
                     assert isinstance(args[0], ast.Name)
                     return gathered[args[0].id]
                 assert function is not None
-                known = _FUNCTIONS if function in _FUNCTIONS else properties or {}
-                return known[function](*(walk(a) for a in args))
+                parts = [walk(a) for a in args]
+                if function in FUNCTIONS:
+                    return FUNCTIONS[function].symbolic(*parts)
+                assert properties is not None
+                return properties[function](*parts)
         raise AssertionError(ast.dump(node))
 
     # sympy itself makes a size of the root of a square; its derivatives are none of a plan's.

@@ -207,12 +207,9 @@ def _guards(
     """Arguments of roots and logarithms, through all definitions used, as the author wrote them."""
     table = _table(kind, symbols, {})
     for part in kind.with_definitions(expression):
-        for node in ast.walk(part.tree):
-            match node:
-                case ast.Call(func=ast.Name(id="sqrt" | "log"), args=[inner]):
-                    text = ast.unparse(inner)
-                    value = _translated(kind, Expression(text, inner), table, symbols)
-                    yield Condition(text, value)
+        for inner in part.guarded():
+            text = ast.unparse(inner)
+            yield Condition(text, _translated(kind, Expression(text, inner), table, symbols))
 
 
 def _target(

@@ -18,7 +18,7 @@ from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Fluid
 from rulec.knowledge.plant import Module
-from rulec.language.expression import GATHER, Expression, Rejected, exponent_of, function_of
+from rulec.language.expression import GATHER, Rejected, exponent_of, function_of
 from rulec.language.units import PROPERTIES
 from rulec.passes.amend import Amended
 from rulec.passes.end_flows import EndFlows
@@ -123,7 +123,8 @@ def lower_module(what: Lowering, module: str, definitions: bool = False) -> Plan
     kind = what.of(module).type
     for observer in kind.observers.values():
         graph.outputs[f"q:{module}.{observer.name}"] = scope.observer(observer.name)
-        for i, argument in enumerate(_guarded(kind.with_definitions(observer.expression))):
+        equations = kind.with_definitions(observer.expression)
+        for i, argument in enumerate(tree for e in equations for tree in e.guarded()):
             node = lower_tree(graph, argument, scope)
             graph.outputs[f"guard:{module}.{observer.name}:{i}"] = node
     if definitions:
@@ -176,15 +177,6 @@ def _inputs(what: Lowering, module: str) -> Iterator[str]:
         yield from amended.inputs.values()
         yield from amended.outside.values()
     yield from what.shifts.values()
-
-
-def _guarded(equations: Iterator[Expression]) -> Iterator[ast.expr]:
-    """Arguments of roots and logarithms: they must be positive."""
-    for equation in equations:
-        for node in ast.walk(equation.tree):
-            match node:
-                case ast.Call(func=ast.Name(id="sqrt" | "log"), args=[inner]):
-                    yield inner
 
 
 class _Scope:

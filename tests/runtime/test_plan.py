@@ -25,7 +25,7 @@ from rulec_runtime.contract.ruleset import FORMAT_VERSION, Ruleset
 from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset, read_ruleset
 
 from rulec.algebra.graph import Graph
-from rulec.language.symbolic import Absolute, Larger, Signum, Smaller
+from rulec.language.functions import Absolute, Larger, Signum, Smaller
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 

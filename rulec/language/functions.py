@@ -1,0 +1,100 @@
+"""The functions of the equation language: one table, which every reader of equations follows.
+
+A new function is one row here; where the runtime cannot calculate it yet, also an operation of that
+name there, in `plan.py` and `integrator.py`, with its slope in `tangent.py`.
+
+Functions with a corner (abs, sign, min, max) are own sympy functions: their derivatives stay within
+the operations of a plan, where sympy's would bring Heaviside, DiracDelta and unevaluated
+derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import sympy
+
+
+class Signum(sympy.Function):  # type: ignore[misc]
+    """-1, 0 or 1; its derivative counts as 0, also in the jump."""
+
+    nargs = 1
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        return sympy.Integer(0)
+
+
+class Absolute(sympy.Function):  # type: ignore[misc]
+    """Size without sign; the derivative in the corner is 0."""
+
+    nargs = 1
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        return Signum(self.args[0])
+
+
+class Smaller(sympy.Function):  # type: ignore[misc]
+    """The smaller of two; where they are equal, half the derivative of each."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        a, b = self.args if argindex == 1 else self.args[::-1]
+        return (1 + Signum(b - a)) / 2
+
+
+class Larger(sympy.Function):  # type: ignore[misc]
+    """The larger of two; where they are equal, half the derivative of each."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        a, b = self.args if argindex == 1 else self.args[::-1]
+        return (1 + Signum(a - b)) / 2
+
+
+class Gives(Enum):
+    """Dimension of what a function gives."""
+
+    PLAIN_OF_PLAIN = auto()
+    """A plain number, of a plain number."""
+    PLAIN = auto()
+    """A plain number, of anything."""
+    SAME = auto()
+    """That of its arguments, which must agree."""
+    ROOT = auto()
+    """The square root of that of its argument."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of the language, known by the name of its operation in a plan.
+
+    `value` calculates it from numbers, and raises ValueError or ArithmeticError where it has no
+    value; `symbolic` builds it in sympy. `inverse` undoes it in sympy, where one operation does.
+    Where `needs_positive`, an estimate counts only while the argument is above 0.
+    """
+
+    value: Callable[..., float]
+    symbolic: Callable[..., sympy.Expr]
+    gives: Gives
+    arity: int = 1
+    inverse: Callable[..., sympy.Expr] | None = None
+    needs_positive: bool = False
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    "sqrt": Function(math.sqrt, sympy.sqrt, Gives.ROOT, needs_positive=True),
+    "abs": Function(abs, Absolute, Gives.SAME),
+    "sign": Function(lambda v: (v > 0) - (v < 0), Signum, Gives.PLAIN),
+    "exp": Function(math.exp, sympy.exp, Gives.PLAIN_OF_PLAIN, inverse=sympy.log),
+    "log": Function(
+        math.log, sympy.log, Gives.PLAIN_OF_PLAIN, inverse=sympy.exp, needs_positive=True
+    ),
+    "tanh": Function(math.tanh, sympy.tanh, Gives.PLAIN_OF_PLAIN),
+    "min": Function(min, Smaller, Gives.SAME, arity=2),
+    "max": Function(max, Larger, Gives.SAME, arity=2),
+}
