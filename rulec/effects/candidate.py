@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from rulec_runtime.contract.plan import Array
 
+from rulec.knowledge.effect import Shape
+
 TIME = "time"
 """Plan input: seconds since the beginning of the recording, for effects that change with time."""
 
@@ -18,32 +20,18 @@ MEDIAN = (0.5,)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unknown:
-    """A parameter that a candidate brings in; numbers in SI.
+class Unknown(Shape):
+    """A parameter that a candidate brings in; numbers in SI, `driver` is the id of a signal.
 
-    `id` is its input in the plan. At `null` the plain relation comes back, whatever the other
-    parameters are; None where a parameter only shapes the term (a threshold, an exponent): it is
-    tried at `starts` and at the quantiles `quantiles` of the readings of `driver`. A parameter
-    with `fixed` is no unknown at all: it stays at the median reading of `driver`, at the one
-    quantile that `quantiles` has, or where there are two, at half the distance between the readings
-    there (their spread). Where it is `neutral`, the plain law holds at that reading, whatever the
-    other parameters are. SI = shown * factor + offset.
+    `id` is its input in the plan. One that is `fixed` stays at the median reading of `driver`, at
+    the one quantile that `quantiles` has, or where there are two, at half the distance between the
+    readings there (their spread). It is shown in `unit`: SI = shown * factor + offset.
     """
 
     id: str
-    name: str
-    title: str
     unit: str
     factor: float
-    offset: float
-    null: float | None
-    lowest: float
-    highest: float
-    starts: tuple[float, ...]
-    quantiles: tuple[float, ...]
-    driver: str | None
-    fixed: bool
-    neutral: bool = False
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

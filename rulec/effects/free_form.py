@@ -3,8 +3,6 @@ curve over one reading, piece by piece."""
 
 from __future__ import annotations
 
-import math
-
 from rulec.effects.candidate import MEDIAN, Candidate, Spot, Unknown
 from rulec.effects.match_effects import Matched
 from rulec.knowledge.module_type import Parameter
@@ -109,14 +107,7 @@ def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
         title=title,
         unit=spot.unit,
         factor=spot.factor,
-        offset=0.0,
         null=0.0,
-        lowest=-math.inf,
-        highest=math.inf,
-        starts=(),
-        quantiles=(),
-        driver=None,
-        fixed=False,
     )
 
 
@@ -130,11 +121,6 @@ def _statistic(
         title=title,
         unit="SI",
         factor=1.0,
-        offset=0.0,
-        null=None,
-        lowest=-math.inf,
-        highest=math.inf,
-        starts=(),
         quantiles=quantiles,
         driver=signal,
         fixed=True,
@@ -143,12 +129,5 @@ def _statistic(
 
 def _parameter(unknown: Unknown) -> Parameter:
     unit = Unit(unknown.unit, unknown.factor, UNKNOWN)
-    return Parameter(
-        name=unknown.name,
-        value=0.0,
-        u=0.0,
-        unit=unit,
-        fit=True,
-        title=unknown.title,
-        origin=Origin("", 0),
-    )
+    origin = Origin("", 0)
+    return Parameter(name=unknown.name, value=0.0, unit=unit, title=unknown.title, origin=origin)

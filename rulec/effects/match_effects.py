@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from rulec.effects.binding import Binder, Binding, drivers_of
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
@@ -23,11 +24,11 @@ from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Parameter, State
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.expression import Rejected
 from rulec.language.origin import Origin
-from rulec.language.units import NONE, SECOND, Unit
+from rulec.language.units import SECOND
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import TypeFault
 from rulec.passes.fault_laws import undoing
-from rulec.passes.store_faults import StoreFault, store_faults
+from rulec.passes.store_faults import Places, StoreFault, fault_change, store_faults
 from rulec.passes.types import Compilation
 
 _END = {"in": INFLOW, "out": OUTFLOW}
@@ -163,14 +164,13 @@ class _Matcher:
     def _missing(self, effect: Effect, site: Site, binding: Binding) -> Iterator[Missing]:
         for name in binding.missing:
             driver = effect.drivers[name]
-            sensor = cheapest_sensor(self._plant, driver.quantity)
             yield Missing(
                 name=effect.name,
                 title=effect.title,
                 module=self._module.name,
                 place=site.name,
                 quantity=driver.quantity,
-                sensor=sensor,
+                sensor=cheapest_sensor(self._plant, driver.quantity),
             )
 
     def _candidate(
@@ -284,75 +284,49 @@ class _Matcher:
             stored.fault,
             stored.variant,
             stored.target,
-            stored.id,
-            place[1],
-            found or (f"{self._module.name}.{place[1]}",),
-            beginning_unknowns(stored),
-            equation,
-            {CLOCK: TIME},
+            id=stored.id,
+            place=place[1],
+            observers=found or (f"{self._module.name}.{place[1]}",),
+            unknowns=beginning_unknowns(stored),
+            equation=equation,
+            drivers={CLOCK: TIME},
         )
         yield Matched(candidate, change)
 
     def _fault(self, fault: TypeFault) -> Matched:
         id_ = f"{self._module.name}.{fault.id}"
         kind, variant = fault.fault, fault.variant
-        places: tuple[tuple[str, str], ...] = ((kind.acts_on, fault.target),)
+        places: Places = ((kind.acts_on, fault.target),)
         if kind.acts_on == "flow":
             places = tuple(("observer", name) for name in fault.affects)
-        x = Parameter(
-            name="x",
-            value=0.0,
-            u=0.0,
-            unit=Unit("1", 1.0, NONE),
-            fit=True,
-            title=variant.meaning,
-            origin=kind.origin,
-        )
-        change = Change(
-            places=places,
-            law=undoing(variant, kind.acts_on),
-            drivers={},
-            parameters={"x": x},
-            ids={"x": f"{id_}.x"},
-        )
-        observers = [o for place in places for o in self._sites[place].observers]
-        target = f"{self._module.name}.{fault.target}"
-        unknowns = (degree_unknown(f"{id_}.x", variant),)
-        equation = self._equation(change, places[0]) or ""
-        found = tuple(dict.fromkeys(observers))
+        law = undoing(variant, kind.acts_on)
+        change = fault_change(kind, variant, places, law, f"{id_}.x")
+        observers = dict.fromkeys(o for place in places for o in self._sites[place].observers)
         candidate = self._fault_at(
-            kind, variant, target, id_, places[0][1], found, unknowns, equation, {}
+            kind,
+            variant,
+            f"{self._module.name}.{fault.target}",
+            id=id_,
+            place=places[0][1],
+            observers=tuple(observers),
+            unknowns=(degree_unknown(f"{id_}.x", variant),),
+            equation=self._equation(change, places[0]) or "",
+            drivers={},
         )
         return Matched(candidate, change)
 
-    def _fault_at(
-        self,
-        kind: FaultType,
-        variant: Variant,
-        target: str,
-        id_: str,
-        place: str,
-        observers: tuple[str, ...],
-        unknowns: tuple[Unknown, ...],
-        equation: str,
-        drivers: Mapping[str, str],
-    ) -> Candidate:
-        """A fault as an explanation."""
+    def _fault_at(self, kind: FaultType, variant: Variant, target: str, **where: Any) -> Candidate:
+        """A fault as an explanation; `where` are the fields of `Candidate` that its place fills."""
         slots = {"where": target, "variant": variant.title, "degree": "{x}"}
         return Candidate(
-            id=id_,
             sort="fault",
             name=kind.name,
             title=f"{target} {variant.title}" if variant.name else kind.title,
             module=self._module.name,
-            place=place,
-            observers=observers,
-            unknowns=unknowns,
-            drivers=drivers,
-            equation=equation,
             text=self._text(kind.text, slots),
             action=kind.action,
             source=kind.origin.source,
+            **where,
         )
 
 
@@ -379,35 +353,19 @@ def cheapest_sensor(plant: Plant, quantity: str) -> str:
 
 def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
     """A parameter as a module type has it; its value comes from the analysis."""
-    null, unit = parameter.null or 0.0, parameter.unit
-    fit = not parameter.fixed
     return Parameter(
         name=parameter.name,
-        value=null,
-        u=0.0,
-        unit=unit,
-        fit=fit,
+        value=parameter.null or 0.0,
+        unit=parameter.unit,
+        fit=not parameter.fixed,
         title=parameter.title,
         origin=origin,
     )
 
 
 def _unknown(id_: str, parameter: EffectParameter, drivers: Mapping[str, str]) -> Unknown:
-    driver = drivers[parameter.driver] if parameter.driver else None
-    unit = parameter.unit
-    return Unknown(
-        id=id_,
-        name=parameter.name,
-        title=parameter.title,
-        unit=unit.text,
-        factor=unit.factor,
-        offset=unit.offset,
-        null=parameter.null,
-        lowest=parameter.lowest,
-        highest=parameter.highest,
-        starts=parameter.starts,
-        quantiles=parameter.quantiles,
-        driver=driver,
-        fixed=parameter.fixed,
-        neutral=parameter.neutral,
-    )
+    shape, unit = dict(vars(parameter)), parameter.unit
+    shape["unit"] = unit.text
+    if parameter.driver:
+        shape["driver"] = drivers[parameter.driver]
+    return Unknown(id=id_, factor=unit.factor, offset=unit.offset, **shape)

@@ -60,14 +60,10 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
         title=variant.meaning,
         unit=shown.text,
         factor=shown.factor,
-        offset=0.0,
         null=0.0,
         lowest=float(variant.lowest),
         highest=float(variant.highest),
         starts=(start,),
-        quantiles=(),
-        driver=None,
-        fixed=False,
     )
 
 
@@ -76,13 +72,10 @@ def beginning_change(stored: StoreFault) -> Change:
     origin = stored.fault.origin
     parameters = {
         "x": stored.change.parameters["x"],
-        SINCE: Parameter(
-            name=SINCE, value=0.0, u=0.0, unit=SECONDS, fit=True, title="onset", origin=origin
-        ),
+        SINCE: Parameter(name=SINCE, value=0.0, unit=SECONDS, title="onset", origin=origin),
         HALF: Parameter(
             name=HALF,
             value=1.0,
-            u=0.0,
             unit=SECONDS,
             fit=False,
             title="half of the recording",
@@ -107,14 +100,10 @@ def beginning_unknowns(stored: StoreFault) -> tuple[Unknown, ...]:
         title="onset",
         unit="s",
         factor=1.0,
-        offset=0.0,
-        null=None,
         lowest=0.0,
         highest=LATEST,
-        starts=(),
         quantiles=QUANTILES,
         driver=TIME,
-        fixed=False,
     )
     half = replace(onset, id=ids[HALF], name=HALF, title="", quantiles=(), fixed=True)
     return degree_unknown(ids["x"], stored.variant), onset, half

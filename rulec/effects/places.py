@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from rulec_runtime.contract.tangent import run_with_slopes
@@ -41,13 +41,13 @@ class Site:
     name: str
     title: str
     dimension: Dimension
-    reads: frozenset[str]
-    uses: frozenset[str]
-    slopes: Mapping[str, float]
-    shares: Mapping[str, float]
-    moves: Mapping[str, float]
+    reads: frozenset[str] = frozenset()
+    uses: frozenset[str] = frozenset()
+    slopes: Mapping[str, float] = field(default_factory=dict)
+    shares: Mapping[str, float] = field(default_factory=dict)
+    moves: Mapping[str, float] = field(default_factory=dict)
     observers: tuple[str, ...]
-    measured: bool
+    measured: bool = False
     quantity: str = ""
 
     @property
@@ -131,10 +131,6 @@ class _Surveyor:
                 name=signal.name,
                 title=signal.quantity,
                 dimension=signal.unit.dimension,
-                reads=frozenset(),
-                uses=frozenset(),
-                slopes={},
-                shares={},
                 moves=moves,
                 observers=tuple(dict.fromkeys(reached)),
                 measured=True,
@@ -153,13 +149,7 @@ class _Surveyor:
                 name=name,
                 title=title,
                 dimension=dimension,
-                reads=frozenset(),
-                uses=frozenset(),
-                slopes={},
-                shares={},
-                moves={},
                 observers=reached,
-                measured=False,
                 quantity=quantity,
             )
 

@@ -35,17 +35,29 @@ def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[
 
 def _spot(around: Survey, module: Module, site: Site) -> Spot:
     unit = unit_of(around.network.plant, module, site)
-    name = f"{site.kind}:{module.name}.{site.name}"
+    return _at(module, site.key, site.title, unit.text, unit.factor, site.observers)
+
+
+def _at(
+    module: Module,
+    place: tuple[str, str],
+    title: str,
+    unit: str,
+    factor: float,
+    observers: tuple[str, ...],
+) -> Spot:
+    kind, name = place
+    id_ = f"{kind}:{module.name}.{name}"
     return Spot(
-        id=name,
-        kind=site.kind,
+        id=id_,
+        kind=kind,
         module=module.name,
-        place=site.name,
-        title=site.title,
-        unit=unit.text,
-        factor=unit.factor,
-        observers=site.observers,
-        unknown=f"{name}.error",
+        place=name,
+        title=title,
+        unit=unit,
+        factor=factor,
+        observers=observers,
+        unknown=f"{id_}.error",
     )
 
 
@@ -55,34 +67,13 @@ def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator
     if kind.states:
         yield from (_spot(around, module, s) for s in sites if s.key == ("definition", OUTFLOW))
     for state in kind.states.values():
-        name, unit = f"balance:{module.name}.{state.name}", f"{state.unit.text}/s"
-        reached = (f"{module.name}.{state.name}",)
-        title = f"balance of {state.title}"
-        yield Spot(
-            id=name,
-            kind="balance",
-            module=module.name,
-            place=state.name,
-            title=title,
-            unit=unit,
-            factor=state.unit.factor,
-            observers=reached,
-            unknown=f"{name}.error",
-        )
+        unit, reached = state.unit, (f"{module.name}.{state.name}",)
+        place, title = ("balance", state.name), f"balance of {state.title}"
+        yield _at(module, place, title, f"{unit.text}/s", unit.factor, reached)
     for reading in kind.readings:
-        signal, name = kind.signals[reading], f"reading:{module.name}.{reading}"
-        reached = (f"{module.name}.{reading}",)
-        yield Spot(
-            id=name,
-            kind="reading",
-            module=module.name,
-            place=reading,
-            title=f"what {reading} shows",
-            unit=signal.unit.text,
-            factor=signal.unit.factor,
-            observers=reached,
-            unknown=f"{name}.error",
-        )
+        unit, reached = kind.signals[reading].unit, (f"{module.name}.{reading}",)
+        place, title = ("reading", reading), f"what {reading} shows"
+        yield _at(module, place, title, unit.text, unit.factor, reached)
 
 
 def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:

@@ -47,9 +47,9 @@ class Parameter:
 
     name: str
     value: float
-    u: float
+    u: float = 0.0
     unit: Unit
-    fit: bool
+    fit: bool = True
     title: str
     origin: Origin
     shared: bool = False

@@ -36,9 +36,9 @@ class Change:
 
     places: tuple[tuple[str, str], ...]
     law: Expression
-    drivers: Mapping[str, str]
-    parameters: Mapping[str, Parameter]
-    ids: Mapping[str, str]
+    drivers: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    ids: Mapping[str, str] = field(default_factory=dict)
     substitutes: Mapping[str, Mapping[str, Expression]] = field(default_factory=dict)
     also: tuple[tuple[tuple[str, str], Expression], ...] = ()
     states: Mapping[str, State] = field(default_factory=dict)

@@ -19,16 +19,14 @@ def candidates(module: Module, knowledge: Knowledge, tables: Linearised) -> Iter
     used = [s for s in module.type.signals.values() if f"{module.name}.{s.name}" in inputs]
     for signal in used:
         reading = f"{module.name}.{signal.name}"
-        cost, u = knowledge.sensors[signal.sensor].cost, tables.uncertainties[reading]
-        title = f"a second reading of {reading}"
         yield Sensor(
             module=module.name,
             signal=signal.name,
-            title=title,
-            cost=cost,
+            title=f"a second reading of {reading}",
+            cost=knowledge.sensors[signal.sensor].cost,
             existing=reading,
             is_estimate=False,
-            u=u,
+            u=tables.uncertainties[reading],
         )
     if observers and not any(_is_flow(signal) for signal in used):
         yield from _flow_meter(module, knowledge, observers[0], tables.flows[observers[0]])
@@ -50,16 +48,14 @@ def _flow_meter(
         if quantities.get(c.measures) == VOLUME_FLOW and c.kind != "full scale"
     ]
     for sensor, name, full_scale in sorted(declared or fitting, key=lambda k: k[0].cost)[:1]:
-        u = sensor.uncertainty(full_scale, flow)
-        title = f"a flow meter in {module.name}"
         yield Sensor(
             module=module.name,
             signal=name,
-            title=title,
+            title=f"a flow meter in {module.name}",
             cost=sensor.cost,
             existing=estimate,
             is_estimate=True,
-            u=u,
+            u=sensor.uncertainty(full_scale, flow),
         )
 
 

@@ -23,6 +23,10 @@ ORDER = ("definition", "observer", "signal", "reading", "end")
 """Kinds of places in the order in which laws are built in: what flows is behind all laws of it."""
 
 
+Places = tuple[tuple[str, str], ...]
+"""Places of a module type, as (kind, name)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class StoreFault:
     """A fault of a module; `settled` tells that equations without time know it as well."""
@@ -51,32 +55,27 @@ def store_faults(module: Module, knowledge: Knowledge) -> list[StoreFault]:
     for (use, variant), name in named.items():
         fault, id_ = knowledge.faults[use.fault], f"{module.name}.{name}"
         places, law = _acting(module, fault, variant, use.target)
-        x = Parameter(
-            name="x",
-            value=0.0,
-            u=0.0,
-            unit=Unit("1", 1.0, NONE),
-            fit=True,
-            title=variant.meaning,
-            origin=fault.origin,
-        )
-        change = Change(
-            places=places, law=law, drivers={}, parameters={"x": x}, ids={"x": f"x.{id_}"}
-        )
-        settled = use in still.faults
-        target = f"{module.name}.{use.target}"
         result.append(
             StoreFault(
                 id=id_,
                 module=module.name,
                 fault=fault,
                 variant=variant,
-                target=target,
-                settled=settled,
-                change=change,
+                target=f"{module.name}.{use.target}",
+                settled=use in still.faults,
+                change=fault_change(fault, variant, places, law, f"x.{id_}"),
             )
         )
     return result
+
+
+def fault_change(
+    fault: FaultType, variant: Variant, places: Places, law: Expression, degree: str
+) -> Change:
+    """A fault as a change of its module type; `degree` is the plan input of its degree."""
+    unit = Unit("1", 1.0, NONE)
+    x = Parameter(name="x", value=0.0, unit=unit, title=variant.meaning, origin=fault.origin)
+    return Change(places=places, law=law, parameters={"x": x}, ids={"x": degree})
 
 
 def _named(
@@ -96,7 +95,7 @@ def with_faults(module: Module, faults: list[StoreFault]) -> Amended:
 
 def _acting(
     module: Module, fault: FaultType, variant: Variant, target: str
-) -> tuple[tuple[tuple[str, str], ...], Expression]:
+) -> tuple[Places, Expression]:
     """The places that a fault changes, and the law that it has there."""
     kind = module.type
     if fault.acts_on == "flow":

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, lgamma, log, log1p
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
+from scipy.special import betaincinv
 
 from rulec.study.judge import Kind, Outcome
 
@@ -168,28 +168,6 @@ def _alarms(alarms: int, recordings: int, samples: int) -> Alarms:
 def upper_bound(count: int, of: int) -> float:
     """Rate that is exceeded with 5 % confidence only, after `count` events in `of` trials.
 
-    Source: Clopper and Pearson 1934, one-sided; the root is found by bisection.
+    Source: Clopper and Pearson 1934, one-sided: a quantile of the beta distribution.
     """
-    low, high = (count / of, 1.0) if of else (1.0, 1.0)
-    while high - low > 1e-9:
-        rate = (low + high) / 2.0
-        if _at_most(count, of, rate) > 1.0 - CONFIDENCE:
-            low = rate
-        else:
-            high = rate
-    return high
-
-
-def _at_most(count: int, of: int, rate: float) -> float:
-    """Probability of at most `count` events, for a rate between 0 and 1."""
-    # By logarithms: the binomial coefficients of large studies exceed any float.
-    return sum(
-        exp(
-            lgamma(of + 1)
-            - lgamma(k + 1)
-            - lgamma(of - k + 1)
-            + k * log(rate)
-            + (of - k) * log1p(-rate)
-        )
-        for k in range(count + 1)
-    )
+    return float(betaincinv(count + 1, of - count, CONFIDENCE)) if count < of else 1.0
