@@ -16,7 +16,7 @@ import yaml
 
 from rulec.commands.check import collect
 from rulec.language.diagnostics import Refused, render_all
-from rulec.language.document import MAX_BYTES
+from rulec.limits import MAX_FILE_BYTES
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
 
@@ -56,7 +56,9 @@ def _input(name: str) -> Iterator[None]:
         yield
         return
     file = ERRORS / name / "module.yaml"
-    file.write_text("# a log file, named .yaml by mistake\n" * (MAX_BYTES // 30), encoding="utf-8")
+    file.write_text(
+        "# a log file, named .yaml by mistake\n" * (MAX_FILE_BYTES // 30), encoding="utf-8"
+    )
     yield
     file.unlink()
 

@@ -31,6 +31,7 @@ ROOMS = (
     "rulec_runtime.report",
     "rulec_runtime.commands",
     "rulec_runtime",
+    "rulec.limits",
     "rulec.language",
     "rulec.knowledge",
     "rulec.algebra",
@@ -54,7 +55,7 @@ ROOMS = (
 """From the ground up: a file may import from its own room and from those above it in this list."""
 
 CONTRACT = {"rulec_runtime.contract", "rulec_runtime.output", "rulec_runtime.limits"}
-COMPILER = {"rulec.language", "rulec.knowledge", "rulec.algebra", "rulec.passes"}
+COMPILER = {"rulec.limits", "rulec.language", "rulec.knowledge", "rulec.algebra", "rulec.passes"}
 STORED = "rulec_runtime.simulation.balances"
 """What is stored stands in the ruleset as a plan in the form that the integrator reads."""
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-NOTHING = 1e-9
-"""Entries below this are rounding; balances have entries of about 1."""
+from rulec.limits import ZERO_PIVOT
 
 
 def independent_without(matrix: Array, first: int) -> Array:
@@ -21,7 +20,7 @@ def independent_without(matrix: Array, first: int) -> Array:
         if done == len(rest):
             break
         pivot = done + int(np.argmax(np.abs(rest[done:, j])))
-        if abs(rest[pivot, j]) < NOTHING:
+        if abs(rest[pivot, j]) < ZERO_PIVOT:
             continue
         rest[[done, pivot]] = rest[[pivot, done]]
         rest[done + 1 :] -= np.outer(rest[done + 1 :, j] / rest[done, j], rest[done])
@@ -51,5 +50,5 @@ def solved_for(matrix: Array, first: int) -> tuple[Array, Array]:
         column[pivot] = 0.0
         rest -= np.outer(column, rest[pivot])
         pivots.append(pivot)
-    rest[np.abs(rest) < NOTHING] = 0.0
+    rest[np.abs(rest) < ZERO_PIVOT] = 0.0
     return 0.0 - rest[pivots, first:], np.delete(rest, pivots, axis=0)[:, first:]

@@ -10,6 +10,7 @@ from rulec_runtime.contract.plan import UNARY
 
 from rulec.language.functions import FUNCTIONS
 from rulec.language.symbolic import ClosedForm
+from rulec.limits import MULTIPLIED_POWER
 
 Step = tuple[str, Any, int]
 """``("symbol", sympy symbol, 0)``, ``("constant", number, 0)`` or ``(operation, step, step)``."""
@@ -103,7 +104,7 @@ class _Writer:
     def _power(self, base: int, exponent: sympy.Expr) -> int:
         if exponent.is_negative:
             return self._append("div", self._append("constant", 1.0), self._power(base, -exponent))
-        if exponent.is_Integer and int(exponent) <= 8:
+        if exponent.is_Integer and int(exponent) <= MULTIPLIED_POWER:
             result = base
             for _ in range(int(exponent) - 1):
                 result = self._append("mul", result, base)

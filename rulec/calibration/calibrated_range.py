@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-COVERAGE = 2.0
-"""Half a range in standard uncertainties at least: the bound of 95 % (GUM, coverage factor 2)."""
+from rulec.limits import COVERAGE
 
 
 @dataclass(frozen=True)

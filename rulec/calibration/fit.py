@@ -21,18 +21,20 @@ from rulec.calibration.calibrated_range import CalibratedRange, range_of
 from rulec.calibration.true_flow import Local, TrueFlow
 from rulec.knowledge.data_sheet import Sheet
 from rulec.knowledge.plant import Module
+from rulec.limits import (
+    FAR_POINT,
+    JOINING_STEPS,
+    LEAST_SCATTER,
+    MAX_CONDITION,
+    MISFIT_SETTLED,
+    NO_VALUE,
+    POINTS_PER_PARAMETER,
+    ROBUST_ROUNDS,
+    ROBUST_WIDTH,
+    SLOPE_STEP,
+    SOLVED,
+)
 from rulec.passes.differentiate import GATHERED, TypeModel
-
-FAR = 5.0
-"""Points further off than this many robust standard deviations are set aside."""
-
-ROUNDS = 3
-
-JOININGS = 20
-"""Steps in which recording and data sheet are joined at most."""
-
-SETTLED = 1e-6
-"""Relative change of a misfit below which it stands; no result shows that many digits."""
 
 
 class CalibrationRefused(Exception):
@@ -149,7 +151,7 @@ def _fit_observer(
         local = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in inputs.items()}
         flows = np.broadcast_to(plan.run({**local, **fixed})["Q"], (len(chosen),))
         off = flows - readings.true.values[chosen]
-        far = 10.0 * float(np.max(np.abs(readings.true.values[chosen])))
+        far = NO_VALUE * float(np.max(np.abs(readings.true.values[chosen])))
         bounded: Array = np.where(np.isfinite(off), off, far)
         return bounded
 
@@ -237,7 +239,7 @@ def _joined(
 
     Slopes are taken anew where the two meet, as an observer may bend between them.
     """
-    for _ in range(JOININGS if len(at) else 0):
+    for _ in range(JOINING_STEPS if len(at) else 0):
         alone = near(at)
         before, at = at, sheet.joined(alone.best, sheet.weight(covariance(alone)))
         if np.allclose(before, at, rtol=1e-10, atol=1e-12):
@@ -265,13 +267,13 @@ def _own_misfit(
     precision = np.concatenate([sheet.precision, np.ones(len(errors))])
     centre = np.concatenate([sheet.values - at, np.zeros(len(errors))])
     squares, misfit = slopes.T @ slopes, _spread(near.off, len(at))
-    for _ in range(JOININGS if misfit else 0):
+    for _ in range(JOINING_STEPS if misfit else 0):
         before, variance = misfit, misfit**2
         posterior = np.linalg.pinv(squares / variance + np.diag(precision), hermitian=True)
         change = posterior @ (precision * centre - slopes.T @ near.off / variance)
         freedom = len(rows) - float(np.trace(posterior @ squares)) / variance
         misfit = float(np.linalg.norm(near.off + slopes @ change) / np.sqrt(max(freedom, 1.0)))
-        if np.isclose(before, misfit, rtol=SETTLED, atol=0.0):
+        if np.isclose(before, misfit, rtol=MISFIT_SETTLED, atol=0.0):
             break
     return float(np.sqrt(max(misfit**2 - _noise(near.slopes, rows, readings), 0.0)))
 
@@ -300,7 +302,7 @@ def _usable_rows(
     for name in _variables(model, observer):
         usable &= np.isfinite(readings.own.values.get(name, np.full(len(usable), np.nan)))
     rows = np.flatnonzero(usable)
-    needed = 3 * max(count, 1)
+    needed = POINTS_PER_PARAMETER * max(count, 1)
     if len(rows) < needed:
         raise CalibrationRefused(
             f"{module.name}.{observer}: only {len(rows)} settled points with all readings and "
@@ -346,8 +348,8 @@ def _robust(
     if not len(begin):
         return begin, rows
     kept, best = rows, begin
-    loss, width = "soft_l1", 0.05
-    for _ in range(ROUNDS):
+    loss, width = "soft_l1", ROBUST_WIDTH
+    for _ in range(ROBUST_ROUNDS):
         solution = least_squares(
             # In units of the flow's own spread: the solver's tolerances expect numbers near one.
             lambda p, chosen=kept: error(p, chosen) / size,
@@ -355,14 +357,14 @@ def _robust(
             loss=loss,
             f_scale=width,
             x_scale="jac",
-            xtol=1e-12,
-            ftol=1e-12,
+            xtol=SOLVED,
+            ftol=SOLVED,
         )
         best = solution.x
         off = error(best, rows)
         centre = float(np.median(off))
         spread = spread_about(off, centre)
-        kept = rows[np.abs(off - centre) <= FAR * max(spread, 1e-6 * size)]
+        kept = rows[np.abs(off - centre) <= FAR_POINT * max(spread, LEAST_SCATTER * size)]
         loss, width = "linear", 1.0
     return best, kept
 
@@ -372,7 +374,7 @@ def _jacobian(error: Callable[[Array], Array], at: Array, size: float) -> Array:
     columns = []
     for i in range(len(at)):
         step = np.zeros_like(at)
-        step[i] = 1e-5 * max(abs(at[i]), 1e-3)
+        step[i] = SLOPE_STEP * max(abs(at[i]), 1e-3)
         columns.append((error(at + step) - error(at - step)) / (2.0 * step[i]))
     return np.stack(columns, axis=1)
 
@@ -385,7 +387,7 @@ def _inverse(module: Module, observer: str, free: Sequence[str], jacobian: Array
     size = np.sqrt(np.diag(normal))
     weak = [n for n, s in zip(free, size, strict=True) if s == 0]
     condition = np.linalg.cond(normal / np.outer(size, size)) if not weak else np.inf
-    if not np.isfinite(condition) or condition > 1e12:
+    if not np.isfinite(condition) or condition > MAX_CONDITION:
         raise CalibrationRefused(
             f"{module.name}.{observer}: the recording does not determine "
             f"{', '.join(weak or free)} apart; vary the operating point more, or set 'fit: false'"

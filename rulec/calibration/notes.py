@@ -8,16 +8,9 @@ from collections.abc import Iterator
 from rulec.calibration.fit import ModuleFit
 from rulec.knowledge.module_type import Parameter
 from rulec.knowledge.plant import Module
+from rulec.limits import FAR_OFF, OTHER_SIZE
 
 STOOD = "the reading stood in the calibration; these are the 95 % bounds of its sensor"
-
-FAR_OFF = 5.0
-"""Standard uncertainties of value and data sheet together beyond which a value is told. As a normal
-error that is one in two million; a wrong unit or column is off by far more."""
-
-OTHER_SIZE = 10.0
-"""Factor beyond which a value is of another size than the data sheet's, also where that states no
-uncertainty: a slipped decimal point."""
 
 
 def notes_of(module: Module, fit: ModuleFit) -> Iterator[str]:

@@ -20,11 +20,9 @@ from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
 from rulec.effects.model_builder import open_builder
 from rulec.effects.repair import AdoptRefused, Proven, Told, read_proven, read_repair
 from rulec.language.diagnostics import Refused
+from rulec.limits import ADOPTED_AGREEMENT
 from rulec.mismatch.answer.public import row_errors, simulated
 from rulec.passes.pipeline import compile_plant
-
-AGREE = 1e-3
-"""Share by which an error may differ from what was told: digits in files, and solvers."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -76,7 +74,7 @@ def try_out(plant: Path, recording: Path, proven: Proven) -> None:
         raise AdoptRefused(f"what was to be written cannot be simulated: {error}") from None
     for name, told in proven.checks.items():
         off = found.get(name, (math.nan, 0))[0]
-        if not abs(off - told) <= AGREE * max(abs(told), 1e-12):
+        if not abs(off - told) <= ADOPTED_AGREEMENT * max(abs(told), 1e-12):
             unit = ruleset.signal_by_id[name].unit if name in ruleset.signal_by_id else ""
             raise AdoptRefused(
                 f"nothing is written: simulated over the held-out parts of the recording, {name} "

@@ -21,6 +21,7 @@ from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal, Sta
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
 from rulec.language.units import Unit
+from rulec.limits import MAX_TYPE_STEM
 from rulec.passes.amend import Amended
 from rulec.passes.link import Network
 
@@ -234,10 +235,10 @@ def _named(instances: Mapping[str, Adopted], plant: Plant) -> dict[str, Adopted]
 
 def fresh_type(name: str, taken: set[str]) -> str:
     """A name for a type that no other has."""
-    tried, count = name[:56], 1
+    tried, count = name[:MAX_TYPE_STEM], 1
     while tried in taken:
         count += 1
-        tried = f"{name[:56]}-{count}"
+        tried = f"{name[:MAX_TYPE_STEM]}-{count}"
     return tried
 
 

@@ -12,17 +12,11 @@ from rulec.effects.candidate import TIME
 from rulec.effects.places import Site
 from rulec.knowledge.effect import Driver, Effect, Join
 from rulec.knowledge.module_type import INFLOW
+from rulec.limits import NEAREST_DRIVERS, STEEP
 from rulec.passes.link import Network
 
 FLOW = "volume flow"
 """Quantity of what flows in and out of a module that stores."""
-
-MANY = 6
-"""Readings of other modules to try for one driver; the nearest along the pipes come first."""
-
-
-STEEP = 0.5
-"""A place is steep in a reading if it changes by more than this share of the reading's change."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +77,7 @@ class Binder:
             behind = [b for a, b in self._network.plant.connections if a == module]
             return self._ids(behind, driver)
         if driver.where == "plant" and not own:
-            return self._ids(self._nearest(module), driver)[:MANY]
+            return self._ids(self._nearest(module), driver)[:NEAREST_DRIVERS]
         if driver.quantity == join.reads:
             # A threshold of the very reading that is put right.
             return [site.name]

@@ -9,13 +9,11 @@ from rulec.knowledge.module_type import Parameter
 from rulec.language.expression import Expression, parse
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Unit
+from rulec.limits import SPREAD
 from rulec.passes.amend import Change
 
 BAND = "~"
 """Between a reading and the number of its band."""
-
-SPREAD = (0.16, 0.84)
-"""Quantiles of a normal distribution one standard deviation below and above its middle."""
 
 
 def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:

@@ -16,24 +16,16 @@ from rulec.knowledge.module_type import Parameter
 from rulec.language.expression import Expression
 from rulec.language.rewrite import replaced, written
 from rulec.language.units import NONE, SECOND, Unit
+from rulec.limits import LATEST_ONSET, ONSET_QUANTILES, ONSET_WIDTH, START_DEGREE
 from rulec.passes.amend import Change
 from rulec.passes.store_faults import StoreFault
 
 SINCE, CLOCK, HALF = "since", "t", "t_half"
 """Names in laws: time of the onset, time, and half of the recording."""
 
-QUANTILES = (0.08, 0.17, 0.26, 0.35, 0.44, 0.53, 0.62, 0.71, 0.8, 0.89)
-"""Shares of the recording at which the search for an onset starts."""
-
-LATEST = 1e9
-"""s; the recording ends before that."""
-
-TRIED = 0.1
-"""Degree of a fault from which a search starts, or half of the highest if that is less."""
-
 PERCENT, SECONDS = Unit("%", 0.01, NONE), Unit("s", 1.0, SECOND)
 
-RISE = f"(1 + tanh(({CLOCK} - {SINCE})/(0.002*{HALF})))/2"
+RISE = f"(1 + tanh(({CLOCK} - {SINCE})/({ONSET_WIDTH}*{HALF})))/2"
 """From 0 to 1 within a thousandth of the recording: a step that can be searched for by slopes."""
 
 
@@ -52,7 +44,9 @@ def beginning(law: Expression, degree: str = "x") -> Expression:
 def degree_unknown(id_: str, variant: Variant) -> Unknown:
     """The degree of a fault, to be searched for."""
     # A size is tried as a share of the range of its sensor.
-    start = TRIED * variant.highest if variant.unit else min(TRIED, variant.highest / 2)
+    start = (
+        START_DEGREE * variant.highest if variant.unit else min(START_DEGREE, variant.highest / 2)
+    )
     shown = Unit(variant.unit, 1.0, NONE) if variant.unit else PERCENT
     return Unknown(
         id=id_,
@@ -101,8 +95,8 @@ def beginning_unknowns(stored: StoreFault) -> tuple[Unknown, ...]:
         unit="s",
         factor=1.0,
         lowest=0.0,
-        highest=LATEST,
-        quantiles=QUANTILES,
+        highest=LATEST_ONSET,
+        quantiles=ONSET_QUANTILES,
         driver=TIME,
     )
     half = replace(onset, id=ids[HALF], name=HALF, title="", quantiles=(), fixed=True)

@@ -13,13 +13,8 @@ from rulec.effects.places import Site, Survey
 from rulec.knowledge.module_type import OUTFLOW, ModuleType
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.units import NONE, TEMPERATURE, Dimension, Unit
+from rulec.limits import COMPARED_POINTS, COMPARED_WIDTH, PROPORTIONAL
 from rulec.passes.lower import Lowering, lower_module
-
-POINTS = 7
-"""Operating points around the reference at which two places are compared."""
-
-WIDTH = 0.04
-"""How far readings are moved there, as a share of themselves."""
 
 _RATE = Dimension.of({"s": -1})
 _GIVEN = (NONE, TEMPERATURE, _RATE)
@@ -127,7 +122,7 @@ def _without_twins(around: Survey, module: Module, sites: list[Site]) -> list[Si
 
 def _proportional(a: Array, b: Array) -> bool:
     product = float(np.sum(a * b)) ** 2
-    return bool(product > (1.0 - 1e-12) * float(np.sum(a * a)) * float(np.sum(b * b)))
+    return bool(product > PROPORTIONAL * float(np.sum(a * a)) * float(np.sum(b * b)))
 
 
 def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str, str], Array]:
@@ -141,13 +136,13 @@ def _moves(around: Survey, module: Module, sites: list[Site]) -> dict[tuple[str,
     for i, name in enumerate(f"{module.name}.{s}" for s in module.type.signals):
         if name in inputs:
             # Incommensurable steps: no two readings move alike.
-            wave = np.sin((1.0 + i) * np.sqrt(2.0 + i) * np.arange(POINTS))
-            inputs[name] = inputs[name] * (1.0 + WIDTH * wave)
+            wave = np.sin((1.0 + i) * np.sqrt(2.0 + i) * np.arange(COMPARED_POINTS))
+            inputs[name] = inputs[name] * (1.0 + COMPARED_WIDTH * wave)
     _, slopes = run_with_slopes(plan, inputs, list(shifts.values()))
     found = {}
     for (_, *key), seed in shifts.items():
         rows = [
-            np.broadcast_to(by.get(seed, np.zeros(1)), (POINTS,))
+            np.broadcast_to(by.get(seed, np.zeros(1)), (COMPARED_POINTS,))
             for output, by in slopes.items()
             if output.startswith("q:")
         ]

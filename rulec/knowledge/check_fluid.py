@@ -14,9 +14,7 @@ from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.reader import Reader
 from rulec.language.units import NONE, PROPERTIES, TEMPERATURE, UNKNOWN, Dimension
-
-POINTS = 25
-"""Temperatures over the valid range at which a property is tried out."""
+from rulec.limits import FLUID_POINTS
 
 
 @dataclass
@@ -103,7 +101,7 @@ class FluidReader(Reader):
 
     def _check_positive(self, fluid: Fluid) -> None:
         """Try the equations out over the valid range: a slip of sign or unit shows there."""
-        for T in np.linspace(fluid.lowest, fluid.highest, POINTS):
+        for T in np.linspace(fluid.lowest, fluid.highest, FLUID_POINTS):
             known: dict[str, float] = {"T": float(T), **fluid.coefficients}
             for path, expression in _equations(fluid):
                 try:

@@ -25,9 +25,7 @@ from rulec.language.document import Path_
 from rulec.language.expression import Expression, Rejected, constant
 from rulec.language.reader import Reader
 from rulec.language.units import Unit
-
-MAX_CHAIN = 50
-"""Definitions that stand on one another; a longer chain is a mistake or an attack."""
+from rulec.limits import MAX_DEFINITION_CHAIN
 
 
 @dataclass
@@ -174,8 +172,8 @@ class ModuleReader(Reader):
                 circle = " -> ".join((*chain[chain.index(name) :], name))
                 self.report_key(path, "KB037", f"'{name}' is defined by itself", circle)
                 return
-            if len(chain) == MAX_CHAIN:
-                message = f"{MAX_CHAIN} definitions stand on one another before '{name}'"
+            if len(chain) == MAX_DEFINITION_CHAIN:
+                message = f"{MAX_DEFINITION_CHAIN} definitions stand on one another before '{name}'"
                 self.report_key(path, "KB042", message, "write some of them out")
                 return
             for used, _ in definitions[name].expression.names():

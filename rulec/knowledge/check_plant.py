@@ -21,6 +21,7 @@ from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND, VOLUME_FLOW, Unit
+from rulec.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 
 
 def check(sources: Sources) -> Plant:
@@ -53,10 +54,6 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         digest=sources.digest(),
         place=document.place("plant"),
     )
-
-
-LEAST_SCALE = 1e-12
-"""No reading: the reciprocal of the largest scale that columns.schema.json lets pass."""
 
 
 @dataclass
@@ -344,12 +341,12 @@ def _block(
     spread = np.sqrt(np.abs(np.diag(matrix)))
     spread[spread == 0] = 1.0
     normal = matrix / np.outer(spread, spread)
-    if not np.all(np.isfinite(normal)) or np.max(np.abs(normal - normal.T)) > 1e-6:
+    if not np.all(np.isfinite(normal)) or np.max(np.abs(normal - normal.T)) > ASYMMETRY:
         hint = "row i, entry j is row j, entry i"
         reader.report(where, "KB078", "this covariance is not symmetric", hint)
         return None
     try:
-        factor = np.linalg.cholesky(normal + 1e-12 * np.eye(len(names)))
+        factor = np.linalg.cholesky(normal + CORRELATION_RIDGE * np.eye(len(names)))
     except np.linalg.LinAlgError:
         hint = "is a variance below 0, or a correlation beyond 1?"
         reader.report(where, "KB079", "this covariance is not positive", hint)

@@ -19,9 +19,7 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import chdtrc
 
 from rulec.knowledge.module_type import Parameter
-
-CHANCE = 1e-4
-"""A difference that is less probable is a contradiction."""
+from rulec.limits import CONTRADICTION
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Sheet:
         off = (found - self.values)[known]
         both = covariance[np.ix_(known, known)] + np.diag(1.0 / self.precision[known])
         square = float(off @ np.linalg.solve(both, off))
-        if chdtrc(len(known), square) < CHANCE:
+        if chdtrc(len(known), square) < CONTRADICTION:
             return Sheet(self.values, np.zeros_like(self.precision))
         return Sheet(self.values, self.precision / max(square / len(known), 1.0))
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rulec.language.diagnostics import Diagnostic, Place, Refused, nearest
-from rulec.language.document import MAX_BYTES, Document, Path_, read_document
+from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import KINDS, check_schema, kind_of
+from rulec.limits import MAX_FILE_BYTES
 
 _KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
 _EFFECT = re.compile(rb"^effect:", re.MULTILINE)
@@ -198,7 +199,7 @@ def _holds_effect(file: Path) -> bool:
     """Whether a file describes an effect, without parsing it; an unreadable one is not skipped."""
     try:
         with file.open("rb") as stream:
-            return _EFFECT.search(stream.read(MAX_BYTES)) is not None
+            return _EFFECT.search(stream.read(MAX_FILE_BYTES)) is not None
     except OSError:
         return False
 
@@ -279,7 +280,7 @@ def _read_adjacency(plant: Document, file: Path, found: list[Diagnostic]) -> tup
     place = plant.place("adjacency")
     try:
         with (file.parent / name).open("rb") as stream:
-            text = stream.read(MAX_BYTES).decode("utf-8-sig")
+            text = stream.read(MAX_FILE_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         found.append(Diagnostic(place, "KB003", f"'{name}' is not UTF-8", "save it as UTF-8"))
         return None

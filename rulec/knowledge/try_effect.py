@@ -8,17 +8,14 @@ from collections.abc import Mapping
 
 from rulec.knowledge.effect import PLAIN, Effect, Join
 from rulec.language.expression import Rejected, constant
-
-TRIES = 20
-TOLERANCE = 1e-12
-"""Relative to the largest of the plain laws that a law takes differences of."""
+from rulec.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
 
 
 def fails_at_null(effect: Effect, join: Join) -> str:
     """Why the plain law does not come back at the null of all parameters; '' if it does."""
     draw = random.Random(0)
     undefined = 0
-    for _ in range(TRIES):
+    for _ in range(EFFECT_TRIES):
         known = readings(effect, draw)
         known |= parameters(effect, known, draw)
         known |= {n: p.null for n, p in effect.parameters.items() if p.null is not None}
@@ -31,9 +28,11 @@ def fails_at_null(effect: Effect, join: Join) -> str:
             undefined += 1
             continue
         largest = max(map(abs, plain.values()))
-        if any(v is None or not abs(v - plain[PLAIN]) <= TOLERANCE * largest for v in values):
+        if any(
+            v is None or not abs(v - plain[PLAIN]) <= EFFECT_TOLERANCE * largest for v in values
+        ):
             return "with all parameters at their null this does not give the plain law back"
-    if undefined > TRIES // 2:
+    if undefined > EFFECT_TRIES // 2:
         return "with all parameters at their null this is mostly no number"
     return ""
 
@@ -50,7 +49,7 @@ def is_neutral(effect: Effect, name: str) -> bool:
 def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
     draw = random.Random(0)
     judged = 0
-    for _ in range(TRIES):
+    for _ in range(EFFECT_TRIES):
         known = readings(effect, draw)
         known |= parameters(effect, known, draw)
         plain = plain_laws(join, known, draw)
@@ -59,15 +58,17 @@ def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
             value = constant(join.law.expression, {**known, **plain})
         except Rejected:
             continue
-        if value is None or abs(value - plain[PLAIN]) > TOLERANCE * max(map(abs, plain.values())):
+        if value is None or abs(value - plain[PLAIN]) > EFFECT_TOLERANCE * max(
+            map(abs, plain.values())
+        ):
             return False
         judged += 1
-    return judged > TRIES // 2
+    return judged > EFFECT_TRIES // 2
 
 
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
     """A reading of each driver, positive and of any size."""
-    return {name: math.exp(draw.uniform(-7.0, 12.0)) for name in effect.drivers}
+    return {name: math.exp(draw.uniform(*TRIED_READINGS)) for name in effect.drivers}
 
 
 def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:

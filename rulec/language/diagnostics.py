@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-MAX_SHOWN = 100
-MAX_TEXT = 300
-MAX_READ = 4_000_000
+from rulec.limits import MAX_DIAGNOSTICS, MAX_EXCERPT_BYTES, MAX_MESSAGE_LENGTH, NEAREST_NAME
+
 WIDTH = 96
 
 _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
@@ -54,7 +53,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that was probably meant, if any."""
     names = sorted(known)
     same = [n for n in names if n.lower() == name.lower()]
-    near = same or difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    near = same or difflib.get_close_matches(name, names, n=1, cutoff=NEAREST_NAME)
     return near[0] if near else None
 
 
@@ -77,8 +76,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 def render(diagnostic: Diagnostic) -> str:
     """Write a diagnostic as text: place, message, excerpt with caret, remedy."""
     place, message = diagnostic.place, diagnostic.message
-    if len(message) > MAX_TEXT:
-        message = message[:MAX_TEXT] + "..."
+    if len(message) > MAX_MESSAGE_LENGTH:
+        message = message[:MAX_MESSAGE_LENGTH] + "..."
     head = f"{diagnostic.code} {place.file}:{place.line}:{place.column}: {message}"
     lines = [head, *_excerpt(place, diagnostic.hint)]
     if diagnostic.second is not None:
@@ -93,9 +92,9 @@ def render_all(diagnostics: Iterable[Diagnostic]) -> str:
     found = sorted(set(diagnostics))
     files = len({d.place.file for d in found})
     count = f"{len(found)} mistake{'s' * (len(found) != 1)} in {files} file{'s' * (files != 1)}"
-    if len(found) > MAX_SHOWN:
-        count += f", of which the first {MAX_SHOWN} are shown"
-    return "\n".join([*(render(d) for d in found[:MAX_SHOWN]), count])
+    if len(found) > MAX_DIAGNOSTICS:
+        count += f", of which the first {MAX_DIAGNOSTICS} are shown"
+    return "\n".join([*(render(d) for d in found[:MAX_DIAGNOSTICS]), count])
 
 
 def split_lines(text: str) -> list[str]:
@@ -105,13 +104,13 @@ def split_lines(text: str) -> list[str]:
 
 def _excerpt(place: Place, hint: str) -> list[str]:
     """Quote the line of a place with a caret under the offending part."""
-    hint = hint if len(hint) <= MAX_TEXT else hint[:MAX_TEXT] + "..."
+    hint = hint if len(hint) <= MAX_MESSAGE_LENGTH else hint[:MAX_MESSAGE_LENGTH] + "..."
     bare = [f"  {hint}"] if hint else []
     if not os.path.isfile(place.file):  # a pipe can be read only once
         return bare
     try:
         with Path(place.file).open("rb") as stream:
-            raw = stream.read(MAX_READ)
+            raw = stream.read(MAX_EXCERPT_BYTES)
     except OSError:
         return bare
     text = split_lines(raw.decode("utf-8-sig", "replace"))

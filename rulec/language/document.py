@@ -17,12 +17,9 @@ from typing import Any
 import yaml
 
 from rulec.language.diagnostics import Diagnostic, Place, split_lines
+from rulec.limits import MAX_FILE_BYTES, MAX_FILE_NUMBER, MAX_INTEGER_DIGITS, MAX_NESTING
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-MAX_BYTES = 1_000_000
-MAX_DEPTH = 24
-MAX_SIZE = 1e60
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -73,12 +70,12 @@ def read_document(path: Path) -> tuple[Document | None, list[Diagnostic]]:
     name = _display(path)
     try:
         with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
+            raw = stream.read(MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return None, [Diagnostic(Place(name), "KB001", f"cannot read this file: {reason}")]
-    if len(raw) > MAX_BYTES:
-        message = f"the file has more than {MAX_BYTES / 1e6:g} MB"
+    if len(raw) > MAX_FILE_BYTES:
+        message = f"the file has more than {MAX_FILE_BYTES / 1e6:g} MB"
         return None, [Diagnostic(Place(name), "KB002", message, "is this really a YAML file?")]
     raw = raw.removeprefix(codecs.BOM_UTF8)
     try:
@@ -148,8 +145,8 @@ def _refuse_events(text: str) -> None:
                 raise _Unwanted(mark, 3, "KB009", message, "put it into a file of its own")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
-            if depth > MAX_DEPTH:
-                message = f"this is nested more than {MAX_DEPTH} deep"
+            if depth > MAX_NESTING:
+                message = f"this is nested more than {MAX_NESTING} deep"
                 raise _Unwanted(mark, 1, "KB010", message, "no file of this tool needs that")
         if isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
@@ -221,9 +218,13 @@ class _Builder:
             return [self.build(item, (*path, i)) for i, item in enumerate(node.value)]
         self._refuse_steering(node)
         value = node.value if node.style else _scalar(node.value)
-        if isinstance(value, int | float) and value and not 1 / MAX_SIZE <= abs(value) <= MAX_SIZE:
+        if (
+            isinstance(value, int | float)
+            and value
+            and not 1 / MAX_FILE_NUMBER <= abs(value) <= MAX_FILE_NUMBER
+        ):
             message = f"no value in a plant can be {node.value[:40]}"
-            hint = f"0, or a number of size {1 / MAX_SIZE:.0e} to {MAX_SIZE:.0e}"
+            hint = f"0, or a number of size {1 / MAX_FILE_NUMBER:.0e} to {MAX_FILE_NUMBER:.0e}"
             self.found.append(Diagnostic(self.values[path], "KB013", message, hint))
         return value
 
@@ -263,7 +264,7 @@ def _scalar(text: str) -> Any:
     """
     if text in _WORDS:
         return _WORDS[text]
-    if _INTEGER.fullmatch(text) and len(text) < 300:
+    if _INTEGER.fullmatch(text) and len(text) < MAX_INTEGER_DIGITS:
         return int(text)
     if _NUMBER.fullmatch(text):
         return float(text)

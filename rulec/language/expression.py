@@ -21,12 +21,15 @@ from typing import Any
 from rulec.language.diagnostics import did_you_mean
 from rulec.language.functions import FUNCTIONS
 from rulec.language.units import PROPERTIES
+from rulec.limits import (
+    MAX_CONSTANT,
+    MAX_DENOMINATOR,
+    MAX_EQUATION_DEPTH,
+    MAX_EQUATION_LENGTH,
+    MAX_EXPONENT,
+)
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
-MAX_LENGTH = 600
-MAX_DEPTH = 30
-MAX_POWER = 8
-MAX_NUMBER = 1e30
 ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | dict.fromkeys(PROPERTIES, 1)
 GATHER = "downstream"
 
@@ -93,8 +96,8 @@ def parse(text: str) -> Expression:
     >>> parse("sqrt((dp - k0)/k2)").text
     'sqrt((dp - k0)/k2)'
     """
-    if len(text) > MAX_LENGTH:
-        message = f"the equation has {len(text)} characters; at most {MAX_LENGTH} are read"
+    if len(text) > MAX_EQUATION_LENGTH:
+        message = f"the equation has {len(text)} characters; at most {MAX_EQUATION_LENGTH} are read"
         raise Rejected("KB042", 0, message, "split it with definitions", len(text))
     if not text.strip():
         raise Rejected("KB040", 0, "the equation is empty")
@@ -123,7 +126,7 @@ def parse(text: str) -> Expression:
     return expression
 
 
-_TOO_DEEP = f"the equation is nested more than {MAX_DEPTH} deep"
+_TOO_DEEP = f"the equation is nested more than {MAX_EQUATION_DEPTH} deep"
 _FOREIGN = re.compile(r"//|[^A-Za-z0-9_+\-*/(),. \t\r\n]")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _REMEDIES = {
@@ -168,7 +171,7 @@ def rejected_at(
 
 def _check(node: ast.expr, depth: int, power: Fraction) -> None:
     """Refuse every construct that is not on the list; `power` is that of all powers around."""
-    if depth > MAX_DEPTH:
+    if depth > MAX_EQUATION_DEPTH:
         raise rejected_at(node, "KB042", _TOO_DEEP, "split it with definitions")
     match node:
         case ast.Constant(value=bool() | str() | bytes() | complex() | None):
@@ -190,10 +193,10 @@ def _check(node: ast.expr, depth: int, power: Fraction) -> None:
             if own is None:
                 raise rejected_at(right, "KB043", "an exponent must be a fixed number")
             total = power * max(Fraction(1), abs(own))
-            if total > MAX_POWER:
+            if total > MAX_EXPONENT:
                 message = "this power is too high"
                 raise rejected_at(
-                    right, "KB043", message, f"{MAX_POWER} at most, powers of powers too"
+                    right, "KB043", message, f"{MAX_EXPONENT} at most, powers of powers too"
                 )
             _check(left, depth + 1, total)
         case ast.Call():
@@ -235,8 +238,8 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
 def exponent_of(node: ast.expr) -> Fraction | None:
     """Value of a numeric exponent: 2, -1, 0.5, 1/2, (7/4)."""
     match node:
-        case ast.Constant(value=int(value) | float(value)) if abs(value) <= MAX_NUMBER:
-            return Fraction(value).limit_denominator(1000)
+        case ast.Constant(value=int(value) | float(value)) if abs(value) <= MAX_CONSTANT:
+            return Fraction(value).limit_denominator(MAX_DENOMINATOR)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             inner = exponent_of(operand)
             return None if inner is None else -inner
@@ -305,8 +308,8 @@ def constant(expression: Expression, known: Mapping[str, float]) -> float | None
             number = float(value())
         except (ArithmeticError, ValueError, TypeError):
             number = math.nan
-        if not abs(number) <= MAX_NUMBER:
-            hint = f"of size {MAX_NUMBER:g} at most"
+        if not abs(number) <= MAX_CONSTANT:
+            hint = f"of size {MAX_CONSTANT:g} at most"
             raise rejected_at(node, "KB041", "this is not a number one can calculate with", hint)
         return number
 

@@ -12,9 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec.language.expression import Expression
-
-LONGEST = 100_000
-"""Counts end here, so that a long chain of doublings stays a small number."""
+from rulec.limits import MAX_COUNTED_TERMS
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,8 @@ def _walk(node: ast.expr, known: Mapping[str, Length]) -> Length:
 
 
 def _length(plain: int, slope: int, bend: int, depth: int) -> Length:
-    return Length(min(plain, LONGEST), min(slope, LONGEST), min(bend, LONGEST), depth)
+    plain, slope, bend = (min(count, MAX_COUNTED_TERMS) for count in (plain, slope, bend))
+    return Length(plain, slope, bend, depth)
 
 
 def _sum(a: Length, b: Length) -> Length:

@@ -14,12 +14,11 @@ import jsonschema
 
 from rulec.language.diagnostics import Diagnostic, did_you_mean, nearest
 from rulec.language.document import Document, Path_
+from rulec.limits import MAX_UNKNOWN_KEYS
 
 KINDS = (
     "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "units",
 )  # fmt: skip
-
-MAX_UNKNOWN = 30
 
 _IN_A_PLANT = {"columns": str, "calibration": list}
 """Keys that name a kind of file, but that a plant has too, with another type."""
@@ -110,7 +109,7 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
 def _unknown(error: Any) -> list[str]:
     """Keys of a part that do not exist; the first ones, where it is some other file altogether."""
     known = error.schema.get("properties", {})
-    return [key for key in error.instance if key not in known][:MAX_UNKNOWN]
+    return [key for key in error.instance if key not in known][:MAX_UNKNOWN_KEYS]
 
 
 def _bad_name(document: Document, path: Path_, error: Any) -> Diagnostic:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from rulec.limits import MAX_UNIT_LENGTH, MAX_UNIT_POWER
+
 BASES = ("m", "kg", "s", "K", "A")
-MAX_LENGTH = 60
-MAX_POWER = 6
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class UnitTable:
         """
         if text in self.units:
             return self.units[text]
-        if len(text) > MAX_LENGTH or not text.isascii():
+        if len(text) > MAX_UNIT_LENGTH or not text.isascii():
             raise ValueError(text)
         try:
             with warnings.catch_warnings(action="ignore"):
@@ -150,7 +150,7 @@ class UnitTable:
                 (f, d), (g, e) = self._walk(left, text), self._walk(right, text)
                 return f / g, d / e
             case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
-                if isinstance(power, bool) or power > MAX_POWER:
+                if isinstance(power, bool) or power > MAX_UNIT_POWER:
                     raise ValueError(text)
                 f, d = self._walk(left, text)
                 return f**power, d**power

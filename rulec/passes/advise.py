@@ -12,20 +12,14 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rulec.knowledge.plant import Module
+from rulec.limits import FAR_READERS, SEPARATED, SMALL_DEGREE, WIDE_JUNCTION
 from rulec.passes.assemble import Assembly
 from rulec.passes.candidates import candidates
-from rulec.passes.cheapest import SEPARATED, SMALL, Advice, cheapest, degrees_of
+from rulec.passes.cheapest import Advice, cheapest, degrees_of
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.linearise import linearise
 from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
-
-WIDE = 30
-"""At junctions of more modules than this, pairs of faults of different modules are not listed:
-their number grows with the square."""
-
-REACH = 6
-"""Of modules further away that read a signal of a module, so many nearest ones are looked at."""
 
 
 class Adviser:
@@ -69,7 +63,7 @@ class Adviser:
         for key in keys:
             hood = self._hood_of(key)
             for faults in self._together(key, hood):
-                distance = SMALL * apart(hood.gram(faults))
+                distance = SMALL_DEGREE * apart(hood.gram(faults))
                 seen = np.diagonal(distance) >= SEPARATED
                 hidden = (distance < SEPARATED) & seen[:, None]
                 for i, j in np.argwhere(np.triu(hidden | hidden.T, 1)):
@@ -98,7 +92,7 @@ class Adviser:
 
     def _together(self, key: frozenset[int | str], hood: Neighbourhood) -> list[list[str]]:
         """Faults whose pairs are looked at: all, but at a wide junction those of one module."""
-        if all(len(self._balances[p]) <= WIDE for p in key if isinstance(p, int)):
+        if all(len(self._balances[p]) <= WIDE_JUNCTION for p in key if isinstance(p, int)):
             return [list(hood.faults)]
         modules = dict.fromkeys(self._module_of[f] for f in hood.faults)
         return [self._faults[m] for m in modules if self._around[m] == key]
@@ -117,7 +111,7 @@ class Adviser:
         for name in self._modules:
             yield (name,)
         for names in self._balances.values():
-            if len(names) <= WIDE:
+            if len(names) <= WIDE_JUNCTION:
                 yield from itertools.combinations(names, 2)
 
     def _surrounding(self, name: str) -> frozenset[int | str]:
@@ -130,7 +124,7 @@ class Adviser:
         far = [m for m in self._reached.get(name, ()) if not self._places[m] & places]
         near = sorted(far, key=lambda m: (abs(number[m] - number[name]), m))
         alone = {name} if not places else set()
-        return frozenset((*places, *alone, *near[:REACH]))
+        return frozenset((*places, *alone, *near[:FAR_READERS]))
 
     def _key(self, modules: Iterable[str]) -> frozenset[int | str]:
         return frozenset().union(*(self._around[name] for name in modules))

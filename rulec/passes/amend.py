@@ -15,12 +15,7 @@ from dataclasses import dataclass, field, replace
 from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Parameter, Reading, State
 from rulec.language.expression import Expression, Rejected
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
-
-SHORT = 60
-"""A plain law with drivers replaced stands inside the new law up to this length."""
-
-LONGEST_NAME = 36
-"""Names are cut to this, so that a number behind them fits."""
+from rulec.limits import MAX_STEM, SHORT_LAW
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +132,7 @@ def _taken(amended: Amended) -> set[str]:
 
 def fresh(name: str, taken: Iterable[str]) -> str:
     """The name, with a number behind it if it is taken."""
-    used, name = set(taken), name[:LONGEST_NAME]
+    used, name = set(taken), name[:MAX_STEM]
     tried, count = name, 1
     while tried in used:
         count += 1
@@ -333,7 +328,7 @@ class _Writer:
     def _layers(self) -> Iterator[tuple[str, Expression]]:
         """The law, the one that it was built over, and so on down to the author's own."""
         name, law = self._place, self._old
-        stem = f"{self._place}_plain"[:LONGEST_NAME]
+        stem = f"{self._place}_plain"[:MAX_STEM]
         while True:
             yield name, law
             made = (n for n, _ in law.names() if n in self._amended.made and n.startswith(stem))
@@ -368,7 +363,7 @@ class _Writer:
 
     def _short(self, tree: ast.expr, name: str, shown: str) -> ast.expr:
         """The tree itself, or the name of a new definition that holds it."""
-        if len(text_of(tree)) <= SHORT:
+        if len(text_of(tree)) <= SHORT_LAW:
             return tree
         local = fresh(f"{name}_at", self._taken)
         self._taken.add(local)

@@ -16,16 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
+from rulec.limits import SAME_DIRECTION, SMALL_DEGREE
 from rulec.passes.advise import Adviser
 from rulec.passes.assemble import Assembly
-from rulec.passes.cheapest import SMALL
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.link import Network
 from rulec.passes.neighbourhood import Sensor
 from rulec.passes.reach import seen_through_states
-
-SAME_DIRECTION = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,7 @@ def _nested(faults: list[str], effects: sparse.csr_matrix) -> list[tuple[str, st
 def _group(adviser: Adviser, shown: Shown, names: tuple[str, ...], kind: str) -> Group:
     """A group with how far apart its faults are, and what would help if that is not enough."""
     degrees = adviser.degrees(names)
-    far = not degrees or max(degrees) <= SMALL
+    far = not degrees or max(degrees) <= SMALL_DEGREE
     advice = None if far else adviser.advise(names)
     parts = [_telling(adviser, shown, *names)] if kind == "nested" else []
     if any(np.isfinite(degrees)) and not (far and parts):

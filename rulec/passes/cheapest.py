@@ -13,19 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.passes.neighbourhood import NO_SPREAD, Neighbourhood, Sensor, apart
-
-SEPARATED = 4.0
-"""Standard deviations that tell two faults apart: two bounds of Table 1, each twice its u."""
-
-SMALL = 0.2
-"""A degree at which faults should be told apart; beyond it they count as alike in practice."""
-
-SEEN = 2.0
-"""Advice may leave a fault that is hard to see at this multiple of the degree that shows it."""
-
-MOST = 4
-"""No advice asks for more sensors than this."""
+from rulec.limits import LEAST_SPREAD, MOST_SENSORS, SEEN, SEPARATED, SMALL_DEGREE
+from rulec.passes.neighbourhood import Neighbourhood, Sensor, apart
 
 
 @dataclass(frozen=True)
@@ -55,7 +44,7 @@ def cheapest(
         """Products of effects with some of the sensors added."""
         part = effects[:, chosen]
         own = covariance[np.ix_(chosen, chosen)]
-        inverse = np.linalg.inv(own + NO_SPREAD * np.eye(len(chosen)))
+        inverse = np.linalg.inv(own + LEAST_SPREAD * np.eye(len(chosen)))
         more: Array = gram + part @ inverse @ part.T
         return more
 
@@ -70,7 +59,7 @@ def cheapest(
             degree, chosen = min(told)
             return Advice(tuple(sensors[i] for i in chosen), degree)
     chosen = ()
-    while len(chosen) < min(MOST, len(sensors)):
+    while len(chosen) < min(MOST_SENSORS, len(sensors)):
         more = [(*chosen, i) for i in numbers if i not in chosen]
         chosen = min(more, key=lambda c: (_degrees_left(among(c)), cost(c)))
         if _is_told(among(chosen)):
@@ -88,5 +77,5 @@ def _degrees_left(gram: Array) -> tuple[int, float]:
 def _is_told(gram: Array) -> bool:
     """Is every fault told from the others at a small degree, or nearly as soon as it is seen?"""
     distance = apart(gram)
-    enough = np.minimum(SMALL * np.diagonal(distance) / SEEN, SEPARATED)
-    return bool(np.all(SMALL * distance.min(axis=-1) >= enough))
+    enough = np.minimum(SMALL_DEGREE * np.diagonal(distance) / SEEN, SEPARATED)
+    return bool(np.all(SMALL_DEGREE * distance.min(axis=-1) >= enough))

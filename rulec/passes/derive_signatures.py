@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from rulec_runtime import limits
 
 from rulec.algebra.graph import Node
+from rulec.limits import NEGLIGIBLE_EFFECT
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.differentiate import G
 from rulec.passes.link import Network
 from rulec.passes.reference import solve_reference
-
-NEGLIGIBLE = 1e-6
-"""Share of the flow below which an effect counts as none: it cancels at a fault-free point."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ def derive_signatures(
     for i, (h, residual, faulty, scaled, slope) in enumerate(candidates):
         effect = values[f"effect:{i}"]
         size = max(abs(flows[o]) for _, o in faulty)
-        if abs(effect) > NEGLIGIBLE * size:
+        if abs(effect) > NEGLIGIBLE_EFFECT * size:
             u = uncertainties[residual]
             cells.append(
                 Signature(

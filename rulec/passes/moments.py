@@ -11,18 +11,12 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from rulec.algebra.graph import Node
+from rulec.limits import LONG_SUM, MANY_CORRELATED
 from rulec.passes.assemble import Assembly, Gradient, combine, covariance
 from rulec.passes.derive_residuals import Residual
 
 Signed = list[tuple[int, Gradient]]
 """A signed sum of gradients."""
-
-LONG = 3
-"""Sums of more terms than this are gathered first."""
-
-
-MANY = 8
-"""Beyond this many correlated observers the residual's own gradient is shorter than theirs."""
 
 
 class Moments:
@@ -36,7 +30,7 @@ class Moments:
 
     def gathered(self, gradients: Signed) -> Signed:
         """A long sum as one gradient: products of sums would grow with the square of its length."""
-        if len(gradients) <= LONG:
+        if len(gradients) <= LONG_SUM:
             return gradients
         key = tuple((s, id(g)) for s, g in gradients)
         if key not in self._sums:
@@ -57,7 +51,7 @@ class Moments:
         terms: list[tuple[int, Node]] = []
         for sign, gradient in gradients:
             shared = self._correlated(gradient) & signs.keys()
-            if len(shared) > MANY:
+            if len(shared) > MANY_CORRELATED:
                 terms.append((sign, self.of(gradient, whole)))
                 continue
             for observer in sorted(shared):

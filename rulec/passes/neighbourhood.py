@@ -16,10 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.limits import LEAST_SPREAD, ROUNDED_AWAY
 from rulec.passes.linearise import Linearised
-
-NO_SPREAD = 1e-9
-"""Least standard uncertainty of a residual, as share of the largest: nothing is known exactly."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +83,12 @@ class Neighbourhood:
         signs = signs[~signs[:, ~sound].any(axis=1)]
         spread = signs @ gradients
         size = np.sqrt(np.sum(spread**2, axis=1))
-        size = np.maximum(size, NO_SPREAD * size.max(initial=1e-300))
+        size = np.maximum(size, LEAST_SPREAD * size.max(initial=1e-300))
         spread /= size[:, None]
         # The inverse of a small factor is quicker than scipy's triangular solver, and good enough:
         # rows have unit size, and no residual follows from the others.
         whiten = np.linalg.inv(
-            np.linalg.cholesky(spread @ spread.T + NO_SPREAD * np.eye(len(size)))
+            np.linalg.cholesky(spread @ spread.T + LEAST_SPREAD * np.eye(len(size)))
         )
         return Neighbourhood(
             {fault: i for i, fault in enumerate(faults)},
@@ -154,6 +152,6 @@ def apart(gram: Array) -> Array:
     same = np.eye(gram.shape[-1], dtype=bool)
     left = own[..., :, None] - np.where(same, 0.0, along)
     # Rounding must not tell faults apart that move all residuals in one proportion.
-    left = np.where(left > 1e-9 * own[..., :, None], left, 0.0)
+    left = np.where(left > ROUNDED_AWAY * own[..., :, None], left, 0.0)
     distance: Array = np.sqrt(left)
     return distance

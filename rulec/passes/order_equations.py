@@ -25,12 +25,10 @@ from rulec_runtime.contract.ruleset import Simulation, SimulationStep
 from rulec.algebra.eliminate import independent_without, solved_for
 from rulec.algebra.matching import match, surplus
 from rulec.knowledge.module_type import Signal
+from rulec.limits import IMMOVABLE
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
 from rulec.passes.derive_signatures import Signatures
 from rulec.passes.link import Network
-
-VANISHED = 1e-9
-"""Share of a flow below which a reading moves nothing any more."""
 
 
 def order_equations(network: Network, assembly: Assembly, signatures: Signatures) -> Simulation:
@@ -146,7 +144,7 @@ class _System:
             sizes = np.round(np.linalg.norm(rest, axis=0), 9)
             sizes[order] = -1.0
             order.append(int(np.argmax(sizes)))
-            if sizes[order[-1]] > VANISHED:
+            if sizes[order[-1]] > IMMOVABLE:
                 pivot = rest[:, order[-1]] / np.linalg.norm(rest[:, order[-1]])
                 rest = rest - np.outer(pivot, pivot @ rest)
         return [*range(count), *(count + i for i in order)]

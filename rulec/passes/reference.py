@@ -14,22 +14,19 @@ import scipy.sparse.linalg as linalg
 from rulec_runtime.contract.plan import Array, Plan
 
 from rulec.language.diagnostics import Diagnostic, Refused
+from rulec.limits import (
+    FLOW_COST,
+    REFERENCE_DAMPING,
+    REFERENCE_HALVINGS,
+    REFERENCE_STEP,
+    REFERENCE_STEPS,
+    SADDLE_RIDGE,
+    SHARED_SHARES,
+    VANISHED_RESIDUAL,
+)
 from rulec.passes.assemble import MODEL, PARAMETERS, Assembly
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.link import Network
-
-STEPS = 40
-FREE = 1e-14
-"""Cost of a flow over that of a reading, each in its own scale: the step must be unique."""
-
-HALVINGS = 8
-"""Of a step behind which a flow has no value."""
-
-SHARES = (1.0, 0.3, 0.1, 0.03)
-"""Of the reference readings that modules share, tried one after the other."""
-
-VANISHED = 1e-6
-"""Share of the largest flow below which a residual counts as zero."""
 
 
 def solve_reference(
@@ -47,7 +44,7 @@ def solve_reference(
         return readings
     plan, names = _plan(assembly, free)
     shared = _shared(assembly)
-    for share in SHARES:
+    for share in SHARED_SHARES:
         start = {s: v * share if s in shared else v for s, v in readings.items()}
         found = _solved(network, residuals, assembly, plan, names, start, free)
         if found is not None:
@@ -70,17 +67,17 @@ def _solved(
     observers = list(assembly.observers)
     scale = np.array([abs(readings[s]) or 1.0 for s in free])
     values = plan.run(_inputs(readings))
-    for _ in range(STEPS):
+    for _ in range(REFERENCE_STEPS):
         q = np.array([values[f"q:{o}"][0] for o in observers])
         if not np.all(np.isfinite(q)):
             return None
         slopes = {pair: values[name][0] for name, pair in names.items()}
         step = _step(network, observers, free, q, slopes, scale)
         size = float(np.max(np.abs(step / scale), initial=0))
-        if size < 1e-9 and _agree(residuals, assembly, q):
+        if size < REFERENCE_STEP and _agree(residuals, assembly, q):
             return readings
-        damping = min(1.0, 0.3 / max(size, 1e-300))
-        for _ in range(HALVINGS):
+        damping = min(1.0, REFERENCE_DAMPING / max(size, 1e-300))
+        for _ in range(REFERENCE_HALVINGS):
             tried = {**readings}
             for name, change in zip(free, step, strict=True):
                 tried[name] += damping * float(change)
@@ -105,7 +102,7 @@ def _agree(residuals: tuple[Residual, ...], assembly: Assembly, flows: Array) ->
     """Do all residuals vanish? Where no reading may move, no step does not mean no residual."""
     q = dict(zip(assembly.observers, flows, strict=True))
     left = [abs(sum(s * q[o] for s, o in r.terms)) for r in residuals]
-    return max(left, default=0.0) <= VANISHED * float(np.max(np.abs(flows), initial=0.0))
+    return max(left, default=0.0) <= VANISHED_RESIDUAL * float(np.max(np.abs(flows), initial=0.0))
 
 
 def _start(network: Network, assembly: Assembly) -> tuple[dict[str, float], list[str]]:
@@ -183,11 +180,11 @@ def _step(
     flow = float(np.median(np.abs(q))) or 1.0
     unknowns, equations = len(free) + len(modules), len(right)
     jacobian = sparse.csc_matrix((np.array(entries), (rows, columns)), (equations, unknowns))
-    weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), FREE / flow)])
+    weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), FLOW_COST / flow)])
     system = sparse.bmat(
         [
             [sparse.diags(weights), jacobian.T],
-            [jacobian, sparse.diags(np.full(equations, -1e-14))],
+            [jacobian, sparse.diags(np.full(equations, -SADDLE_RIDGE))],
         ],
         format="csc",
     )

@@ -11,14 +11,7 @@ from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.simulation.equations import Equations, SimulationRefused
 from rulec_runtime.simulation.simulate import simulate_with
 
-LOWEST, HIGHEST = 0.6, 1.1
-"""Range of an input about its reference, where no calibration says in which it was used."""
-
-ROUNDS = 20
-"""Times that points without a healthy operation are replaced by others."""
-
-SEED = 20_250_713
-"""All studies of a plant use the same points."""
+from rulec.limits import HIGHEST_INPUT, LOWEST_INPUT, POINT_ROUNDS, STUDY_SEED
 
 
 @dataclass(frozen=True)
@@ -52,8 +45,8 @@ def operating_points(equations: Equations, count: int) -> Points:
     if not first.solved[0]:
         raise SimulationRefused(first.why(0))
     found, tried = [np.clip(reference, low, high)], 1
-    random = np.random.default_rng(SEED)
-    for _ in range(ROUNDS if np.any(high > low) else 0):
+    random = np.random.default_rng(STUDY_SEED)
+    for _ in range(POINT_ROUNDS if np.any(high > low) else 0):
         if len(found) >= count:
             break
         share = _latin_hypercube(count - 1, len(ranges), random)
@@ -72,7 +65,9 @@ def range_of(signal: SignalSpec) -> tuple[float, float]:
         low, high = signal.valid_from, signal.valid_to
     else:
         size = signal.reference - signal.offset
-        low, high = sorted((signal.offset + LOWEST * size, signal.offset + HIGHEST * size))
+        low, high = sorted(
+            (signal.offset + LOWEST_INPUT * size, signal.offset + HIGHEST_INPUT * size)
+        )
     if signal.minimum is not None:
         low, high = max(low, signal.minimum), max(high, signal.minimum)
     return low, high

@@ -4,20 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from rulec.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
 from rulec.study.judge import Kind
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
-
-RELIABLE = 0.95
-"""Share of recordings that makes a fault count as found."""
-
-BLIND = 0.05
-"""Share of recordings below which a fault counts as not seen."""
-
-CONFUSED = 0.02
-"""Confusions in a smaller share of recordings are not mentioned."""
-
-MOST = 6
-"""Confusions that are mentioned."""
 
 
 def rows_of(tally: Tally) -> dict[FaultKind, list[Cell]]:
@@ -45,7 +34,7 @@ def sentences(tally: Tally) -> Iterator[str]:
     yield from _reliable(rows)
     yield from _unreliable(rows)
     yield from _unexplained(rows)
-    mentioned = [c for c in tally.confusions if c.count >= CONFUSED * c.of][:MOST]
+    mentioned = [c for c in tally.confusions if c.count >= CONFUSED * c.of][:MOST_CONFUSIONS]
     yield from (_confused(c) for c in mentioned)
     yield from _degrees(tally.cells)
     yield _alarmed(tally)

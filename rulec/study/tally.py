@@ -10,10 +10,8 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from scipy.special import betaincinv
 
+from rulec.limits import CONFIDENCE
 from rulec.study.judge import Kind, Outcome
-
-CONFIDENCE = 0.95
-"""Of upper bounds on rates."""
 
 
 @dataclass(frozen=True)

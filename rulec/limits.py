@@ -1,0 +1,334 @@
+"""Numbers that decide what the compiler and what stands on it find, each with its origin."""
+
+# Reading files
+
+MAX_FILE_BYTES = 1_000_000
+"""Bytes of a file of knowledge or of a plant; longer ones are refused. Origin: assumed."""
+
+MAX_NESTING = 24
+"""Levels of a YAML file; deeper ones are refused before anything is built. Origin: assumed."""
+
+MAX_FILE_NUMBER = 1e60
+"""Largest size of a number in a file; its reciprocal is the smallest but 0. Origin: numerical,
+products of five such numbers stay within a double."""
+
+MAX_INTEGER_DIGITS = 300
+"""Digits of a whole number; longer ones are read as text. Origin: numerical, a double ends at
+308."""
+
+MAX_DIAGNOSTICS = 100
+"""Mistakes that are shown; the others are counted. Origin: assumed."""
+
+MAX_MESSAGE_LENGTH = 300
+"""Characters of a message or a hint; the rest is cut off. Origin: assumed."""
+
+MAX_EXCERPT_BYTES = 4_000_000
+"""Bytes of a file that are read again to quote a line. Origin: assumed."""
+
+MAX_UNKNOWN_KEYS = 30
+"""Unknown keys of one part that are reported; more are some other file altogether. Origin:
+assumed."""
+
+NEAREST_NAME = 0.6
+"""Likeness, from 0 to 1, from which on a known name counts as the one that was meant. Origin:
+standard (the default of difflib.get_close_matches)."""
+
+# Equations
+
+MAX_EQUATION_LENGTH = 600
+"""Characters of an equation. Origin: assumed."""
+
+MAX_EQUATION_DEPTH = 30
+"""Operations inside one another in one equation. Origin: assumed."""
+
+MAX_EXPONENT = 8
+"""Exponent of a power, and product of the exponents of powers of powers. Origin: assumed."""
+
+MAX_CONSTANT = 1e30
+"""Largest size of a number that a part of an equation may have. Origin: numerical, its square and
+its reciprocal stay far within a double."""
+
+MAX_DENOMINATOR = 1000
+"""Denominator of an exponent, which is kept as a fraction. Origin: assumed."""
+
+MAX_UNIT_LENGTH = 60
+"""Characters of a unit. Origin: assumed."""
+
+MAX_UNIT_POWER = 6
+"""Exponent in a unit. Origin: assumed."""
+
+MAX_COUNTED_TERMS = 100_000
+"""Counts of terms end here, so that a long chain of doublings stays a small number. Origin:
+numerical."""
+
+MAX_WORK = 40_000
+"""Work, as `Length.work` counts it, that the equations of one file may be. Five times that of the
+longest shipped module type, straight-pipe. Origin: assumed."""
+
+MAX_WRITTEN_DEPTH = 150
+"""Operations inside one another, through all definitions. Eight times the 18 of straight-pipe;
+Python's own stack carries about three times as many. Origin: assumed."""
+
+MAX_LAW_WORK = 300
+"""Work that the law of a fault may be, which is put into all equations. Shipped laws have 27 at
+most. Origin: assumed."""
+
+MAX_DEFINITION_CHAIN = 50
+"""Definitions that stand on one another; a longer chain is a mistake or an attack. Origin:
+assumed."""
+
+MULTIPLIED_POWER = 8
+"""Whole exponent up to which a power is calculated as a product. Origin: assumed."""
+
+# Knowledge
+
+FLUID_POINTS = 25
+"""Temperatures over the valid range at which a property must be positive. Origin: assumed."""
+
+LEAST_SCALE = 1e-12
+"""Smallest scale of a column, the reciprocal of the largest that columns.schema.json lets pass.
+Origin: assumed."""
+
+ASYMMETRY = 1e-6
+"""Difference between mirrored correlations of a covariance in a file, beyond which it is refused.
+Origin: assumed, files hold ten digits."""
+
+CORRELATION_RIDGE = 1e-12
+"""Added to each variance, as a share of it, before a covariance is factored. Origin: numerical."""
+
+CONTRADICTION = 1e-4
+"""Probability below which a difference between recording and data sheet is no chance. Origin:
+distribution (upper tail of chi-square, 1e-4)."""
+
+EFFECT_TRIES = 20
+"""Draws of readings and parameters on which the laws of an effect are tried. Origin: assumed."""
+
+EFFECT_TOLERANCE = 1e-12
+"""Deviation from the plain law that counts as rounding, as a share of the largest of the plain laws
+that a law takes differences of. Origin: numerical."""
+
+TRIED_READINGS = (-7.0, 12.0)
+"""Natural logarithms between which readings are drawn there, SI. Origin: assumed."""
+
+# Algebra
+
+ZERO_PIVOT = 1e-9
+"""Entries of eliminated balances below this are rounding; balances have entries of about 1. Origin:
+numerical."""
+
+# Reference point
+
+REFERENCE_STEPS = 40
+"""Newton steps at most. Origin: assumed."""
+
+REFERENCE_HALVINGS = 8
+"""Halvings of a Newton step behind which a flow has no value. Origin: assumed."""
+
+REFERENCE_DAMPING = 0.3
+"""Largest Newton step, as a share of each reading's own scale. Origin: assumed."""
+
+REFERENCE_STEP = 1e-9
+"""Newton step, as a share of each reading's own scale, below which the point stands. Origin:
+numerical."""
+
+FLOW_COST = 1e-14
+"""Cost of a flow over that of a reading, each in its own scale: the step must be unique. Origin:
+numerical."""
+
+SADDLE_RIDGE = 1e-14
+"""Taken off the lower diagonal block of the least-length system, which may be singular. Origin:
+numerical."""
+
+SHARED_SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Shares of the reference readings that modules have in common, tried one after the other. Origin:
+assumed."""
+
+VANISHED_RESIDUAL = 1e-6
+"""Share of the largest flow below which a residual counts as zero. Origin: numerical."""
+
+# Signatures, rules and isolability
+
+NEGLIGIBLE_EFFECT = 1e-6
+"""Share of the flow below which an effect counts as none: it cancels at a fault-free point. Origin:
+numerical."""
+
+IMMOVABLE = 1e-9
+"""Share of a flow below which a reading moves nothing any more. Origin: numerical."""
+
+LONG_SUM = 3
+"""Sums of more gradients than this are gathered first; it decides the size of the plan only.
+Origin: assumed."""
+
+MANY_CORRELATED = 8
+"""Correlated observers beyond which the residual's own gradient is the shorter one. Origin:
+assumed."""
+
+LEAST_SPREAD = 1e-9
+"""Least standard uncertainty of a residual, as a share of the largest: nothing is known exactly.
+Origin: numerical."""
+
+ROUNDED_AWAY = 1e-9
+"""Share of a fault's squared distance below which it is rounding, and another fault imitates it.
+Origin: numerical."""
+
+SAME_DIRECTION = 1.0 - 1e-9
+"""Cosine between signatures from which on two faults coincide. Origin: numerical."""
+
+SEPARATED = 4.0
+"""Standard deviations that tell two faults apart: two expanded uncertainties. Origin: standard
+(GUM, coverage factor 2 for each of the two)."""
+
+SMALL_DEGREE = 0.2
+"""Degree, as a share, at which faults should be told apart; beyond it they count as alike. Origin:
+assumed."""
+
+SEEN = 2.0
+"""Multiple of the degree that shows a fault at which advice may leave one that is hard to see.
+Origin: assumed."""
+
+MOST_SENSORS = 4
+"""Sensors that one advice asks for at most. Origin: assumed."""
+
+WIDE_JUNCTION = 30
+"""At junctions of more modules than this, pairs of faults of different modules are not listed:
+their number grows with the square. Origin: assumed."""
+
+FAR_READERS = 6
+"""Of modules further away that read a signal of a module, so many nearest ones are looked at.
+Origin: assumed."""
+
+# Effects
+
+SHORT_LAW = 60
+"""Characters up to which a plain law with drivers replaced stands inside the new law. Origin:
+assumed."""
+
+MAX_STEM = 36
+"""Characters of a name that a number may follow; names have 41 at most. Origin: assumed."""
+
+MAX_TYPE_STEM = 56
+"""Characters of the name of a module type that a number may follow. Origin: assumed."""
+
+NEAREST_DRIVERS = 6
+"""Readings of other modules to try for one driver; the nearest along the pipes come first. Origin:
+assumed."""
+
+STEEP = 0.5
+"""A place is steep in a reading if it changes by more than this share of the reading's change.
+Origin: assumed."""
+
+COMPARED_POINTS = 7
+"""Operating points around the reference at which two places are compared. Origin: assumed."""
+
+COMPARED_WIDTH = 0.04
+"""How far readings are moved there, as a share of themselves. Origin: assumed."""
+
+PROPORTIONAL = 1.0 - 1e-12
+"""Squared cosine from which on two places move all observers in one proportion. Origin:
+numerical."""
+
+SPREAD = (0.16, 0.84)
+"""Quantiles between which a reading's spread is measured. Origin: distribution (normal, one
+standard deviation to each side)."""
+
+ONSET_QUANTILES = (0.08, 0.17, 0.26, 0.35, 0.44, 0.53, 0.62, 0.71, 0.8, 0.89)
+"""Shares of the recording at which the search for an onset starts. Origin: assumed."""
+
+ONSET_WIDTH = 0.002
+"""Time in which a fault sets in, as a share of half the recording: a step with slopes. Origin:
+assumed."""
+
+LATEST_ONSET = 1e9
+"""Latest onset that is searched for, s; every recording ends before. Origin: assumed."""
+
+START_DEGREE = 0.1
+"""Degree of a fault from which a search starts, or half of the highest if that is less. Origin:
+assumed."""
+
+# Calibration
+
+COVERAGE = 2.0
+"""Half of a calibrated range, in standard uncertainties of the sensor, at least. Origin: standard
+(GUM, coverage factor of 95 %)."""
+
+FAR_POINT = 5.0
+"""Robust standard deviations beyond which a point is set aside. Origin: distribution (normal, two-
+sided 5.7e-7)."""
+
+LEAST_SCATTER = 1e-6
+"""Least robust standard deviation of points, as a share of the spread of the flow. Origin:
+numerical."""
+
+ROBUST_ROUNDS = 3
+"""Fits with far points set aside anew after each. Origin: assumed."""
+
+ROBUST_WIDTH = 0.05
+"""Deviation, as a share of the spread of the flow, beyond which the first fit counts linearly.
+Origin: assumed."""
+
+SOLVED = 1e-12
+"""Relative change of values and squares at which the least-squares solver stops. Origin:
+numerical."""
+
+NO_VALUE = 10.0
+"""Error that a law counts with where it has no value, in largest true flows. Origin: assumed."""
+
+SLOPE_STEP = 1e-5
+"""Step of central differences, as a share of a parameter. Origin: numerical, near the cube root of
+the precision of a double."""
+
+POINTS_PER_PARAMETER = 3
+"""Settled points that each fitted parameter needs. Origin: assumed."""
+
+MAX_CONDITION = 1e12
+"""Condition number of scaled normal equations beyond which parameters are not determined. Origin:
+numerical."""
+
+JOINING_STEPS = 20
+"""Steps in which recording and data sheet are joined at most. Origin: assumed."""
+
+MISFIT_SETTLED = 1e-6
+"""Relative change of a misfit below which it stands; no result shows that many digits. Origin:
+numerical."""
+
+FAR_OFF = 5.0
+"""Standard uncertainties of value and data sheet together beyond which a value is reported; a wrong
+unit or column is off by far more. Origin: distribution (normal, two-sided 5.7e-7)."""
+
+OTHER_SIZE = 10.0
+"""Factor beyond which a value is of another size than the data sheet's, also where that states no
+uncertainty: a slipped decimal point. Origin: assumed."""
+
+# Study
+
+LOWEST_INPUT = 0.6
+"""Lower end of the range of an input, in its reference, where no calibration has one. Origin:
+assumed."""
+
+HIGHEST_INPUT = 1.1
+"""Upper end of the same range. Origin: assumed."""
+
+POINT_ROUNDS = 20
+"""Times that points without a healthy operation are replaced by others. Origin: assumed."""
+
+STUDY_SEED = 20_250_713
+"""Seed of the operating points: all studies of a plant use the same ones. Origin: assumed."""
+
+RELIABLE = 0.95
+"""Share of recordings that makes a fault count as found. Origin: assumed."""
+
+BLIND = 0.05
+"""Share of recordings below which a fault counts as not seen. Origin: assumed."""
+
+CONFUSED = 0.02
+"""Share of recordings below which a confusion is not mentioned. Origin: assumed."""
+
+MOST_CONFUSIONS = 6
+"""Confusions that are mentioned. Origin: assumed."""
+
+CONFIDENCE = 0.95
+"""Confidence of upper bounds on rates. Origin: assumed."""
+
+ADOPTED_AGREEMENT = 1e-3
+"""Share by which an error of the adopted plant may differ from the one reported: digits in files,
+and solvers. Origin: assumed."""
