@@ -11,8 +11,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
-from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Parameter, Reading, State
+from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Parameter, State
 from rulec.language.expression import Expression, Rejected
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
 from rulec.limits import MAX_STEM, SHORT_LAW
@@ -161,55 +163,29 @@ def _join_definition(
     return writer.put_in(change), writer.plain
 
 
-def _join_observer(
-    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
-) -> Joined:
-    old = amended.type.observers[place]
-
-    def put(kind: ModuleType, law: Expression) -> ModuleType:
-        return replace(kind, observers={**kind.observers, place: replace(old, expression=law)})
-
-    return _join_equation(amended, change, place, names, old.expression, put)
-
-
-def _join_balance(
-    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
-) -> Joined:
-    old = amended.type.states[place]
-
-    def put(kind: ModuleType, law: Expression) -> ModuleType:
-        return replace(kind, states={**kind.states, place: replace(old, rate=law)})
-
-    return _join_equation(amended, change, f"der_{place}", names, old.rate, put)
-
-
-def _join_reading(
-    amended: Amended, change: Change, place: str, names: Mapping[str, ast.expr]
-) -> Joined:
-    old = amended.type.readings[place]
-
-    def put(kind: ModuleType, law: Expression) -> ModuleType:
-        return replace(kind, readings={**kind.readings, place: Reading(place, law, old.origin)})
-
-    return _join_equation(amended, change, f"{place}_shown", names, old.expression, put)
-
-
 def _join_equation(
+    group: str,
+    part: str,
+    title: str,
     amended: Amended,
     change: Change,
-    name: str,
+    place: str,
     names: Mapping[str, ast.expr],
-    old: Expression,
-    put: Callable[[ModuleType, Expression], ModuleType],
 ) -> Joined:
-    """The equation becomes a definition, and the law stands in its place."""
+    """The equation becomes a definition, and the law stands in its place.
+
+    `group` and `part` are the fields of the module type and of the place that hold the equation,
+    `title` gives the stem of the definition's name.
+    """
+    places, name = getattr(amended.type, group), title.format(place)
+    old: Expression = getattr(places[place], part)
     writer = _Writer(amended, {**_own(amended, change), **names}, name, old)
-    law = writer.law(change)
+    there = {**places, place: replace(places[place], **{part: writer.law(change)})}
     plain = Definition(writer.plain, old, f"{name}, plain law")
     brought = {plain.name: plain, **writer.copies}
-    kind = replace(amended.type, definitions={**amended.type.definitions, **brought})
-    made = amended.made | brought.keys()
-    return replace(amended, type=put(kind, law), made=made), writer.plain
+    changed: dict[str, Any] = {group: there, "definitions": {**amended.type.definitions, **brought}}
+    kind = replace(amended.type, **changed)
+    return replace(amended, type=kind, made=amended.made | brought.keys()), writer.plain
 
 
 def _join_signal(
@@ -266,12 +242,12 @@ def type_over(
     )
 
 
-_JOIN = {
+_JOIN: Mapping[str, Callable[..., Joined]] = {
     "definition": _join_definition,
-    "observer": _join_observer,
+    "observer": partial(_join_equation, "observers", "expression", "{}"),
     "signal": _join_signal,
-    "balance": _join_balance,
-    "reading": _join_reading,
+    "balance": partial(_join_equation, "states", "rate", "der_{}"),
+    "reading": partial(_join_equation, "readings", "expression", "{}_shown"),
     "end": _join_signal,
 }
 

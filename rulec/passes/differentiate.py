@@ -212,6 +212,19 @@ def _guards(
             yield Condition(text, _translated(kind, Expression(text, inner), table, symbols))
 
 
+def _opened(
+    kind: ModuleType,
+    target: str,
+    symbols: Mapping[str, sympy.Symbol],
+    observers: Mapping[str, sympy.Expr],
+) -> tuple[sympy.Symbol, Mapping[str, sympy.Expr]]:
+    """The symbol of a target, and the observers over it."""
+    if target in kind.signals:
+        return symbols[target], observers
+    own = _symbol(f"target.{target}")
+    return own, _observers(kind, symbols, {target: own})
+
+
 def _target(
     kind: ModuleType,
     name: str,
@@ -219,14 +232,9 @@ def _target(
     observers: Mapping[str, sympy.Expr],
 ) -> Target:
     """Differentiate all observers by a target that faults scale."""
-    if name in kind.signals:
-        own, value, opened = symbols[name], symbols[name], dict(observers)
-        driver: str | None = name
-    else:
-        own = _symbol(f"target.{name}")
-        value = _table(kind, symbols, {})[name]
-        opened = _observers(kind, symbols, {name: own})
-        driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
+    own, opened = _opened(kind, name, symbols, observers)
+    value = _table(kind, symbols, {})[name]
+    driver = next((s for s in kind.signals if symbols[s] in value.free_symbols), None)
     back = {own: value}
     measured = {s for n, s in symbols.items() if n not in kind.parameters}
     whole = sympy.Add(*(t for t in sympy.Add.make_args(value) if t.free_symbols & measured))
@@ -301,11 +309,7 @@ def _affected(
     """Own observers that read what the fault acts on."""
     if fault.acts_on == "flow":
         return tuple(kind.components()[target])
-    if fault.acts_on == "signal":
-        own = symbols[target]
-        return tuple(o for o, e in observers.items() if own in e.free_symbols)
-    own = _symbol(f"target.{target}")
-    opened = _observers(kind, symbols, {target: own})
+    own, opened = _opened(kind, target, symbols, observers)
     return tuple(o for o, e in opened.items() if own in e.free_symbols)
 
 

@@ -160,26 +160,19 @@ def _step(
     modules = {name: i for i, name in enumerate(network.plant.modules)}
     column = {s: i for i, s in enumerate(free)}
     row = {o: i for i, o in enumerate(observers)}
-    rows, columns, entries, right = [], [], [], []
-    for i, observer in enumerate(observers):
-        rows.append(i)
-        columns.append(len(free) + modules[observer.split(".")[0]])
-        entries.append(-1.0)
-        right.append(-q[i])
-    for (observer, signal), slope in slopes.items():
-        rows.append(row[observer])
-        columns.append(column[signal])
-        entries.append(slope * scale[column[signal]])
+    entries = [(i, len(free) + modules[o.partition(".")[0]], -1.0) for i, o in enumerate(observers)]
+    entries += [
+        (row[observer], column[signal], slope * scale[column[signal]])
+        for (observer, signal), slope in slopes.items()
+    ]
     for j, balance in enumerate(network.balances, len(observers)):
-        for sign, names in ((1.0, balance.outlets), (-1.0, balance.inlets)):
-            for name in names:
-                rows.append(j)
-                columns.append(len(free) + modules[name])
-                entries.append(sign)
-        right.append(0.0)
+        entries += [(j, len(free) + modules[name], 1.0) for name in balance.outlets]
+        entries += [(j, len(free) + modules[name], -1.0) for name in balance.inlets]
+    rows, columns, numbers = zip(*entries, strict=True)
+    right = np.concatenate([-q, np.zeros(len(network.balances))])
     flow = float(np.median(np.abs(q))) or 1.0
     unknowns, equations = len(free) + len(modules), len(right)
-    jacobian = sparse.csc_matrix((np.array(entries), (rows, columns)), (equations, unknowns))
+    jacobian = sparse.csc_matrix((numbers, (rows, columns)), (equations, unknowns))
     weights = np.concatenate([np.full(len(free), flow), np.full(len(modules), FLOW_COST / flow)])
     system = sparse.bmat(
         [

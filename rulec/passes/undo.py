@@ -20,68 +20,57 @@ Types = Mapping[str, TypeModel]
 
 def undo_graph(network: Network, types: Types, faults: tuple[str, ...]) -> Graph:
     """Build the graph; outputs are ``q:<observer>`` and ``dq:<observer>:<fault>``."""
-    plant = network.plant
-    signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
-    graph = Graph([*signals, *(f"x:{fault}" for fault in faults)])
-    tables = {name: _symbol_nodes(graph, types, network, name) for name in plant.modules}
-    for name in plant.modules:
-        _gather(graph, types, network, name, tables)
-    for name in plant.modules:
-        _observers(graph, types, network, name, tables)
-    return graph
+    return _Undo(network, types, faults).graph
 
 
-def _model(types: Types, network: Network, module: str) -> TypeModel:
-    return types[network.plant.modules[module].type.key]
+class _Undo:
+    """Builds the graph; `tables` hold by module the nodes of its symbols."""
 
+    def __init__(self, network: Network, types: Types, faults: tuple[str, ...]) -> None:
+        plant = network.plant
+        signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
+        self.network = network
+        self.graph = Graph([*signals, *(f"x:{fault}" for fault in faults)])
+        self.models = {name: types[module.type.key] for name, module in plant.modules.items()}
+        self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
+        for name in plant.modules:
+            self._gather(name)
+        for name in plant.modules:
+            self._observers(name)
 
-def _symbol_nodes(
-    graph: Graph, types: Types, network: Network, name: str
-) -> dict[sympy.Symbol, Node]:
-    """Nodes of the own signals, parameters and degrees of a module."""
-    module, model = network.plant.modules[name], _model(types, network, name)
-    nodes = {model.symbols[s]: graph.input(f"{name}.{s}") for s in module.type.signals}
-    for parameter in module.parameters.values():
-        nodes[model.symbols[parameter.name]] = graph.constant(parameter.value)
-    for fault in model.faults:
-        nodes[degree_symbol(fault.id)] = graph.input(f"x:{name}.{fault.id}")
-    return nodes
+    def _symbol_nodes(self, name: str) -> dict[sympy.Symbol, Node]:
+        """Nodes of the own signals, parameters and degrees of a module."""
+        module, model, graph = self.network.plant.modules[name], self.models[name], self.graph
+        nodes = {model.symbols[s]: graph.input(f"{name}.{s}") for s in module.type.signals}
+        for parameter in module.parameters.values():
+            nodes[model.symbols[parameter.name]] = graph.constant(parameter.value)
+        for fault in model.faults:
+            nodes[degree_symbol(fault.id)] = graph.input(f"x:{name}.{fault.id}")
+        return nodes
 
+    def _gather(self, name: str) -> None:
+        """Sums over modules downstream, of their readings with faults undone."""
+        model = self.models[name]
+        for gathered in model.type.gathers:
+            parts = [
+                self.graph.lower(self.models[m].undone.signals[s], self.tables[m])
+                for m, s in self.network.gathers[name, gathered]
+            ]
+            self.tables[name][model.symbols[GATHERED + gathered]] = self.graph.sum(parts)
 
-def _gather(
-    graph: Graph,
-    types: Types,
-    network: Network,
-    name: str,
-    tables: Mapping[str, dict[sympy.Symbol, Node]],
-) -> None:
-    """Sums over modules downstream, of their readings with faults undone."""
-    model = _model(types, network, name)
-    for gathered in model.type.gathers:
-        parts = [
-            graph.lower(_model(types, network, m).undone.signals[s], tables[m])
-            for m, s in network.gathers[name, gathered]
-        ]
-        tables[name][model.symbols[GATHERED + gathered]] = graph.sum(parts)
-
-
-def _observers(
-    graph: Graph,
-    types: Types,
-    network: Network,
-    name: str,
-    tables: Mapping[str, dict[sympy.Symbol, Node]],
-) -> None:
-    nodes, undone = tables[name], _model(types, network, name).undone
-    for observer, expression in undone.observers.items():
-        graph.outputs[f"q:{name}.{observer}"] = graph.lower(expression, nodes)
-    for (observer, fault), slope in undone.slopes.items():
-        graph.outputs[f"dq:{name}.{observer}:{name}.{fault}"] = graph.lower(slope, nodes)
-    for (observer, gathered), slope in undone.gather_slopes.items():
-        outer = graph.lower(slope, nodes)
-        for m, s in network.gathers[name, gathered]:
-            for (signal, fault), inner in _model(types, network, m).undone.signal_slopes.items():
-                if signal == s:
-                    output = f"dq:{name}.{observer}:{m}.{fault}"
-                    node = graph.mul(outer, graph.lower(inner, tables[m]))
-                    graph.outputs[output] = graph.add(graph.outputs.get(output, graph.zero), node)
+    def _observers(self, name: str) -> None:
+        """Observers with faults undone, and their slopes by the degrees that reach them."""
+        graph, outputs = self.graph, self.graph.outputs
+        nodes, undone = self.tables[name], self.models[name].undone
+        for observer, expression in undone.observers.items():
+            outputs[f"q:{name}.{observer}"] = graph.lower(expression, nodes)
+        for (observer, fault), slope in undone.slopes.items():
+            outputs[f"dq:{name}.{observer}:{name}.{fault}"] = graph.lower(slope, nodes)
+        for (observer, gathered), slope in undone.gather_slopes.items():
+            outer = graph.lower(slope, nodes)
+            for m, s in self.network.gathers[name, gathered]:
+                for (signal, fault), inner in self.models[m].undone.signal_slopes.items():
+                    if signal == s:
+                        key = f"dq:{name}.{observer}:{m}.{fault}"
+                        node = graph.mul(outer, graph.lower(inner, self.tables[m]))
+                        outputs[key] = graph.add(outputs.get(key, graph.zero), node)
