@@ -167,14 +167,56 @@ def test_upper_bound_of_a_rate() -> None:
 def counted() -> Tally:
     """Outcomes by hand: leakage named at 20 %, confused at 10 %; power never seen."""
     leak = [
-        Outcome("A.leakage", 0.2, Kind.NAMED, "A.leakage", False, 0.21, 0.19, 0.23),
-        Outcome("B.leakage", 0.2, Kind.NAMED, "B.leakage", False, 0.17, 0.16, 0.18),
-        Outcome("A.leakage", 0.1, Kind.OTHER, "A.widening", True, 0.1, 0.1, 0.1),
-        Outcome("B.leakage", 0.1, Kind.OTHER, "C.widening", False, 0.1, 0.1, 0.1),
+        Outcome(
+            fault="A.leakage",
+            degree=0.2,
+            kind=Kind.NAMED,
+            first="A.leakage",
+            shared=False,
+            estimate=0.21,
+            lower=0.19,
+            upper=0.23,
+        ),
+        Outcome(
+            fault="B.leakage",
+            degree=0.2,
+            kind=Kind.NAMED,
+            first="B.leakage",
+            shared=False,
+            estimate=0.17,
+            lower=0.16,
+            upper=0.18,
+        ),
+        Outcome(
+            fault="A.leakage",
+            degree=0.1,
+            kind=Kind.OTHER,
+            first="A.widening",
+            shared=True,
+            estimate=0.1,
+            lower=0.1,
+            upper=0.1,
+        ),
+        Outcome(
+            fault="B.leakage",
+            degree=0.1,
+            kind=Kind.OTHER,
+            first="C.widening",
+            shared=False,
+            estimate=0.1,
+            lower=0.1,
+            upper=0.1,
+        ),
     ]
-    blind = [Outcome("A.P_el.low", 0.2, Kind.QUIET), Outcome("B.P_el.low", 0.2, Kind.NO_POINT)]
-    unknown = [Outcome("C.clogging", 0.2, Kind.UNKNOWN)]
-    healthy = [Outcome("", 0.0, Kind.QUIET), Outcome("", 0.0, Kind.UNKNOWN)]
+    blind = [
+        Outcome(fault="A.P_el.low", degree=0.2, kind=Kind.QUIET),
+        Outcome(fault="B.P_el.low", degree=0.2, kind=Kind.NO_POINT),
+    ]
+    unknown = [Outcome(fault="C.clogging", degree=0.2, kind=Kind.UNKNOWN)]
+    healthy = [
+        Outcome(fault="", degree=0.0, kind=Kind.QUIET),
+        Outcome(fault="", degree=0.0, kind=Kind.UNKNOWN),
+    ]
     outcomes = [*leak, *blind, *unknown, *healthy]
     return tally(compiled("abc"), TYPES, outcomes, samples=20, lead_in=0)
 

@@ -1,8 +1,8 @@
-"""The range over which a law was tested: what the points covered, and no less than a sensor sees.
+"""The range over which a law was tested: that of the points, widened to the sensor's error bound.
 
-Within its 95 % bound a sensor does not tell two values apart. Where a reading moved less than that
-in the calibration, the recording says one value of it, known to the bound: a guard that is narrower
-would fire on the sensor's own error.
+A sensor cannot distinguish two values within its 95 % bound. Where a reading varied less than that
+in the calibration, the recording holds one value of it, known to that bound. A narrower range would
+be left because of the sensor's error alone.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rulec.limits import COVERAGE
 
 @dataclass(frozen=True)
 class CalibratedRange:
-    """Ends in SI; `stood` tells that the reading moved no more than its sensor's bound allows."""
+    """Ends in SI; `stood`: the reading varied no more than its sensor's error bound."""
 
     low: float
     high: float

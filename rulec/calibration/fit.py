@@ -1,9 +1,9 @@
 """Fit the parameters of observers to a reference flow, with covariance and own misfit.
 
-Each observer is fitted in turn for the parameters that no earlier one has. Points that do not
-belong to the law at all (a relief valve opens, a valve was shut) must not bend it: a robust fit
-finds the bulk, points far off it are set aside and counted, the rest is fitted by least squares and
-joined with what the data sheet says of the parameters.
+Each observer is fitted in turn for the parameters that no earlier one has. Outliers (a relief valve
+opens, a valve was shut) must not distort the law: a robust fit finds the bulk, points far from it
+are set aside and counted, the rest is fitted by least squares. The result is combined with the data
+sheet's values.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Readings:
 class ObserverFit:
     """What was found for one observer; misfit in m3/s.
 
-    `contradicts` tells that the recording says something else than the data sheet.
+    `contradicts`: recording and data sheet contradict each other.
     """
 
     observer: str
@@ -120,7 +120,7 @@ def _held(module: Module, model: TypeModel) -> set[str]:
     return {s.name for e in of_references for s in e.free_symbols}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Part:
     """Fit of one observer: `sensitivity` is d(values)/d(flow error of each used row)."""
 
@@ -196,12 +196,12 @@ def _fit_observer(
         contradicts=sheet.is_empty and not stated.is_empty,
     )
     return _Part(
-        best * scale,
-        kept,
-        statistical * np.outer(scale, scale),
-        (weight @ joined.sensitivity) * scale[:, None],
-        joined.slopes,
-        summary,
+        values=best * scale,
+        rows=kept,
+        statistical=statistical * np.outer(scale, scale),
+        sensitivity=(weight @ joined.sensitivity) * scale[:, None],
+        slopes=joined.slopes,
+        summary=summary,
     )
 
 

@@ -1,4 +1,4 @@
-"""What whoever calibrates should know of the result before it is used."""
+"""Notes on a calibration for the user: contradictions and readings that did not vary."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STOOD = "the reading stood in the calibration; these are the 95 % bounds of its 
 
 
 def notes_of(module: Module, fit: ModuleFit) -> Iterator[str]:
-    """What contradicts the data sheet, and what was not varied."""
+    """Notes on contradictions to the data sheet, and on readings that were not varied."""
     yield from _implausible(module, fit)
     for observer in fit.observers:
         if observer.contradicts:

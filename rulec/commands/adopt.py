@@ -18,7 +18,7 @@ from rulec.commands.made_from import AGAIN, check_unchanged
 from rulec.effects.adopt import Adoption
 from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
 from rulec.effects.model_builder import open_builder
-from rulec.effects.repair import AdoptRefused, Proven, Told, read_proven, read_repair
+from rulec.effects.repair import AdoptRefused, Proven, Reported, read_proven, read_repair
 from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
 from rulec.mismatch.answer.public import row_errors, simulated
@@ -26,7 +26,7 @@ from rulec.passes.pipeline import compile_plant
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check, write aside, try what was written, put it in place, and tell what it is worth."""
+    """Check, write to a temporary folder, try that plant out, move it into place, and summarise."""
     out, target, file = console(options), Path(options.output), Path(options.mismatch)
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise AdoptRefused(f"{target} is not empty; name a new folder")
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def try_out(plant: Path, recording: Path, proven: Proven) -> None:
-    """Load, check and compile a plant, simulate the recording, and compare with what was told.
+    """Compile a plant, simulate the recording, and compare with the errors reported.
 
     Raises `AdoptRefused` where it does not hold.
     """
@@ -72,13 +72,13 @@ def try_out(plant: Path, recording: Path, proven: Proven) -> None:
         found = row_errors(ruleset, simulated(ruleset, readings), readings, proven.heldout)
     except SimulationRefused as error:
         raise AdoptRefused(f"what was to be written cannot be simulated: {error}") from None
-    for name, told in proven.checks.items():
+    for name, reported in proven.checks.items():
         off = found.get(name, (math.nan, 0))[0]
-        if not abs(off - told) <= ADOPTED_AGREEMENT * max(abs(told), 1e-12):
+        if not abs(off - reported) <= ADOPTED_AGREEMENT * max(abs(reported), 1e-12):
             unit = ruleset.signal_by_id[name].unit if name in ruleset.signal_by_id else ""
             raise AdoptRefused(
                 f"nothing is written: simulated over the held-out parts of the recording, {name} "
-                f"is off by {number(off)} {unit}, and {number(told)} {unit} was found in the "
+                f"is off by {number(off)} {unit}, and {number(reported)} {unit} was found in the "
                 f"analysis; {AGAIN}"
             )
 
@@ -93,15 +93,15 @@ def _tell(out: Console, target: Path, adoption: Adoption, proven: Proven) -> Non
         out.print(styled("[yellow]![/] not adopted: {}: {}", name, reason))
     if not adoption.taken:
         out.print("values only: no equation was changed")
-    for line in _errors(proven.told, bool(adoption.taken)):
+    for line in _errors(proven.reported, bool(adoption.taken)):
         out.print(line, soft_wrap=True)
     out.print(styled("[green]✓[/] {}: a plant like any other", target))
 
 
-def _errors(told: Sequence[Told], amended: bool) -> list[str]:
-    """What the new plant is worth, where something was held out."""
+def _errors(reported: Sequence[Reported], amended: bool) -> list[str]:
+    """Errors of the new plant on held-out samples."""
     lines = []
-    for part in told:
+    for part in reported:
         if part.points and math.isfinite(part.own):
             unit = "" if part.unit == "1" else f" {part.unit}"
             than = f", recalibrated alone by {number(part.recalibrated)}{unit}" * amended

@@ -29,14 +29,14 @@ def run(options: argparse.Namespace) -> int:
     ruleset = compile_plant(Path(options.plant))
     if options.json != "-":
         show(console(options), ruleset)
-    write_json(options, machine_form(ruleset))
+    write_json(options, json_form(ruleset))
     return 0
 
 
-def machine_form(ruleset: Ruleset) -> dict[str, Any]:
+def json_form(ruleset: Ruleset) -> dict[str, Any]:
     """The matrix as JSON data; rows are faults, columns residuals.
 
-    Of a plant that stores, `stores` has the same for readings that balances foretell.
+    Of a plant that stores, `stores` has the same for readings that balances predict.
     """
     stores = _of_stores(ruleset)
     return {
@@ -76,7 +76,7 @@ def _any_unit(ruleset: Ruleset) -> bool:
 
 
 def _of_stores(ruleset: Ruleset) -> Signature | None:
-    """How faults move what balances foretell; None where nothing is stored."""
+    """How faults change readings that balances predict; None where nothing is stored."""
     if ruleset.dynamics is None:
         return None
     # The integrator takes a second to load, and plants that store nothing do without it.
@@ -86,7 +86,7 @@ def _of_stores(ruleset: Ruleset) -> Signature | None:
 
 
 def _show_stores(out: Console, stores: Signature) -> None:
-    """Readings that balances foretell: which way each fault moves them."""
+    """Readings that balances predict, and the sign by which each fault changes them."""
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     table.add_column("fault", no_wrap=True)
     for reading in stores.readings:

@@ -95,7 +95,7 @@ def _check(options: argparse.Namespace) -> None:
 def _compare(
     out: Console, options: argparse.Namespace, heldout: Periods
 ) -> tuple[Mismatch, dict[str, Any]]:
-    """Compile, read, analyse, telling on a terminal what is being done; what it was made from."""
+    """Compile, read and analyse, with progress shown; the result, and hashes of its sources."""
     with _progress(out) as progress:
         progress("reading the plant")
         ruleset, builder = open_builder(Path(options.plant))
@@ -128,7 +128,7 @@ def check_heldout(recording: Recording, heldout: Periods) -> None:
 
 @contextlib.contextmanager
 def _progress(out: Console) -> Iterator[Callable[[str], None]]:
-    """Says what is being done, where somebody watches."""
+    """Shows progress on a terminal, and nothing elsewhere."""
     if not out.is_terminal:
         yield lambda text: None
         return

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
 
+from rulec.effects.balance_text import balances_text, flow_text
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
-from rulec.effects.tell_balances import balances_told, flow_told
 from rulec.language.diagnostics import did_you_mean
 from rulec.passes.pipeline import PASSES, run_passes
 from rulec.passes.types import Compilation
@@ -73,7 +73,7 @@ def _network(known: Compilation) -> Iterator[str]:
         text = " ".join(terms)
         yield f"{module}.{kind} = {text.removeprefix('+ ')}"
     for module, end in known.network.ends:
-        yield f"{module}.{end} = {flow_told(known.network, module, end)}"
+        yield f"{module}.{end} = {flow_text(known.network, module, end)}"
 
 
 def _residuals(known: Compilation) -> Iterator[str]:
@@ -149,7 +149,7 @@ def _balanced(known: Compilation) -> Iterator[str]:
         return
     yield f"given: {', '.join(dynamics.inputs) or 'nothing'}"
     for module in known.plant.modules.values():
-        yield from balances_told(known.network, module)
+        yield from balances_text(known.network, module)
 
 
 def _ruleset(known: Compilation) -> Iterator[str]:

@@ -31,7 +31,7 @@ NOT_PHYSICS = {
     "ageing": "what changes with time holds for this recording only",
     "free": "no physics stands behind it; outside this recording it may say anything",
 }
-"""Why explanations of other sorts are left out."""
+"""Why explanations of other sorts are not written."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Adoption:
 
 
 def adopt(builder: ModelBuilder, network: Network, repair: Repair) -> Adoption:
-    """Work out the new types of all modules; raises `AdoptRefused` where the plant has changed."""
+    """The new types of all modules; raises `AdoptRefused` where the plant has changed since."""
     by_id = {c.id: c for c in builder.candidates}
     free = {s.id for s in builder.spots}
     _refuse_strangers(builder, repair)
@@ -104,7 +104,7 @@ def adopt(builder: ModelBuilder, network: Network, repair: Repair) -> Adoption:
 
 
 def _refuse_strangers(builder: ModelBuilder, repair: Repair) -> None:
-    """What the plant has no parameter for was not found on it."""
+    """Refuse parameters that the plant does not have."""
     known = {*builder.parameters.ids, *(s.id for s in builder.spots)}
     known |= {u.id for c in builder.candidates for u in c.unknowns}
     for name in repair.parameters:

@@ -69,14 +69,14 @@ def _repair(sources: Sources, found: Found) -> Repair:
     assert sources.plant is not None
     values = {p.id: p.value for p in found.parameters}
     return Repair(
-        Path(sources.plant.path),
-        "",
-        tuple(Joined(name, _own(name, {**values, **found.fixed})) for name in found.joined),
-        tuple(values),
-        np.array(list(values.values()), dtype=float),
-        found.covariance,
-        found.misfit,
-        found.ranges,
+        plant=Path(sources.plant.path),
+        recording="",
+        joined=tuple(Joined(name, _own(name, {**values, **found.fixed})) for name in found.joined),
+        parameters=tuple(values),
+        values=np.array(list(values.values()), dtype=float),
+        covariance=found.covariance,
+        misfit=found.misfit,
+        ranges=found.ranges,
     )
 
 

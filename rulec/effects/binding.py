@@ -38,7 +38,7 @@ class Binder:
         self._pipes: nx.Graph = nx.Graph(network.plant.connections)
 
     def bindings(self, module: str, site: Site, effect: Effect, join: Join) -> Iterator[Binding]:
-        """All ways to drive a law at a place; one without signals where a reading is missing."""
+        """All choices of readings for a law; one without signals where a reading is missing."""
         drivers = [effect.drivers[name] for name in drivers_of(join, effect)]
         options = {d.name: self._options(module, site, join, d) for d in drivers}
         if all(options.values()):
@@ -50,7 +50,7 @@ class Binder:
             yield Binding({}, tuple(driver.name for driver in lacking))
 
     def _would_help(self, module: str, join: Join, driver: Driver) -> bool:
-        """Would the law join the place if only this driver were measured?"""
+        """Would the law fit the place if this driver were measured?"""
         replaced = any(driver.name in by for by in join.law.substitutes.values())
         if replaced or driver.name in (join.falls_with, join.rises_with):
             return False

@@ -1,4 +1,4 @@
-"""What may explain a mismatch: effects, faults and sensor errors, joined to one place of a plant.
+"""Candidate explanations of a mismatch: effects, faults and sensor errors at a place of a plant.
 
 Candidates are data; `model_builder.py` turns a module with some of them built in into a plan.
 """
@@ -67,12 +67,12 @@ class Candidate:
 
     @property
     def follows_time(self) -> bool:
-        """Does it say when, or since when? Then it needs a clock."""
+        """Does it depend on time? Then it needs a clock."""
         return TIME in self.drivers.values() or any(u.driver == TIME for u in self.unknowns)
 
     @property
     def onset(self) -> Unknown | None:
-        """The time from which it holds, where that is searched for."""
+        """The unknown onset, where the candidate has one."""
         return next((u for u in self.unknowns if u.driver == TIME and not u.fixed), None)
 
 
@@ -80,7 +80,7 @@ class Candidate:
 class Missing:
     """An effect that would join a place, were its driver recorded.
 
-    `quantity` is what would have to be measured; `title` and `sensor` say how to tell the user.
+    `quantity` is what would have to be measured, `title` and `sensor` are the words for the user.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Missing:
 
 @dataclass(frozen=True, kw_only=True)
 class Spot:
-    """A place where an error of unknown course may sit; `unknown` shifts it, in its own unit.
+    """A disturbance location: a place that `unknown` shifts, in its own unit.
 
     `kind` is ``definition``, ``observer`` or ``signal``; `signal` is the id of the reading where
     it is one. `unit` is how values of the place are shown, SI = shown * factor.

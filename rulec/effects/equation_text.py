@@ -1,4 +1,4 @@
-"""Equations of amended module types as text: what was brought in is written out."""
+"""Equations of amended module types as text, with new definitions written out."""
 
 from __future__ import annotations
 

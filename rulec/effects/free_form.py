@@ -1,5 +1,5 @@
-"""A term that no physics stands behind, added at a place: a sum of products of readings, or a
-curve over one reading, piece by piece."""
+"""Nonparametric terms at a place: a sum of products of readings, or a piecewise linear curve over
+one reading."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _coefficient(id_: str, number: int, feature: str, spot: Spot) -> Unknown:
 def _statistic(
     id_: str, name: str, title: str, signal: str, quantiles: tuple[float, ...]
 ) -> Unknown:
-    """A number that comes from the readings of a signal alone, SI."""
+    """A quantile or spread of the readings of a signal, SI: fixed, no unknown."""
     return Unknown(
         id=f"{id_}.{name}",
         name=name,

@@ -1,8 +1,8 @@
-"""A module type whose flow stands on a state that was brought in, as a file may have it.
+"""Module types whose flow depends on a new state, in a form that a file may have.
 
-An observer knows no past. What the balances of a plant take as the flow of such a module becomes a
-law for its ends, as in modules that store; the observer says what holds when the state has settled
-at its start value.
+An observer depends on the present alone. The flow of such a module, as the balances of the plant
+take it, becomes a law for its inflow or outflow, as in modules that store. The observer keeps the
+equation that holds once the state has settled at its start value.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rulec.passes.end_flows import EndFlows, law_of
 from rulec.passes.link import Network, link
 
 CHOICES = ((OUTFLOW,), (INFLOW,), (INFLOW, OUTFLOW))
-"""Ends that may need a law; one too many would contradict a neighbour's."""
+"""Ends that may need a law; one too many would contradict that of a neighbour."""
 
 
 def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, ModuleType]:

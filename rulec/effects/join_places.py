@@ -55,5 +55,5 @@ def _is_reference(site: Site, module: Module) -> bool:
 
 
 def _is_estimate(site: Site) -> bool:
-    """A flow that is taken off an estimate, such as a slip, is no relation of its own."""
+    """A flow that is subtracted from an estimate, such as leakage, is no relation of its own."""
     return site.dimension != VOLUME_FLOW or all(slope >= 0.0 for slope in site.moves.values())

@@ -1,4 +1,4 @@
-"""What a plant may leave out, and where: effects, faults and sensor errors matched to places.
+"""Effects, faults and sensor errors matched to the places of a plant where each may act.
 
 Effects find places by what equations are, never by name: a join asks for a dimension and for the
 sign of a slope. The result is data for the analysis, with the change of the module type that
@@ -56,7 +56,7 @@ class Matched:
 
 @dataclass(frozen=True)
 class Matches:
-    """Everything that fits some place of a plant, and what would with one more sensor."""
+    """Candidates that fit some place of a plant, and those that lack one sensor."""
 
     models: Compilation
     sites: Mapping[str, tuple[Site, ...]]
@@ -85,8 +85,8 @@ def match_effects(models: Compilation, readings: Mapping[str, float]) -> Matches
 def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
     """Effects that several modules of a plant may have alike, with the same parameters.
 
-    What was left out of a module type is missing in all of its instances; a common header acts on
-    all that feed it. What follows the clock alone is each module's own.
+    Physics that a module type lacks is missing in all of its instances, and a common header acts on
+    all modules that feed it. Effects that depend on time alone belong to one module each.
     """
     groups: dict[tuple[object, ...], list[Matched]] = {}
     for matched in found:
@@ -218,7 +218,7 @@ class _Matcher:
         return [Matched(candidate, change)]
 
     def _state(self, name: str, state: EffectState, site: Site, origin: Origin) -> State:
-        """Something that an effect stores at a place, as a module type has it."""
+        """A state that an effect brings to a place, in the form of a module type."""
         unit = unit_of(self._plant, self._module, site)
         if site.kind == "balance":
             unit = self._plant.knowledge.units.plain(unit.dimension / SECOND)
@@ -273,7 +273,7 @@ class _Matcher:
             yield self._fault(fault)
 
     def _beginning(self, stored: StoreFault) -> Iterator[Matched]:
-        """A fault in balances that begins at some time."""
+        """A fault in balances from an unknown onset on."""
         change, place = beginning_change(stored), stored.change.places[0]
         equation = self._equation(change, place)
         if equation is None:
@@ -333,8 +333,8 @@ class _Matcher:
 def cheapest_sensor(plant: Plant, quantity: str) -> str:
     """Title of the class of sensors that a reading of a quantity would cost least with.
 
-    One that the plant has for the quantity fits its trade and its liquid; then one whose class says
-    what it measures. Else it is told what to read, and not with what.
+    A class that the plant uses for the quantity comes first, as it suits the liquid; then a class
+    that declares the quantity. Without either the text names the quantity alone.
     """
     known = plant.knowledge.sensors
     own = {

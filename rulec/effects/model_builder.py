@@ -1,7 +1,7 @@
 """Modules with candidates built in, as plans for the analysis of a mismatch.
 
-Everything that may be missing where, and any combination of it as a plan. Plans are made when they
-are asked for, and kept.
+The builder has all candidates of a plant, and makes a plan of any combination of them on demand;
+plans are cached.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class ModelBuilder:
 
     @cached_property
     def matches(self) -> Matches:
-        """What could be left out where."""
+        """Candidates of the whole plant, matched to places."""
         return match_effects(self._models, self._readings)
 
     @cached_property
@@ -90,7 +90,7 @@ class ModelBuilder:
 
     @cached_property
     def spots(self) -> tuple[Spot, ...]:
-        """Places to look at before naming."""
+        """Disturbance locations of the whole plant."""
         around = survey(self.network, self._readings)
         plant, sites = self.network.plant, self.matches.sites
         modules = plant.modules.values()
@@ -231,7 +231,7 @@ def _sheet(module: Module) -> dict[str, tuple[float, float]]:
 
 
 def _contradicts(module: Module) -> bool:
-    """Do data sheet and calibration differ beyond chance?"""
+    """Do data sheet and calibration contradict each other?"""
     for block in module.blocks:
         sheet = Sheet.of([module.stated[name] for name in block.parameters])
         values = np.array([module.parameters[name].value for name in block.parameters])

@@ -1,7 +1,7 @@
-"""A fault that begins: its degree, from some time on.
+"""Faults with an onset: a degree that acts from an unknown time on.
 
-What a plant that stores has had from the beginning is part of its calibration. A fault is what was
-not there before; so its law holds from a time that is searched for with its degree.
+A deviation that a plant with states has from the beginning is part of its calibration. A fault was
+not there before, so onset and degree are searched for together.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ SINCE, CLOCK, HALF = "since", "t", "t_half"
 PERCENT, SECONDS = Unit("%", 0.01, NONE), Unit("s", 1.0, SECOND)
 
 RISE = f"(1 + tanh(({CLOCK} - {SINCE})/({ONSET_WIDTH}*{HALF})))/2"
-"""From 0 to 1 within a thousandth of the recording: a step that can be searched for by slopes."""
+"""From 0 to 1 within a thousandth of the recording: a step that has slopes by its onset."""
 
 
 @functools.cache
 def beginning(law: Expression, degree: str = "x") -> Expression:
-    """A law over a degree that is there from an onset on.
+    """A law whose degree acts from the onset on.
 
     >>> from rulec.language.expression import parse
     >>> beginning(parse("law*(1 - x)")).text
@@ -62,7 +62,7 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
 
 
 def beginning_change(stored: StoreFault) -> Change:
-    """A fault of balances as a change of its module from an onset on."""
+    """A fault of balances as a change of its module type, from an onset on."""
     origin = stored.fault.origin
     parameters = {
         "x": stored.change.parameters["x"],

@@ -1,7 +1,7 @@
 """Places of a module where physics may be missing: definitions, observers, signals.
 
-What a place is follows from its equation alone: its dimension, what it reads, which observers it
-moves, and how it follows the readings at the reference point of the plant.
+The equation alone characterises a place: its dimension, the readings in it, the observers that
+depend on it, and its slopes at the reference point of the plant.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Site:
 
 @dataclass(frozen=True)
 class Survey:
-    """What is known of a whole plant when its modules are looked at.
+    """What the survey of a module needs to know of the whole plant.
 
     `inputs` are values of all signals and parameters at the reference point, SI, by plan input;
     `readers` lists by signal the observers of other modules that read it.
@@ -70,7 +70,7 @@ class Survey:
 
 
 def survey(network: Network, readings: Mapping[str, float]) -> Survey:
-    """Prepare to look at modules; `readings` holds those of the reference point, SI."""
+    """Prepare the survey of modules; `readings` are those of the reference point, SI."""
     inputs = {**parameter_values(network.plant), **readings}
     if network.stores:
         inputs |= _stored(network, inputs)
@@ -107,7 +107,7 @@ def parameter_values(plant: Plant) -> dict[str, float]:
 
 
 class _Surveyor:
-    """Looks at one module."""
+    """Surveys one module."""
 
     def __init__(self, around: Survey, module: Module) -> None:
         self._around, self._module, self._kind = around, module, module.type
@@ -211,7 +211,7 @@ class _Surveyor:
         return {definition, *self._names(self._kind.definitions[definition].expression)}
 
     def _share(self, output: str, signal: str) -> float:
-        """Change of a place by a change of a signal, both as shares; 0 where it has no value."""
+        """Relative change of a place per relative change of a signal; 0 where it has no value."""
         value = self._values[output]
         reading = self._around.inputs.get(f"{self._module.name}.{signal}", 0.0)
         share = self._slopes[output][signal] * reading / value if value else 0.0

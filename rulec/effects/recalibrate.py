@@ -1,4 +1,4 @@
-"""The values of a repaired plant as a calibration file: it takes the place of those before."""
+"""The values of a repaired plant as a calibration file, which replaces those before."""
 
 from __future__ import annotations
 

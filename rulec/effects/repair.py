@@ -1,4 +1,4 @@
-"""What the analysis of a mismatch wants changed in a plant: read from its machine form."""
+"""The repair of a plant, read from the JSON file of `rulec mismatch`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Basis:
 
 
 @dataclass(frozen=True)
-class Told:
-    """Held-out errors of a reading, as shown, of the recalibrated plant and of this one."""
+class Reported:
+    """Held-out errors of a reading, in its unit, of the recalibrated plant and of this one."""
 
     signal: str
     unit: str
@@ -45,7 +45,7 @@ class Joined:
     values: Mapping[str, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Repair:
     """A repaired model, SI.
 
@@ -66,29 +66,32 @@ class Repair:
 
 @dataclass(frozen=True, kw_only=True)
 class Proven:
-    """What stands in the machine form beside a repair, that it must keep.
+    """What the JSON file says beside a repair, which the written plant must fulfil.
 
     `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
-    nothing is to be written. `told` are errors that were told, `checks` those over all held-out
-    rows by signal, as shown, in the spans `heldout`, s.
+    nothing is written. `reported` are the errors that were shown, `checks` those over all held-out
+    rows by signal, in its unit, in the spans `heldout`, s.
     """
 
     basis: Basis | None
     left_out: tuple[tuple[str, str], ...]
     refused: str
-    told: tuple[Told, ...]
+    reported: tuple[Reported, ...]
     checks: Mapping[str, float]
     heldout: tuple[tuple[float, float], ...]
 
 
 def read_proven(file: Path, recalibrated: bool = False) -> Proven:
-    """What a machine form says of the repair in it, or of the `recalibrated` plant."""
+    """What a JSON file says of the repair in it, or of the `recalibrated` plant.
+
+    Raises `AdoptRefused` where it has no repair, or a broken one.
+    """
     data = _data(file)
     part = data["repair"]
     try:
         kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
-        told = tuple(
-            Told(
+        reported = tuple(
+            Reported(
                 str(fit["signal"]),
                 str(fit["unit"]),
                 _maybe(fit["heldout"]["recalibrated"]),
@@ -103,7 +106,7 @@ def read_proven(file: Path, recalibrated: bool = False) -> Proven:
             basis=None if basis is None else _basis(basis),
             left_out=tuple((str(e["id"]), str(e["reason"])) for e in part.get("left_out", ())),
             refused="" if recalibrated else str(part.get("refused") or ""),
-            told=told,
+            reported=reported,
             checks=checks,
             heldout=tuple(
                 (_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())
@@ -126,7 +129,7 @@ def _maybe(value: Any) -> float:
 
 
 def _data(file: Path) -> dict[str, Any]:
-    """The machine form; raises `AdoptRefused` where it has no repair."""
+    """Content of the JSON file; raises `AdoptRefused` where it has no repair."""
     try:
         data = read_json(file)
     except Damaged as error:
@@ -143,9 +146,9 @@ def _broken(file: Path, error: Exception) -> AdoptRefused:
 
 
 def read_repair(file: Path, recalibrated: bool = False) -> Repair:
-    """Read the machine form of a mismatch, or what is to be written of the `recalibrated` plant.
+    """Read the repair from a JSON file, or the values of the `recalibrated` plant.
 
-    Raises `AdoptRefused` where it says nothing to adopt.
+    Raises `AdoptRefused` where there is nothing to adopt.
     """
     data = _data(file)
     part = data["repair"]
@@ -169,14 +172,16 @@ def _repair(file: Path, recording: str, part: Mapping[str, Any]) -> Repair:
     if not np.all(np.isfinite(covariance)) or np.any(np.diag(covariance) < 0.0):
         raise ValueError("a variance is not a number, or below 0")
     return Repair(
-        _plant(file, str(part["plant"])),
-        recording,
-        tuple(_joined(entry) for entry in part["joined"]),
-        names,
-        values,
-        covariance,
-        {str(k): _number(v) for k, v in (part.get("misfit") or {}).items()},
-        {str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()},
+        plant=_plant(file, str(part["plant"])),
+        recording=recording,
+        joined=tuple(_joined(entry) for entry in part["joined"]),
+        parameters=names,
+        values=values,
+        covariance=covariance,
+        misfit={str(k): _number(v) for k, v in (part.get("misfit") or {}).items()},
+        ranges={
+            str(k): (_number(v[0]), _number(v[1])) for k, v in (part.get("range") or {}).items()
+        },
     )
 
 

@@ -1,4 +1,4 @@
-"""Places where an error of unknown course may sit: where to look before anything is named."""
+"""Disturbance locations: places where an error of unknown course may act."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _GIVEN = (NONE, TEMPERATURE, _RATE)
 
 
 def spots_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator[Spot]:
-    """Places of a module worth an unknown error; of places that move all alike, one."""
-    known = _without_twins(around, module, _worthy(module, tuple(sites)))
+    """Disturbance locations of a module; of places with the same effect, one."""
+    known = _distinct(around, module, _worthy(module, tuple(sites)))
     for site in known:
         yield _spot(around, module, site)
 
@@ -72,7 +72,7 @@ def stores_of(around: Survey, module: Module, sites: Iterable[Site]) -> Iterator
 
 
 def shift_of(spot: Spot) -> dict[tuple[str, str, str], str]:
-    """A spot as a shift for `Lowering`."""
+    """A disturbance location as a shift for `Lowering`."""
     return {(spot.module, spot.kind, spot.place): spot.unknown}
 
 
@@ -93,24 +93,24 @@ def _worthy(module: Module, sites: tuple[Site, ...]) -> list[Site]:
         and not _is_bare(module.type, s)
     ]
     signals = [s for s in sites if s.kind == "signal" and s.observers]
-    # Of twins the first is kept: an outer definition before what it stands on, then the rest.
+    # Of equivalent places the first is kept: an outer definition before what it stands on.
     return [*reversed(definitions), *observers, *signals]
 
 
 def _is_bare(kind: ModuleType, site: Site) -> bool:
-    """An observer whose equation is the name of a definition is told by that one."""
+    """Is the equation of an observer a bare name? Then that definition stands for it."""
     text = kind.observers[site.name].expression.text.strip()
     return text in kind.definitions or text in kind.signals
 
 
-def _without_twins(around: Survey, module: Module, sites: list[Site]) -> list[Site]:
+def _distinct(around: Survey, module: Module, sites: list[Site]) -> list[Site]:
     """Leave out places whose error moves all observers in a fixed ratio to another's."""
     moves = _moves(around, module, sites)
     kept: list[Site] = []
     for site in sites:
-        twins = (s for s in kept if s.observers == site.observers)
+        alike = (s for s in kept if s.observers == site.observers)
         if np.any(moves[site.key]) and not any(
-            _proportional(moves[site.key], moves[s.key]) for s in twins
+            _proportional(moves[site.key], moves[s.key]) for s in alike
         ):
             kept.append(site)
     order = {key: i for i, key in enumerate(dict.fromkeys(s.key for s in sites))}

@@ -1,10 +1,10 @@
-"""What a data sheet says of parameters, joined with what a recording says of them.
+"""Parameters by data sheet, combined with those fitted to a recording.
 
-Both are estimates with uncertainties, weighed by them (best linear unbiased combination). A
-recording often determines a sum of two losses well and neither of them; the data sheet then tells
-them apart. Where the two differ by more than their uncertainties, the data sheet counts less: its
-variances grow with chi-square over the degrees of freedom. Where they differ beyond chance, it
-counts nothing.
+Both are estimates with uncertainties, weighted by them (best linear unbiased estimate). A recording
+often determines the sum of two losses well, but neither of them; the data sheet then separates
+them. Where the two differ by more than their uncertainties, the data sheet's variances grow with
+chi-square over the degrees of freedom (Birge ratio). Where they contradict each other, the data
+sheet is left out.
 
 Source: JCGM 100 (GUM), 4.3, for what is known before; Birge 1932 for the factor.
 """
@@ -41,7 +41,9 @@ class Sheet:
         return Sheet(self.values / scale, self.precision * scale**2)
 
     def beside(self, found: Array, covariance: Array) -> Sheet:
-        """What counts of it beside the values that a recording alone gives.
+        """The sheet, with its precision reduced as far as it contradicts a recording.
+
+        `found` are the values by the recording alone, shape (n,), with `covariance`, shape (n, n).
 
         >>> sheet, recording = Sheet(np.array([0.7]), np.array([1e4])), np.eye(1) * 3e-4
         >>> [1e4 / sheet.beside(np.array([v]), recording).precision for v in (0.71, 0.74)]

@@ -35,7 +35,7 @@ def scales_from_zero(fault: FaultType) -> bool:
 
 
 def has_no_zero(signal: Signal, units: UnitTable) -> bool:
-    """Was the zero of a signal put where it is by somebody, as that of degrees Celsius?"""
+    """Is the zero of a signal arbitrary, as that of degrees Celsius?"""
     return bool(signal.unit.offset) or signal.quantity in units.interval
 
 

@@ -1,4 +1,4 @@
-"""What a relation may leave out: an entry of the catalogue, checked, in SI."""
+"""Effects that an equation may lack: entries of the catalogue, checked, in SI."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Signal:
 class Parameter:
     """A constant of a module type, value and standard uncertainty in SI.
 
-    `shared` tells that its error is one and the same in all modules that have it.
+    `shared`: its error is the same in all modules that have it.
     """
 
     name: str

@@ -69,7 +69,7 @@ class Gives(Enum):
     """The square root of that of its argument."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Function:
     """A function of the language, known by the name of its operation in a plan.
 
@@ -87,14 +87,20 @@ class Function:
 
 
 FUNCTIONS: Mapping[str, Function] = {
-    "sqrt": Function(math.sqrt, sympy.sqrt, Gives.ROOT, needs_positive=True),
-    "abs": Function(abs, Absolute, Gives.SAME),
-    "sign": Function(lambda v: (v > 0) - (v < 0), Signum, Gives.PLAIN),
-    "exp": Function(math.exp, sympy.exp, Gives.PLAIN_OF_PLAIN, inverse=sympy.log),
-    "log": Function(
-        math.log, sympy.log, Gives.PLAIN_OF_PLAIN, inverse=sympy.exp, needs_positive=True
+    "sqrt": Function(value=math.sqrt, symbolic=sympy.sqrt, gives=Gives.ROOT, needs_positive=True),
+    "abs": Function(value=abs, symbolic=Absolute, gives=Gives.SAME),
+    "sign": Function(value=lambda v: (v > 0) - (v < 0), symbolic=Signum, gives=Gives.PLAIN),
+    "exp": Function(
+        value=math.exp, symbolic=sympy.exp, gives=Gives.PLAIN_OF_PLAIN, inverse=sympy.log
     ),
-    "tanh": Function(math.tanh, sympy.tanh, Gives.PLAIN_OF_PLAIN),
-    "min": Function(min, Smaller, Gives.SAME, arity=2),
-    "max": Function(max, Larger, Gives.SAME, arity=2),
+    "log": Function(
+        value=math.log,
+        symbolic=sympy.log,
+        gives=Gives.PLAIN_OF_PLAIN,
+        inverse=sympy.exp,
+        needs_positive=True,
+    ),
+    "tanh": Function(value=math.tanh, symbolic=sympy.tanh, gives=Gives.PLAIN_OF_PLAIN),
+    "min": Function(value=min, symbolic=Smaller, gives=Gives.SAME, arity=2),
+    "max": Function(value=max, symbolic=Larger, gives=Gives.SAME, arity=2),
 }

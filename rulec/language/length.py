@@ -1,8 +1,8 @@
-"""How long an equation and its derivatives become when definitions are written out, in advance.
+"""The length of an equation and of its derivatives with all definitions written out, in advance.
 
 Ten definitions that each use the one before twice are short to write and have thousands of terms.
-The sums here follow the rules of differentiation, but only count: they cost nothing, and what they
-foretell to be too long is refused before anything is built.
+The sums here follow the rules of differentiation, but only count terms. So an equation that would
+become too long is refused before anything is built.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How far apart the faults of a group are, and the cheapest sensors that would tell them apart.
+"""How far apart the faults of a group are, and the cheapest sensors that would isolate them.
 
 Each group is judged by the estimates around its modules, so that the effort is proportional to
 the number of modules.
@@ -50,7 +50,7 @@ class Adviser:
         self._candidates: dict[str, tuple[Sensor, ...]] = {}
 
     def degrees(self, faults: Sequence[str]) -> tuple[float, ...]:
-        """Degree, as a share, from which on each fault is told from all others; inf if never.
+        """Degree, as a share, from which on each fault is isolated from all others; inf if never.
 
         Empty where no junction joins the modules of the group.
         """
@@ -58,7 +58,7 @@ class Adviser:
         return () if hood is None else degrees_of(hood.gram(faults))
 
     def alike(self) -> Iterable[tuple[str, str]]:
-        """Pairs that at a small degree are seen, but not told apart, within or beside a module."""
+        """Pairs that a small degree shows, but does not isolate, within or beside a module."""
         keys = dict.fromkeys(self._key(pair) for pair in self._neighbours())
         for key in keys:
             hood = self._hood_of(key)
@@ -98,7 +98,7 @@ class Adviser:
         return [self._faults[m] for m in modules if self._around[m] == key]
 
     def advise(self, faults: Sequence[str]) -> Advice | None:
-        """The cheapest one or two sensors that tell a group apart, else a greedy choice of more."""
+        """The cheapest one or two sensors that isolate a group, else a greedy choice of more."""
         hood = self._hood(faults)
         if hood is None:
             return None

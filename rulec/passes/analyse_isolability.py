@@ -1,4 +1,4 @@
-"""Pass 9, analyse isolability: which faults the residuals cannot tell apart, and what would help.
+"""Pass 9, analyse isolability: which faults the residuals cannot isolate, and what would help.
 
 Two faults *coincide* where they move all residuals in the same proportion: no reading of this
 plant separates them at one operating point. A fault is *nested* in another where its whole
@@ -31,8 +31,8 @@ class Group:
     """Faults that are hard or impossible to tell apart.
 
     `kind` is ``coincide``, ``nested`` or ``close``; `degrees`, per fault, those from which on it
-    is told from the others at one operating point (inf: never; empty: not looked at); `sensors`
-    the cheapest that would tell them apart at small degrees, if they are not told already.
+    is isolated from the others at one operating point (inf: never; empty: not examined); `sensors`
+    the cheapest that would isolate them at small degrees, where nothing else does.
     """
 
     faults: tuple[str, ...]

@@ -43,7 +43,7 @@ class TargetNodes:
     reaction: Node
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hypothesis:
     """A fault of a module instance; `affects` lists observer ids in the whole plant, `scales` the
     signals in what it scales."""
@@ -333,12 +333,12 @@ def _hypotheses(part: _Instance, readers: Readers) -> Iterable[Hypothesis]:
             affects += [reader.id for reader in readers.get(part.id(fault.target), ())]
         name = part.module.name
         yield Hypothesis(
-            part.id(fault.id),
-            name,
-            fault,
-            part.id(fault.target),
-            tuple(affects),
-            part.signals_of(fault.target),
+            id=part.id(fault.id),
+            module=name,
+            fault=fault,
+            target=part.id(fault.target),
+            affects=tuple(affects),
+            scales=part.signals_of(fault.target),
         )
 
 

@@ -1,4 +1,4 @@
-"""Which of some sensors tell faults apart, and cost least.
+"""The cheapest sensors that isolate faults from each other.
 
 What a sensor adds is one more comparison; its effects and covariance follow from the tables of
 `linearise`, so nothing is compiled again.
@@ -26,7 +26,10 @@ class Advice:
 
 
 def degrees_of(gram: Array) -> tuple[float, ...]:
-    """Per fault the degree from which on it is told from every other one."""
+    """Per fault the degree, as a share, from which on it is isolated from every other one.
+
+    `gram` holds products of effects, shape (faults, faults); inf where no degree isolates a fault.
+    """
     distance = apart(gram)
     with np.errstate(divide="ignore"):
         worst = SEPARATED / distance.min(axis=-1)
@@ -36,7 +39,7 @@ def degrees_of(gram: Array) -> tuple[float, ...]:
 def cheapest(
     hood: Neighbourhood, faults: Sequence[str], sensors: Sequence[Sensor]
 ) -> Advice | None:
-    """Of one or two sensors the cheapest that tell all faults apart, else a greedy choice."""
+    """The cheapest one or two sensors that isolate all faults, else a greedy choice of more."""
     gram = hood.gram(faults)
     effects, covariance = hood.added(faults, sensors)
 
@@ -54,7 +57,7 @@ def cheapest(
     numbers = range(len(sensors))
     choices = [c for k in (1, 2) for c in itertools.combinations(numbers, k)]
     for _, same in itertools.groupby(sorted(choices, key=cost), key=cost):
-        told = [(max(degrees_of(among(c))), c) for c in same if _is_told(among(c))]
+        told = [(max(degrees_of(among(c))), c) for c in same if _is_isolated(among(c))]
         if told:
             degree, chosen = min(told)
             return Advice(tuple(sensors[i] for i in chosen), degree)
@@ -62,20 +65,20 @@ def cheapest(
     while len(chosen) < min(MOST_SENSORS, len(sensors)):
         more = [(*chosen, i) for i in numbers if i not in chosen]
         chosen = min(more, key=lambda c: (_degrees_left(among(c)), cost(c)))
-        if _is_told(among(chosen)):
+        if _is_isolated(among(chosen)):
             return Advice(tuple(sensors[i] for i in chosen), max(degrees_of(among(chosen))))
     return None
 
 
 def _degrees_left(gram: Array) -> tuple[int, float]:
-    """How many faults are told at no degree, and the largest degree of the others."""
+    """Number of faults that no degree isolates, and the largest degree of the others."""
     degrees = np.array(degrees_of(gram))
     never = np.isinf(degrees)
     return int(never.sum()), float(degrees[~never].max(initial=0.0))
 
 
-def _is_told(gram: Array) -> bool:
-    """Is every fault told from the others at a small degree, or nearly as soon as it is seen?"""
+def _is_isolated(gram: Array) -> bool:
+    """Is every fault isolated at a small degree, or nearly as soon as it is detected?"""
     distance = apart(gram)
     enough = np.minimum(SMALL_DEGREE * np.diagonal(distance) / SEEN, SEPARATED)
     return bool(np.all(SMALL_DEGREE * distance.min(axis=-1) >= enough))

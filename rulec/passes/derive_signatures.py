@@ -20,7 +20,7 @@ from rulec.passes.link import Network
 from rulec.passes.reference import solve_reference
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Signature:
     """One non-zero cell of the matrix.
 
@@ -88,15 +88,15 @@ def derive_signatures(
             u = uncertainties[residual]
             cells.append(
                 Signature(
-                    h.id,
-                    residual,
-                    1 if effect > 0 else -1,
-                    values[f"slope:{i}"],
-                    effect,
-                    limits.THRESHOLD * u / abs(effect),
-                    scaled,
-                    slope,
-                    faulty,
+                    fault=h.id,
+                    residual=residual,
+                    sign=1 if effect > 0 else -1,
+                    gain=values[f"slope:{i}"],
+                    sensitivity=effect,
+                    detectable=limits.THRESHOLD * u / abs(effect),
+                    scaled=scaled,
+                    slope=slope,
+                    faulty=faulty,
                 )
             )
     return Signatures(reference, flows, uncertainties, tuple(cells))

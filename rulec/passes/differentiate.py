@@ -30,7 +30,7 @@ EXCESS = sympy.Symbol("D", real=True)
 Gradient = Mapping[str, sympy.Expr]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Target:
     """What faults scale: a signal or a definition.
 
@@ -250,16 +250,16 @@ def _target(
         if solved is not None:
             inverse[observer] = solved
     return Target(
-        name,
-        value,
-        _gradient(value, symbols),
-        slopes,
-        {o: _gradient(slope, symbols) for o, slope in slopes.items()},
-        curvatures,
-        inverse,
-        driver,
-        whole,
-        _gradient(whole, symbols),
+        name=name,
+        value=value,
+        gradient=_gradient(value, symbols),
+        slopes=slopes,
+        slope_gradients={o: _gradient(slope, symbols) for o, slope in slopes.items()},
+        curvatures=curvatures,
+        inverse=inverse,
+        driver=driver,
+        whole=whole,
+        whole_gradient=_gradient(whole, symbols),
     )
 
 

@@ -1,4 +1,4 @@
-"""What flows in and out of modules that store: by their own laws, or by what is connected.
+"""Flows into and out of modules that store: by their own laws, or by continuity.
 
 A module with states cuts the network in two: what flows in need not flow out. Each of its ends is
 an edge of its own, to a store that balances nothing; the rest is continuity as everywhere.

@@ -80,8 +80,7 @@ def linearise(network: Network, assembly: Assembly, signatures: Signatures) -> L
 
 
 class _Excess:
-    """What is there too much per unit of a fault's degree, as a share; every law is evaluated
-    once."""
+    """Excess per unit of a fault's degree, as a share; every law is evaluated once."""
 
     def __init__(
         self, assembly: Assembly, signatures: Signatures, values: Mapping[str, float]

@@ -1,7 +1,7 @@
-"""Another plant of the same kind: parameters drawn from their uncertainties.
+"""Plants of the same kind with parameters drawn from their uncertainties.
 
-A ruleset folds the values of parameters into constants. A plant that differs from what its ruleset
-believes, as every real one does, is made by lowering its equations again with other values.
+A ruleset folds the values of parameters into constants. Every real plant differs from these. Such a
+plant is made by lowering its equations again with other values.
 """
 
 from __future__ import annotations

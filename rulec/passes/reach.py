@@ -1,4 +1,4 @@
-"""What sensors of states see: a flow moves a level, that one a flow, and some level is read."""
+"""Modules that sensors of states observe: a flow changes a level, which changes another flow."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ Places = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class StoreFault:
-    """A fault of a module; `settled` tells that equations without time know it as well."""
+    """A fault of a module; `settled`: the equations without time have it as well."""
 
     id: str
     module: str

@@ -1,4 +1,4 @@
-"""Which recordings a study is made of, and how each comes about.
+"""The recordings of a study, and how each is simulated.
 
 A *group* is one true plant with one fault, recorded at all operating points and degrees. Its
 parameters differ from what the ruleset believes, within their covariance; the laws are off by
@@ -45,7 +45,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Group:
-    """One true plant with one fault; no fault is an empty id. `draw` tells healthy plants apart."""
+    """One true plant; `fault` is empty where it is healthy, and `draw` then numbers it."""
 
     fault: str
     seed: int
@@ -140,7 +140,9 @@ def run_group(
     """Record and judge, one recording after the other."""
     for degree, readings in record(ruleset, points, settings, group):
         if readings is None:
-            yield Outcome(group.fault, share(ruleset, group.fault, degree), Kind.NO_POINT)
+            yield Outcome(
+                fault=group.fault, degree=share(ruleset, group.fault, degree), kind=Kind.NO_POINT
+            )
         else:
             onset = settings.lead_in
             yield judge(ruleset, readings, group.fault, degree, onset, settings.mode)

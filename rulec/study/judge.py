@@ -1,4 +1,4 @@
-"""Judge one simulated recording: what does the diagnoser make of a known fault?"""
+"""Judge one simulated recording: the diagnosis of a known fault."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Kind(StrEnum):
     OTHER = "another named first"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What became of one recording.
 
@@ -65,17 +65,17 @@ def judge(
     if finding is None:
         unknown = any(p.until >= onset for p in diagnosis.unknown)
         kind = Kind.UNKNOWN if unknown else Kind.QUIET if diagnosis.judged else Kind.NOT_JUDGED
-        return Outcome(fault, share(ruleset, fault, degree), kind, early=early)
+        return Outcome(fault=fault, degree=share(ruleset, fault, degree), kind=kind, early=early)
     return Outcome(
-        fault,
-        share(ruleset, fault, degree),
-        Kind.NAMED if finding.fault.id == fault else Kind.OTHER,
-        finding.fault.id,
-        any(name == fault for name, _ in finding.alternatives),
-        finding.degree / finding.fault.scale,
-        finding.lower / finding.fault.scale,
-        finding.upper / finding.fault.scale,
-        early,
+        fault=fault,
+        degree=share(ruleset, fault, degree),
+        kind=Kind.NAMED if finding.fault.id == fault else Kind.OTHER,
+        first=finding.fault.id,
+        shared=any(name == fault for name, _ in finding.alternatives),
+        estimate=finding.degree / finding.fault.scale,
+        lower=finding.lower / finding.fault.scale,
+        upper=finding.upper / finding.fault.scale,
+        early=early,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the counts of a study mean, in words."""
+"""The counts of a study in words."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class FaultKind:
     title: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cell:
     """One fault kind at one degree.
 
@@ -132,13 +132,13 @@ def _cell(fault: FaultKind, degree: float, outcomes: Sequence[Outcome]) -> Cell:
     named = [o for o in outcomes if o.kind == Kind.NAMED]
     errors = np.array([o.estimate - o.degree for o in named])
     return Cell(
-        fault,
-        degree,
-        {kind: kinds[kind] for kind in Kind},
-        sum(o.shared for o in outcomes if o.kind == Kind.OTHER),
-        sum(o.lower <= o.degree <= o.upper for o in named),
-        float(np.mean(np.abs(errors))) if named else 0.0,
-        float(np.mean(errors)) if named else 0.0,
+        fault=fault,
+        degree=degree,
+        kinds={kind: kinds[kind] for kind in Kind},
+        shared=sum(o.shared for o in outcomes if o.kind == Kind.OTHER),
+        covered=sum(o.lower <= o.degree <= o.upper for o in named),
+        error=float(np.mean(np.abs(errors))) if named else 0.0,
+        bias=float(np.mean(errors)) if named else 0.0,
     )
 
 

@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from rulec.commands.matrix import machine_form
+from rulec.commands.matrix import json_form
 from tests.method.readings import data, evaluate, noise_free, row_of, ruleset, signs
 
 TABLE = data("signs.yaml")
@@ -36,7 +36,7 @@ def expected_row(plant: str, fault: str) -> list[str]:
 @pytest.mark.parametrize(("plant", "fault"), CASES)
 def test_derived_signs(plant: str, fault: str) -> None:
     """The matrix has the listed signs."""
-    matrix = machine_form(ruleset(plant))
+    matrix = json_form(ruleset(plant))
     cells = dict(zip(matrix["residuals"], row_of(matrix, fault), strict=True))
     assert expected_row(plant, fault) == [cells[r] for r in residuals_of(plant)]
 
@@ -52,7 +52,7 @@ def test_simulated_signs(plant: str, fault: str) -> None:
 
 def test_adjacency_matrix_is_as_good_as_a_list() -> None:
     """The same matrix, gains and detectable degrees."""
-    as_list, as_matrix = machine_form(ruleset("series")), machine_form(ruleset("series-adjacency"))
+    as_list, as_matrix = json_form(ruleset("series")), json_form(ruleset("series-adjacency"))
     names = as_list.pop("plant"), as_matrix.pop("plant")
     assert ("series", "series-adjacency") == names
     order = {name: i for i, name in enumerate(as_matrix["residuals"])}
@@ -78,5 +78,5 @@ def test_only_the_connections_differ() -> None:
 @pytest.mark.parametrize("plant", TABLE)
 def test_no_two_faults_have_the_same_row(plant: str) -> None:
     """Every fault keeps a signature of its own, also where mixers follow each other."""
-    matrix = machine_form(ruleset(plant))
+    matrix = json_form(ruleset(plant))
     assert len(matrix["faults"]) == len({tuple(row) for row in matrix["signs"]})

@@ -20,7 +20,7 @@ from rulec_runtime.report.json_form import diagnosis_form, trace_csv
 from rulec_runtime.report.page import report
 from rulec_runtime.report.terminal_story import explain
 
-from rulec.commands.matrix import machine_form
+from rulec.commands.matrix import json_form
 from tests.runtime.tanks import made, plant
 
 PLANTS = ("cascaded-tanks", "wastewater-lab")
@@ -181,7 +181,7 @@ def test_every_form_tells_the_finding(tmp_path: Path) -> None:
 
 def test_matrix_says_what_acts_alike() -> None:
     """Signs of the readings, and the faults that none of them tells apart."""
-    form = machine_form(plant("wastewater-lab"))["stores"]
+    form = json_form(plant("wastewater-lab"))["stores"]
     signs = dict(zip(form["faults"], form["signs"], strict=True))
     assert ((-1, 0), (1, 0)) == (signs["tank1.lost-inflow"], signs["tank1.l.high"])
     assert ("supply.Q.high", "tank1.lost-inflow") in form["alike"]

@@ -1,4 +1,4 @@
-"""Balances of a module in words of its author, with what flows in and out."""
+"""Balances of a module as text in its author's names, with what flows in and out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rulec.passes.end_flows import Known
 from rulec.passes.link import Network
 
 
-def balances_told(network: Network, module: Module) -> Iterator[str]:
+def balances_text(network: Network, module: Module) -> Iterator[str]:
     """What a module stores and shows, one equation a line; nothing where it does neither.
 
     Equations are in the names of the module; what flows in or out stands as the sum of laws that it
@@ -26,7 +26,7 @@ def balances_told(network: Network, module: Module) -> Iterator[str]:
         yield f"d {title}/dt = {state.rate}   ({', '.join(_bounds(state))})"
     for end in ENDS if kind.flows else ():
         if (module.name, end) in network.ends and end in _named(kind):
-            yield f"{module.name}.{end} = {flow_told(network, module.name, end)}"
+            yield f"{module.name}.{end} = {flow_text(network, module.name, end)}"
     for name in _stood_on(kind):
         yield f"{module.name}.{name} = {kind.definitions[name].expression}"
     for reading in kind.readings.values():
@@ -56,7 +56,7 @@ def _value(state: State, expression: Expression) -> str:
     )
 
 
-def flow_told(network: Network, module: str, end: str) -> str:
+def flow_text(network: Network, module: str, end: str) -> str:
     """What flows at an end, as a sum of laws; ``0`` where nothing is connected."""
     terms = network.ends[module, end]
     text = " ".join(f"{'+' if sign > 0 else '-'} {k.module}.{k.name}" for sign, k in terms)
@@ -69,9 +69,9 @@ def _named(kind: ModuleType) -> set[str]:
 
 def _stood_on(kind: ModuleType) -> list[str]:
     """Definitions that balances and readings stand on, and laws for what flows."""
-    told = [e for state in kind.states.values() for _, e in state.equations()]
-    told += [r.expression for r in kind.readings.values()]
-    parts = [part for e in told for part in kind.with_definitions(e)]
+    equations = [e for state in kind.states.values() for _, e in state.equations()]
+    equations += [r.expression for r in kind.readings.values()]
+    parts = [part for e in equations for part in kind.with_definitions(e)]
     parts += [p for end in ENDS if end in kind.definitions
               for p in kind.with_definitions(kind.definitions[end].expression)]  # fmt: skip
     used = {name for part in parts for name, _ in part.names()} | ({*ENDS} if kind.flows else set())
