@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.header import Header
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.recording_file import RecordingFile
@@ -25,8 +25,8 @@ from rulec.effects.adopted_plant import trial
 from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch.answer.verdict import is_spoiled
-from rulec.mismatch.inference.prove import closed_share, gain_interval, rms
-from rulec.mismatch.result import Check, Errors, Fit, Repair
+from rulec.mismatch.inference.prove import rms
+from rulec.mismatch.result import Check, Fit, Repair
 
 SAME = 1e-6
 """Share by which an error may exceed another and still be the same: digits of files and solvers."""
@@ -80,49 +80,6 @@ def plants_of(
     except (Unwritable, SimulationRefused) as error:
         return Plants(first, second, None, (ruleset, recalibrated, recalibrated), str(error))
     return Plants(first, second, third, (ruleset, recalibrated, repaired))
-
-
-def fit_of(
-    signal: SignalSpec,
-    errors: Sequence[Array],
-    noise: float,
-    parts: tuple[np.ndarray, np.ndarray],
-    explained: tuple[float, float],
-) -> Fit:
-    """The errors of a reading as shown.
-
-    Parameters
-    ----------
-    errors : predicted less measured of shipped, recalibrated and repaired plant, SI, shape (n,).
-    noise : of the reading, SI.
-    parts : which of them were open, and which held out.
-    explained : errors of the whole explanation in both parts, as shown.
-    """
-    known = np.all([np.isfinite(e) for e in errors], axis=0)
-    shown = [e / signal.factor for e in errors]
-    inside = [part & known for part in parts]
-    told = []
-    for part, own in zip(inside, explained, strict=True):
-        first, second, third = (rms(e[part]) for e in shown)
-        told.append(
-            Errors(
-                shipped=first,
-                recalibrated=second,
-                repaired=third,
-                noise=noise / signal.factor,
-                points=int(part.sum()),
-                explained=own,
-            )
-        )
-    gain = gain_interval(shown[1][inside[1]], shown[2][inside[1]])
-    return Fit(
-        signal=signal.id,
-        unit=signal.unit,
-        estimation=told[0],
-        heldout=told[1],
-        gain_interval=gain,
-        closed=closed_share(told[1]),
-    )
 
 
 def refusal(

@@ -1,83 +1,80 @@
-"""From numbers to findings: parameters as shown, sentences, alternatives, regions."""
+"""From numbers to findings: parameters as shown, sentences, alternatives, places."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.effects.candidate import Candidate, Unknown
+from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.mismatch.answer.verdict import CERTAIN
 from rulec.mismatch.answer.wording import quantity
+from rulec.mismatch.evidence.model import Model
+from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
-from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.locate import periods_of, region_of, variables_of
 from rulec.mismatch.inference.interval import profile
 from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from rulec.mismatch.search.accepted import Accepted
-from rulec.mismatch.search.compete import Contestant
 
 TOLD = 0.02
 """Alternatives less probable than this are not told."""
 
 
-def findings_of(best: Contestant, accepted: tuple[Accepted, ...]) -> tuple[Finding, ...]:
+def findings_of(model: Model, accepted: Sequence[Accepted]) -> tuple[Finding, ...]:
     """What was accepted and has a name, in the order of what it explains."""
-    named = (r for r in accepted if r.trial.candidate.sort != HIDDEN)
     shares = shares_of(accepted)
-    found = [_finding(best, record, shares[record.trial.candidate.id]) for record in named]
+    named = (own for own in accepted if own.candidate.sort != HIDDEN)
+    found = [_finding(model, own, shares[own.candidate.id]) for own in named]
     return tuple(sorted(found, key=lambda f: -f.closed))
 
 
-def shares_of(accepted: tuple[Accepted, ...]) -> dict[str, float]:
+def shares_of(accepted: Sequence[Accepted]) -> dict[str, float]:
     """What each explanation has of the gain of all."""
-    total = sum(r.gain for r in accepted) or 1.0
-    return {r.trial.candidate.id: r.gain / total for r in accepted}
+    total = sum(own.gain for own in accepted) or 1.0
+    return {own.candidate.id: own.gain / total for own in accepted}
 
 
-def _finding(best: Contestant, record: Accepted, share: float) -> Finding:
-    fitted = best.fitted
-    # As it is by now: more of it may be searched for than at first.
-    candidate = next(c for c in fitted.setting.joined if c.id == record.trial.candidate.id)
+def _finding(model: Model, own: Accepted, share: float) -> Finding:
+    candidate = _joined(model, own.candidate.id)
     parameters = {
-        u.name: _estimate(fitted, u)
+        u.name: _estimate(model, u)
         for u in candidate.unknowns
-        if not u.fixed and u.id not in fitted.setting.in_periods
+        if not u.fixed and u.id in model.free
     }
-    periods = _periods(fitted, candidate)
-    certain = 1.0 / (1.0 + sum(record.odds))
-    others = tuple(
-        Alternative(
-            t.candidate.id,
-            t.candidate.name,
-            titled(fitted.rows.system.ruleset, t.candidate),
-            o * certain,
-        )
-        for t, o in zip(record.others, record.odds, strict=True)
-        if o * certain > TOLD
-    )
-    system = fitted.rows.system
+    periods = model.periods(candidate, parameters)
+    others = [
+        Alternative(c.id, c.name, titled(model.ruleset, c), odds * own.probability)
+        for c, odds in own.others
+        if odds * own.probability > TOLD
+    ]
+    ids = tuple(c.id for c in model.joined if c.sort != HIDDEN)
     return Finding(
-        candidate.id,
-        candidate.sort,
-        candidate.name,
-        candidate.title,
-        candidate.module,
-        candidate.place,
-        parameters,
-        system.builder.equation(candidate.module, fitted.setting.ids, candidate.place),
-        sentence(candidate, parameters, periods),
-        candidate.action,
-        candidate.source,
-        certain,
-        tuple(sorted(others, key=lambda a: -a.probability)),
-        record.gain,
-        record.rivals,
-        periods,
-        share,
-        candidate.members,
+        id=candidate.id,
+        sort=candidate.sort,
+        name=candidate.name,
+        title=candidate.title,
+        module=candidate.module,
+        place=candidate.place,
+        parameters=parameters,
+        equation=model.builder.equation(candidate.module, ids, candidate.place),
+        text=sentence(candidate, parameters, periods),
+        action=candidate.action,
+        source=candidate.source,
+        probability=own.probability,
+        alternatives=tuple(sorted(others, key=lambda a: -a.probability)),
+        gain=own.gain,
+        rivals=own.rivals,
+        periods=periods,
+        closed=share,
+        members=candidate.members,
     )
+
+
+def _joined(model: Model, name: str) -> Candidate:
+    """An explanation as it is by now: more of it may be searched for than at first."""
+    return next(c for c in model.joined if c.id == name)
 
 
 def titled(ruleset: Ruleset, candidate: Candidate) -> str:
@@ -87,33 +84,12 @@ def titled(ruleset: Ruleset, candidate: Candidate) -> str:
     return f"{candidate.title} ({where}, {candidate.place})"
 
 
-def _estimate(fitted: Fitted, unknown: Unknown) -> Estimate:
-    value = fitted.setting.values[unknown.id]
-    low, high = profile(fitted, unknown.id)
-    u = max(fitted.u(unknown.id), (high - low) / 3.92)
-    shown = [(v - unknown.offset) / unknown.factor for v in (value, low, high)]
-    return Estimate(
-        unknown.title, shown[0], u / unknown.factor, min(shown[1:]), max(shown[1:]), unknown.unit
-    )
-
-
-def _periods(fitted: Fitted, candidate: Candidate) -> tuple[Period, ...]:
-    unknowns = {u.id: u for u in candidate.unknowns}
-    found = []
-    for course in fitted.setting.courses:
-        if course.unknown not in unknowns:
-            continue
-        for span in course.periods:
-            name = course.names()[span.level]
-            degree = fitted.setting.values[name]
-            size = unit_of_size(unknowns[course.unknown])
-            found.append(Period(span.since, span.until, degree, fitted.u(name), size))
-    return tuple(found)
-
-
-def unit_of_size(degree: Unknown) -> str:
-    """The unit of a degree that is no share."""
-    return "" if degree.unit == "%" else degree.unit
+def _estimate(model: Model, unknown: Unknown) -> Estimate:
+    line = model.line(unknown.id)
+    low, high = profile(line)
+    u = max(line.least, (high - low) / 3.92)
+    value, *ends = ((v - unknown.offset) / unknown.factor for v in (line.value, low, high))
+    return Estimate(unknown.title, value, u / unknown.factor, min(ends), max(ends), unknown.unit)
 
 
 def sentence(
@@ -122,7 +98,8 @@ def sentence(
     """The sentence for the operator with its slots filled."""
     slots = {name: quantity(estimate) for name, estimate in parameters.items()}
     for unknown in candidate.unknowns:
-        slots.setdefault(unknown.name, _of_periods(periods) if periods else unknown.title)
+        changing = periods and not unknown.fixed
+        slots.setdefault(unknown.name, _of_periods(periods) if changing else unknown.title)
     slots |= {"degree": slots.get("x", ""), "where": candidate.place}
     text = candidate.text
     for name, value in slots.items():
@@ -141,38 +118,63 @@ def _of_periods(periods: tuple[Period, ...]) -> str:
     return f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
 
 
-def term_of(fitted: Fitted, candidate: Candidate) -> Array:
-    """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""
-    system = fitted.rows.system
-    without = fitted.setting.leaving(candidate.id)
-    modules, at = system.reached(candidate.observers), fitted.predicted
-    with_it = system.flows(fitted.setting, modules=modules, at=at).values
-    bare = system.flows(without, modules=modules, at=at).values
-    change = {
-        i: np.nan_to_num(a - b)
-        for i, (a, b) in enumerate(zip(with_it, bare, strict=True))
-        if np.isfinite(a - b).any()
-    }
-    rows = fitted.rows.column(fitted.maps, change)
-    squares: Array = np.bincount(fitted.rows.point, rows**2, len(system.data)).astype(float)
-    return squares
-
-
-def location_of(best: Contestant, finding: Finding) -> Location:
-    """Where and when a finding shows."""
-    fitted = best.fitted
-    system = fitted.rows.system
-    candidate = next(c for c in fitted.setting.joined if c.id == finding.id)
-    term = np.where(fitted.used, term_of(fitted, candidate), np.nan)
-    variables = variables_of(system, finding.module)
+def location_of(model: Model, finding: Finding) -> Location:
+    """Where and when a finding shows; where it is open, also the places of what may be instead."""
+    candidate, term = _joined(model, finding.id), model.term(_joined(model, finding.id))
+    variables = model.variables(finding.module)
     drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
-    region = region_of(system, term, drivers) or region_of(system, term, variables)
     periods = tuple((p.since, p.until) for p in finding.periods)
     return Location(
         module=finding.module,
         place=finding.place,
-        title=system.ruleset.modules.get(finding.module, finding.module),
+        title=model.ruleset.modules.get(finding.module, finding.module),
         share=finding.closed,
-        region=() if periods else region,
-        periods=periods or (periods_of(system.data.time, term) if system.data.timed else ()),
+        region=() if periods else region_of(term, drivers) or region_of(term, variables),
+        periods=periods or _when(model, term),
+        also=_elsewhere(model, finding) if finding.probability < CERTAIN else (),
     )
+
+
+def _elsewhere(model: Model, finding: Finding) -> tuple[str, ...]:
+    """Places of alternatives, each once, the likeliest first."""
+    known = {c.id: f"{c.module}.{c.place}" for c in model.builder.candidates}
+    places = dict.fromkeys(known[a.id] for a in finding.alternatives if a.id in known)
+    return tuple(p for p in places if p != f"{finding.module}.{finding.place}")
+
+
+def _when(model: Model, contribution: Array) -> tuple[tuple[float, float], ...]:
+    """Spans of time, s, that hold most of a mismatch; none without a clock."""
+    samples = model.samples
+    return periods_of(samples.time, contribution) if samples.timed else ()
+
+
+def location_of_spot(
+    model: Model, spot: Spot, share: float, contribution: Array, also: Sequence[Spot]
+) -> Location:
+    """A place without a name for what is wrong there; `also` are others that look the same.
+
+    `contribution`, shape (n,), is what each sample has of the mismatch there, not negative.
+    """
+    return Location(
+        module=spot.module,
+        place=spot.place,
+        title=spot.title,
+        share=share,
+        region=region_of(contribution, model.variables(spot.module)),
+        periods=_when(model, contribution),
+        also=tuple(f"{s.module}.{s.place}" for s in also),
+    )
+
+
+def untested(model: Model, findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Ranges beyond which a repaired law was never tried."""
+    told: dict[str, None] = {}
+    for finding in findings:
+        if finding.sort not in ("physics", "ageing"):
+            continue
+        for name in _joined(model, finding.id).drivers.values():
+            variable = model.variable(name)
+            if variable is not None:
+                low, high = variable.shown(np.nanquantile(variable.course, [0.0, 1.0]))
+                told[f"{name} below {low:.4g} or above {high:.4g} {variable.unit}"] = None
+    return tuple(told)

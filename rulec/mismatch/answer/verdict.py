@@ -22,6 +22,8 @@ OPEN = 0.1
 """Probability from which on another explanation is named beside the best one [assumed]: who acts on
 the headline had better know of one chance in ten."""
 
+TO_RECORD = "Record settled operation with all readings that the observers need."
+
 NOT_YET = "Do not adopt this as it is"
 
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
@@ -130,7 +132,7 @@ def next_step(
     if verdict == "none":
         return "Nothing to do."
     if verdict == "cannot judge":
-        return "Record settled operation with all readings that the observers need."
+        return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)
     if verdict == "ambiguous" and first is not None:
         return (

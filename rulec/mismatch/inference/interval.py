@@ -1,12 +1,13 @@
-"""Step 5: how certain a parameter is, and what it is confounded with."""
+"""How certain a value is, and what it is confounded with."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
+from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.model import Line
 from rulec.mismatch.result import Confounded
 
 CONFOUNDED = 0.9
@@ -15,66 +16,58 @@ CONFOUNDED = 0.9
 DROP = 1.92
 """Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
 
-REFINED = 4
-"""Steps of the search for each end."""
+LONGEST = 3.0
+"""Factor by which a step to the end of an interval grows at most."""
 
 
-def profile(fitted: Fitted, name: str) -> tuple[float, float]:
-    """95 % interval of a value by its profile likelihood, all others refitted.
-
-    Neighbours count as what they are worth (`Fitted.temper`).
+def profile(line: Line) -> tuple[float, float]:
+    """95 % interval of a value by its profile likelihood, SI.
 
     Source: Venzon and Moolgavkar 1988.
     """
-    i = fitted.prior.names.index(name)
-    u = fitted.u(name)
-    best = fitted.setting.values[name]
-    ends = []
-    for side in (-1.0, 1.0):
-        low, high = 0.0, 1.96 * u
-        limit = fitted.prior.lowest[i] if side < 0 else fitted.prior.highest[i]
-        reach = abs(limit - best)
-        if reach <= 0 or u == 0:
-            ends.append(best)
-            continue
-        step = min(high, reach)
-        for _ in range(REFINED):
-            fall = _fall(fitted, name, best + side * step)
-            if fall < DROP:
-                if step >= reach:
-                    break
-                low, step = (
-                    step,
-                    min(step * (1.2 if fall <= 0 else min(np.sqrt(DROP / fall), 3.0)), reach),
-                )
-            else:
-                high = step
-                step = max(low, step * float(np.sqrt(DROP / fall)))
-            if abs(fall - DROP) < 0.15:
+    low, high = (_end(line, side) for side in (-1.0, 1.0))
+    return low, high
+
+
+def _end(line: Line, side: float) -> float:
+    """Where the likelihood has fallen by enough, on one side; at most the end of the range."""
+    reach = line.value - line.lowest if side < 0 else line.highest - line.value
+    pace = line.pace
+    step, inside, outside = min(1.96 * line.u, reach), 0.0, np.inf
+    for _ in range(pace.steps):
+        if step <= 0.0:
+            break
+        fall = line.fall(side * step)
+        if fall < DROP:
+            inside = step
+            if step >= reach:
                 break
-        ends.append(float(best + side * step))
-    return ends[0], ends[1]
+            ratio = float(np.sqrt(DROP / fall)) if fall > 0 else pace.uphill
+            grow = float(np.clip(ratio, pace.shortest, LONGEST))
+            between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
+            step = min(step * grow, reach, between)
+        else:
+            outside = step
+            step = max(step * float(np.sqrt(DROP / fall)), 0.25 * (inside + outside))
+        if abs(fall - DROP) < pace.near:
+            break
+    return float(line.value + side * step)
 
 
-def _fall(fitted: Fitted, name: str, value: float) -> float:
-    held: Mapping[str, float] = {name: value}
-    there = fit(fitted.rows, fitted.setting, fitted.used, 4, held, fitted.temper)
-    return there.objective - fitted.objective
+def confounded(
+    names: Sequence[str], covariance: Array, unknowns: frozenset[str]
+) -> tuple[Confounded, ...]:
+    """Unknowns of explanations that go along with another value, the most correlated first.
 
-
-def confounded(fitted: Fitted) -> tuple[Confounded, ...]:
-    """Unknowns that go along with another value."""
-    names = fitted.prior.names
-    unknowns = set(fitted.setting.free_unknowns())
-    size = np.sqrt(np.diag(fitted.covariance))
-    correlation = fitted.covariance / np.outer(size, size)
-    found = []
-    for i, first in enumerate(names):
-        if first not in unknowns or "#" in first:
-            continue
-        for j, second in enumerate(names):
-            if (second in unknowns and j <= i) or "#" in second:
-                continue
-            if abs(correlation[i, j]) > CONFOUNDED:
-                found.append(Confounded(first, second, float(correlation[i, j])))
-    return tuple(found)
+    `covariance`, shape (names, names), is that of the values with these names.
+    """
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(size, size)
+    found = [
+        Confounded(first, second, float(correlation[i, j]))
+        for i, first in enumerate(names)
+        for j, second in enumerate(names)
+        if first in unknowns and (second not in unknowns or j > i)
+        if abs(correlation[i, j]) > CONFOUNDED
+    ]
+    return tuple(sorted(found, key=lambda pair: -abs(pair.correlation)))

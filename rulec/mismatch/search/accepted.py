@@ -1,15 +1,34 @@
-"""An explanation that won its round of the search."""
+"""An explanation that the final model has."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.steady.screen import Trial
 from rulec.mismatch.result import Rival
+
+Odds = tuple[tuple[Candidate, float], ...]
+"""Other explanations in the place of one, and their odds against it."""
 
 
 @dataclass(frozen=True)
 class Accepted:
+    """An explanation that the final model has: its own gain, and the odds of others instead."""
+
+    candidate: Candidate
+    gain: float
+    others: Odds
+    rivals: tuple[Rival, ...]
+
+    @property
+    def probability(self) -> float:
+        """Against all others that would do."""
+        return 1.0 / (1.0 + sum(odds for _, odds in self.others))
+
+
+@dataclass(frozen=True)
+class Won:
     """An explanation that won its round; `others` are those that came next, best first.
 
     `odds` are theirs against the winner.
@@ -20,3 +39,9 @@ class Accepted:
     rivals: tuple[Rival, ...]
     others: tuple[Trial, ...]
     odds: tuple[float, ...]
+
+    @property
+    def accepted(self) -> Accepted:
+        """The same without the values to start from."""
+        others = zip((t.candidate for t in self.others), self.odds, strict=True)
+        return Accepted(self.trial.candidate, self.gain, tuple(others), self.rivals)

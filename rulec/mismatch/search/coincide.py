@@ -14,8 +14,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch.evidence.region import best_interval
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.locate import best_interval
 from rulec.mismatch.evidence.steady.screen import Trial
 from rulec.mismatch.search.periods import speaking
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest
 from rulec.mismatch.search.rivals import at_an_end
 from rulec.mismatch.search.weigh import net_gain, odds_of
@@ -22,9 +22,7 @@ OTHERS = 4
 """Other explanations of each that are tried."""
 
 
-def exchanged(
-    now: Contestant, accepted: Sequence[Accepted]
-) -> tuple[Contestant, tuple[Accepted, ...]]:
+def exchanged(now: Contestant, accepted: Sequence[Won]) -> tuple[Contestant, tuple[Won, ...]]:
     """The model and its explanations, one or two of them exchanged where others do better."""
     records = list(accepted)
     for i, j in itertools.combinations(range(len(records)), 2):
@@ -46,17 +44,17 @@ def _within(model: Contestant) -> bool:
     return not at_an_end(model, *model.fitted.setting.joined)
 
 
-def _lasts(record: Accepted) -> bool:
+def _lasts(record: Won) -> bool:
     """Is it there all the time, with a law or a sensor to blame?"""
     return record.trial.course is None and record.trial.candidate.sort not in ("free", HIDDEN)
 
 
-def _near(one: Accepted, other: Accepted) -> bool:
+def _near(one: Won, other: Won) -> bool:
     """Do both concern one module?"""
     return bool(set(one.trial.candidate.modules) & set(other.trial.candidate.modules))
 
 
-def _combinations(one: Accepted, other: Accepted) -> Iterator[tuple[Trial, Trial]]:
+def _combinations(one: Won, other: Won) -> Iterator[tuple[Trial, Trial]]:
     """One or both of them exchanged."""
     taken = {one.trial.candidate.id, other.trial.candidate.id}
     first, second = (
@@ -71,9 +69,7 @@ def _combinations(one: Accepted, other: Accepted) -> Iterator[tuple[Trial, Trial
             yield a, b
 
 
-def _with(
-    now: Contestant, pair: tuple[Accepted, Accepted], trials: tuple[Trial, Trial]
-) -> Contestant:
+def _with(now: Contestant, pair: tuple[Won, Won], trials: tuple[Trial, Trial]) -> Contestant:
     """The model with other explanations in place of a pair."""
     gone = [r.trial.candidate.id for r in pair]
     return _model(now, gone, trials)
@@ -89,7 +85,7 @@ def _model(now: Contestant, gone: Sequence[str], new: Sequence[Trial]) -> Contes
     return contest(fit(fitted.rows, setting, fitted.used, temper=fitted.temper), now.trial)
 
 
-def weighed(now: Contestant, record: Accepted, others: Sequence[Trial]) -> Accepted:
+def weighed(now: Contestant, record: Won, others: Sequence[Trial]) -> Won:
     """An explanation with the odds of others in its place, in the model as it is."""
     there = {c.id for c in now.fitted.setting.joined}
     models = [

@@ -10,7 +10,7 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import Trial, screen, with_open_references
-from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest, cost_of, refit
 from rulec.mismatch.search.exchange import exchanged, weighed
 from rulec.mismatch.search.latent_input import hidden_trials
@@ -38,7 +38,7 @@ class Search:
 
     plain: Contestant
     best: Contestant
-    accepted: tuple[Accepted, ...]
+    accepted: tuple[Won, ...]
     tried: int
 
 
@@ -84,7 +84,7 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
     return max((found, other), key=lambda way: _worth(way, plain))
 
 
-def _beside(now: Contestant, record: Accepted) -> list[Trial]:
+def _beside(now: Contestant, record: Won) -> list[Trial]:
     """What may stand in the place of an explanation, beside the others of a model."""
     name = record.trial.candidate.id
     candidates = now.fitted.rows.system.candidates
@@ -101,7 +101,7 @@ def _worth(found: Search, plain: Contestant) -> float:
 def _one_by_one(
     plain: Contestant,
     now: Contestant,
-    begun: tuple[Accepted, ...],
+    begun: tuple[Won, ...],
     tried: int,
     progress: Progress,
 ) -> Search:
@@ -137,7 +137,7 @@ def _one_by_one(
     return Search(plain, now, found, tried)
 
 
-def _is_free(record: Accepted) -> bool:
+def _is_free(record: Won) -> bool:
     return record.trial.candidate.sort == "free"
 
 
@@ -148,7 +148,7 @@ def _without(now: Contestant, name: str) -> Contestant:
     return contest(retempered(bare), None)
 
 
-def _weighed(now: Contestant, record: Accepted, finalists: Sequence[Trial]) -> Accepted:
+def _weighed(now: Contestant, record: Won, finalists: Sequence[Trial]) -> Won:
     """The odds of others that last, in the model as it is."""
     if record.trial.course is not None or record.trial.candidate.sort in ("free", HIDDEN):
         return record
@@ -199,9 +199,7 @@ def _widened(now: Contestant, wider: Setting) -> Contestant:
     return contest(freed, now.trial) if cost_of(freed) < cost_of(held) else now
 
 
-def _asked_again(
-    now: Contestant, records: tuple[Accepted, ...]
-) -> tuple[Contestant, tuple[Accepted, ...]]:
+def _asked_again(now: Contestant, records: tuple[Won, ...]) -> tuple[Contestant, tuple[Won, ...]]:
     """The winner, or one of those that explain the same, where faults come and go beside it."""
     if len(records) != 1 or not now.fitted.setting.courses or records[0].trial.course is not None:
         return now, records

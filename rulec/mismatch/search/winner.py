@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from rulec.effects.candidate import TIME
 from rulec.mismatch.evidence.steady.screen import Trial
 from rulec.mismatch.result import Rival
-from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, Refit, contest, cost_of
 from rulec.mismatch.search.rivals import at_an_end, beats, defeated, instead_of, released
 from rulec.mismatch.search.weigh import gain_in_sample, net_gain, odds_of
@@ -28,7 +28,7 @@ class Step:
     """
 
     winner: Contestant | None
-    records: tuple[Accepted, ...]
+    records: tuple[Won, ...]
     tried: int
     finalists: tuple[Trial, ...] = ()
 
@@ -87,7 +87,7 @@ def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> boo
 
 def recorded(
     winner: Contestant, now: Contestant, ranked: Sequence[Contestant], rivals: tuple[Rival, ...]
-) -> tuple[Accepted, ...]:
+) -> tuple[Won, ...]:
     """What was accepted; two records where two explanations were needed at once."""
     assert winner.trial is not None
     alike = instead_of(winner, ranked, now)
@@ -105,9 +105,7 @@ def recorded(
         # What lost against both together is told as its part beside the part of each.
         lost = tuple(replace(rival, gain=rival.gain / len(trials)) for rival in rivals)
         rest = tuple(kept.values())
-        records.append(
-            Accepted(trial, gain, lost, tuple(t for t, _ in rest), tuple(o for _, o in rest))
-        )
+        records.append(Won(trial, gain, lost, tuple(t for t, _ in rest), tuple(o for _, o in rest)))
     return tuple(records)
 
 

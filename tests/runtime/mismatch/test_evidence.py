@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.mismatch.evidence.rows_used import TOO_MANY, UNSETTLED, evidence_of
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
+from rulec.mismatch.evidence.steady.rows_used import TOO_MANY, UNSETTLED, evidence_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.result import Evidence
 from tests.runtime.mismatch.made import alone, recorded, tour

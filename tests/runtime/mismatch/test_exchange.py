@@ -10,7 +10,7 @@ from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.screen import Trial, screen
 from rulec.mismatch.search import exchange
-from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest
 from rulec.mismatch.search.exchange import exchanged, weighed
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour
@@ -31,7 +31,7 @@ def trials() -> tuple[Contestant, dict[str, Trial]]:
     return contest(plain, None), {t.candidate.id: t for t in screen(plain, builder.candidates)}
 
 
-def explained(*names: str) -> tuple[Contestant, tuple[Accepted, ...]]:
+def explained(*names: str) -> tuple[Contestant, tuple[Won, ...]]:
     """A model with some explanations; each has the one that was built in as its other."""
     plain, known = trials()
     setting = plain.fitted.setting
@@ -40,7 +40,7 @@ def explained(*names: str) -> tuple[Contestant, tuple[Accepted, ...]]:
         setting = setting.joining(trial.candidate, trial.values, trial.fixed)
     model = contest(fit(plain.fitted.rows, setting, plain.fitted.used), known[names[0]])
     records = (
-        Accepted(known[name], 1.0, (), (known[true],), (1e-9,))
+        Won(known[name], 1.0, (), (known[true],), (1e-9,))
         for name, true in zip(names, BUILT, strict=True)
     )
     return model, tuple(records)

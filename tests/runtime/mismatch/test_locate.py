@@ -7,12 +7,12 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
 
+from rulec.mismatch.evidence.model import Variable
+from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.locate import (
     alike,
     noise_scale,
-    periods_of,
-    region_of,
     suspects,
 )
 from rulec.mismatch.evidence.steady.predict import predictors_for
@@ -21,6 +21,10 @@ from tests.runtime.mismatch.made import alone, opened, recorded, rows_at, tour
 from tests.runtime.mismatch.warm import SAMPLES, after, plain
 
 TIME = np.arange(400.0)
+
+
+def shown(course: Array) -> Variable:
+    return Variable(course, 1.0, 0.0, "1")
 
 
 def system() -> System:
@@ -61,7 +65,9 @@ def test_a_region_is_found(low: float | None, high: float | None) -> None:
     reading, other = draw.uniform(0, 1, n), draw.uniform(0, 1, n)
     inside = (reading >= (low or 0.0)) & (reading <= (high or 1.0))
     contribution = np.where(inside, 1.0, 0.0)
-    (region,) = region_of(system(), contribution, {"A.dp": reading * 1e5, "A.P_el": other})
+    (region,) = region_of(
+        contribution, {"A.dp": Variable(reading * 1e5, 1e5, 0.0, "bar"), "A.P_el": shown(other)}
+    )
     assert ("A.dp", "bar") == (region.variable, region.unit)
     for expected, found in ((low, region.low), (high, region.high)):
         assert (expected is None) == (found is None)
@@ -74,9 +80,9 @@ def test_a_mismatch_that_is_everywhere_has_no_region() -> None:
     """Nor has none at all."""
     n = len(system().data)
     reading = np.random.default_rng(3).uniform(0, 1, n)
-    assert () == region_of(system(), np.ones(n), {"A.dp": reading})
-    assert () == region_of(system(), np.zeros(n), {"A.dp": reading})
-    assert () == region_of(system(), np.full(n, np.nan), {"A.dp": reading})
+    assert () == region_of(np.ones(n), {"A.dp": shown(reading)})
+    assert () == region_of(np.zeros(n), {"A.dp": shown(reading)})
+    assert () == region_of(np.full(n, np.nan), {"A.dp": shown(reading)})
 
 
 def test_periods_are_told_where_there_are_few() -> None:

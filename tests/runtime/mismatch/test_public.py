@@ -17,13 +17,15 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.cli import main
 from rulec.effects.adopted_plant import trial
 from rulec.mismatch.answer.public import row_errors, simulated
-from rulec.mismatch.answer.writable_stores import told, writable
+from rulec.mismatch.answer.writable import told, writable
+from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
-from rulec.mismatch.inference.prove_stores import prove
+from rulec.mismatch.evidence.stores.model import StoresModel
 from rulec.mismatch.inference.series import heldout_spans
-from rulec.mismatch.inference.settle import _ranges
+from rulec.mismatch.search.stores.search import Found
 from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.stores import Explanation
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import write_csv
 from tests.conftest import ROOT
@@ -195,15 +197,23 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     place, (rules, builder) = bench(recording), tanks()
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 1)
     plain = searcher.plain()
-    model = writable(place, plain, plain, {})
-    proofs = prove(place, plain, plain, searcher.judged)
-    shown = told(recording, place, model, proofs, model.repairs)
-    assert shown is not None
+    explained = Explanation(
+        recording,
+        StoresModel(place, plain, searcher.judged, {}),
+        Found(plain, plain, searcher.judged, 0, {}),
+        (),
+        (),
+        (),
+    )
+    refits = writable(explained)
+    repairs = explained.repair_of(refits.plain), explained.repair_of(refits.repaired)
+    shown = told(explained, refits, repairs, explained.proofs(()))
+    assert shown.plants is not None
     held = shown.fits[0].heldout
     spans = heldout_spans(place.record.time, ~place.record.open)
     for ruleset, error in (
         (rules, held.shipped),
-        (trial(builder, model.repairs[0]), held.recalibrated),
+        (trial(builder, repairs[0]), held.recalibrated),
     ):
         found = row_errors(ruleset, simulated(ruleset, recording), recording, spans)
         assert found["lower.y"][0] == pytest.approx(error, rel=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import contest
 from rulec.mismatch.search.search import Search, _or_begun_with_two
 from tests.runtime.mismatch.test_exchange import BUILT, WRONG, trials
@@ -24,7 +24,7 @@ def chain(*names: str) -> Search:
     for name in names:
         setting = setting.joining(known[name].candidate, known[name].values, known[name].fixed)
     best = contest(fit(fitted.rows, setting, fitted.used), known[names[0]])
-    records = tuple(Accepted(known[name], 1.0, (), (), ()) for name in names)
+    records = tuple(Won(known[name], 1.0, (), (), ()) for name in names)
     return Search(plain, best, records, 50)
 
 

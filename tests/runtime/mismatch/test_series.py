@@ -14,10 +14,10 @@ from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
 from rulec.mismatch.inference import series as module
-from rulec.mismatch.inference.prove_stores import prove, series_of
-from rulec.mismatch.inference.series import heldout_spans, series_csv
+from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Mismatch, Series
 from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.stores import prove, readings
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.test_answers import CASES, answer, plant
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
@@ -82,11 +82,16 @@ def test_a_fit_names_its_residual() -> None:
 
 def test_plants_that_store_have_the_same_table() -> None:
     """No residual is solved there; errors follow from the table all the same."""
-    place = bench(made(n=256))
+    recording = made(n=256)
+    place = bench(recording)
     judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
     plain = Searcher(place, judged, 1).plain()
     proofs = prove(place, plain, plain, judged)
-    found = replace(NAMED, series=series_of(place, proofs), fits=tuple(p.fit for p in proofs))
+    (reading,) = readings(recording, place, None, proofs)
+    signal = place.ruleset.signal_by_id[reading.fit.signal]
+    course = course_of(signal, reading.measured, reading.predicted)
+    series = Series(place.record.time, ~place.record.open, (course,))
+    found = replace(NAMED, series=series, fits=(reading.fit,))
     table, [fit] = columns(found), found.fits
     held = table["heldout [1]"] == 1
     error = table["lower.y recalibrated [V]"] - table["lower.y measured [V]"]

@@ -9,7 +9,6 @@ Jorgensen 2004, for static relations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,19 +19,12 @@ from rulec.effects.candidate import Spot
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.result import Region
 
 ALIKE = 0.99
 """Places whose errors spread alike to this cosine are not told apart."""
 
-TELLING = 0.35
-"""A region is told if it holds this much more of the mismatch than of the points."""
-
 SLOW = 40
 """Values of a course that changes slowly."""
-
-ENDS = 40
-"""Ends of a region that are tried per variable."""
 
 
 @dataclass(frozen=True)
@@ -149,74 +141,3 @@ def variables_of(system: System, module: str) -> dict[str, Array]:
         if n not in own and not any(n in o.signals for o in system.observers)
     }
     return {n: v for n, v in {**own, **others}.items() if np.isfinite(v).sum() > 8}
-
-
-def region_of(
-    system: System, contribution: Array, variables: Mapping[str, Array]
-) -> tuple[Region, ...]:
-    """The readings at which a mismatch shows: one variable, from one value to another.
-
-    Parameters
-    ----------
-    contribution : shape (n,), what each point has of the mismatch, not negative.
-    """
-    known = np.isfinite(contribution)
-    total = float(np.sum(contribution[known]))
-    if total <= 0:
-        return ()
-    best: tuple[float, Region] | None = None
-    for name, values in variables.items():
-        signal = system.ruleset.signal_by_id.get(name)
-        if signal is None:
-            continue
-        ends = best_interval(values[known], contribution[known] / total)
-        if ends is None:
-            continue
-        gain, low, high, share = ends
-        shown = [None if v is None else (v - signal.offset) / signal.factor for v in (low, high)]
-        region = Region(name, shown[0], shown[1], signal.unit, share)
-        if best is None or gain > best[0] + 0.02:
-            best = (gain, region)
-    return (best[1],) if best is not None and best[0] > TELLING else ()
-
-
-def best_interval(
-    values: Array, shares: Array
-) -> tuple[float, float | None, float | None, float] | None:
-    """Interval that holds much of the mismatch and few of the points (Youden's index)."""
-    usable = np.isfinite(values)
-    values, shares = values[usable], shares[usable]
-    if len(values) < 8 or np.ptp(values) == 0:
-        return None
-    order = np.argsort(values, kind="stable")
-    values = values[order]
-    inside = np.concatenate([[0.0], np.cumsum(shares[order])])
-    n = len(values)
-    ends = np.unique(np.linspace(0, n, ENDS + 1).astype(int))
-    low, high = np.meshgrid(ends, ends, indexing="ij")
-    gain = np.where(high > low, (inside[high] - inside[low]) - (high - low) / n, -np.inf)
-    i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
-    first, last = int(ends[i]), int(ends[j])
-    return (
-        float(gain[i, j]),
-        float(values[first]) if first else None,
-        float(values[last - 1]) if last < n else None,
-        float(inside[last] - inside[first]),
-    )
-
-
-def periods_of(time: Array, contribution: Array, most: int = 8) -> tuple[tuple[float, float], ...]:
-    """Spans of time that hold most of a mismatch, where it does not lie everywhere."""
-    known = np.flatnonzero(np.isfinite(contribution))
-    if len(known) < 20 or np.sum(contribution[known]) <= 0:
-        return ()
-    pieces = np.array_split(known, min(120, len(known) // 5))
-    level = np.array([float(np.mean(contribution[p])) for p in pieces])
-    high = level > 0.25 * float(np.quantile(level, 0.98))
-    if high.mean() > 0.5:
-        return ()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(int)))
-    runs = edges.reshape(-1, 2).tolist()
-    if len(runs) > most or sum(level[a:b].sum() for a, b in runs) < 0.8 * level.sum():
-        return ()
-    return tuple((float(time[pieces[a][0]]), float(time[pieces[b - 1][-1]])) for a, b in runs)

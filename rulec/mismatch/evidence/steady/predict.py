@@ -105,7 +105,7 @@ def predictors_for(
         touched = [o for o in ids if o in observers]
         if not touched or not all(o in system.number for o in ids):
             continue
-        points = np.all([system.valid[system.number[o]] for o in ids], axis=0)
+        points = _usable(system, spec)
         for name in sorted({s for o in ids for s in system.ruleset.observer_by_id[o].signals}):
             signal = system.ruleset.signal_by_id[name]
             readers = [o for o in ids if name in system.ruleset.observer_by_id[o].signals]
@@ -127,3 +127,17 @@ def predictors_for(
                 found[name] = (rank, Predictor(system, spec, signal, points))
     ranked = sorted(found.values(), key=lambda f: f[0], reverse=True)
     return [predictor for _, predictor in ranked]
+
+
+def predictor_of(system: System, relation: str, name: str) -> Predictor:
+    """A residual, by its id, solved for a reading."""
+    spec = next(s for s in system.ruleset.residuals if s.id == relation)
+    points = _usable(system, spec)
+    return Predictor(system, spec, system.ruleset.signal_by_id[name], points)
+
+
+def _usable(system: System, spec: ResidualSpec) -> np.ndarray:
+    """Points at which all estimates of a residual may be used, shape (n,)."""
+    rows = [system.number[t.observer] for t in spec.terms]
+    flags: np.ndarray = np.all(system.valid[rows], axis=0)
+    return flags

@@ -9,7 +9,6 @@ Source: noise terms on state equations point at the deficient one (Kristensen, M
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,10 +16,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
-from rulec.mismatch.evidence.steady.locate import TELLING, best_interval
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.result import Region
 
 KNOTS = (48, 192)
 """Values of an error over a recording: one that is smooth, and one that surges."""
@@ -149,29 +146,3 @@ def _suspect(spot: Spot, columns: Array, shapes: list[Array], size: float, left:
     share = 1.0 - float(np.sum(explained**2) / max(np.sum(left**2), 1e-300))
     whole = np.sum([c * s for c, s in zip(course, shapes, strict=True)], axis=0)
     return Suspect(spot, whole * size, gain, max(share, 0.0))
-
-
-def region_in(
-    contribution: Array, variables: Mapping[str, tuple[Array, float, float, str]]
-) -> tuple[Region, ...]:
-    """The values at which a mismatch shows: one variable, from one value to another.
-
-    Parameters
-    ----------
-    contribution : shape (n,), what each sample has of the mismatch, not negative.
-    variables : by id a course (SI), factor, offset and unit to show it in.
-    """
-    known = np.isfinite(contribution)
-    total = float(np.sum(contribution[known]))
-    if total <= 0:
-        return ()
-    best: tuple[float, Region] | None = None
-    for name, (course, factor, offset, unit) in variables.items():
-        ends = best_interval(course[known], contribution[known] / total)
-        if ends is None:
-            continue
-        gain, low, high, share = ends
-        shown = [None if v is None else (v - offset) / factor for v in (low, high)]
-        if best is None or gain > best[0] + 0.02:
-            best = (gain, Region(name, shown[0], shown[1], unit, share))
-    return (best[1],) if best is not None and best[0] > TELLING else ()

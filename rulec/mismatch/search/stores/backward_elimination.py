@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.evidence.stores.fit import Fitted, Fitter
+from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
-from rulec.mismatch.result import Confounded, Rival
+from rulec.mismatch.result import Rival
+from rulec.mismatch.search.accepted import Accepted, Odds
 from rulec.mismatch.search.stores.beam import are_twins, in_place_of
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found
 from rulec.mismatch.search.stores.searcher import Searcher
-
-CONFOUNDED = 0.9
-"""Correlation beyond which two values are not told apart."""
-
-DROP = 1.92
-"""Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
 
 WEIGHED, DISTANT = 6, 8.0
 """Other explanations that are fitted to the end, and how far behind they may be, log likelihood;
@@ -28,26 +23,6 @@ unless they would be told by themselves: a trial of what begins finds a part of 
 
 EXCHANGES, WORTH = 2, 0.5
 """Exchanges at most, and the gain that one must bring."""
-
-REFINED = 5
-"""Steps of the search for each end of an interval."""
-
-Odds = tuple[tuple[Candidate, float], ...]
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An explanation that the final model has: its own gain, and the odds of others instead."""
-
-    candidate: Candidate
-    gain: float
-    others: Odds
-    rivals: tuple[Rival, ...]
-
-    @property
-    def probability(self) -> float:
-        """Against all others that would do."""
-        return 1.0 / (1.0 + sum(odds for _, odds in self.others))
 
 
 def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
@@ -166,54 +141,3 @@ def _the_same(one: Fitted, other: Fitted) -> bool:
     names = [sorted(c.name for c in f.joined) for f in (one, other)]
     fault = one.joined[-1].sort == "fault"
     return names[0] == names[1] and not fault and are_twins(one, other)
-
-
-def profile(searcher: Searcher, best: Fitted, name: str) -> tuple[float, float]:
-    """95 % interval of a value by its profile likelihood, all others fitted anew.
-
-    Source: Venzon and Moolgavkar 1988.
-    """
-    fitter = Fitter(searcher.bench, best.joined, searcher.kept(best))
-    judged = replace(searcher.judged, noise=best.noise, slow=best.slow, drift=best.drift)
-    basis = judged.basis()
-    at = fitter.vector(best.values)
-    i, u = best.free.index(name), best.u(name)
-    along = best.covariance[:, i] / best.covariance[i, i]
-    low, high = fitter.bounds(name)
-    bottom = fitter.cost(at, judged, basis)
-    ends = []
-    for side in (-1.0, 1.0):
-        reach = (at[i] - low) if side < 0 else (high - at[i])
-        step, good, bad = min(1.96 * u, reach), 0.0, np.inf
-        for _ in range(REFINED):
-            if step <= 0.0:
-                break
-            fall = fitter.fall(at, i, side * step, along, judged, basis) - bottom
-            if fall < DROP:
-                good = step
-                if step >= reach:
-                    break
-                grow = 3.0 if fall <= 0 else float(np.clip(np.sqrt(DROP / fall), 1.1, 3.0))
-                step = min(step * grow, reach, 0.5 * (good + bad) if np.isfinite(bad) else reach)
-            else:
-                bad = step
-                step = max(step * float(np.sqrt(DROP / fall)), 0.5 * (good + bad) * 0.5)
-            if abs(fall - DROP) < 0.1:
-                break
-        ends.append(float(at[i] + side * step))
-    return ends[0], ends[1]
-
-
-def confounded(best: Fitted) -> tuple[Confounded, ...]:
-    """Unknowns that go along with another value."""
-    brought = {u.id for c in best.joined for u in c.unknowns}
-    size = np.sqrt(np.maximum(np.diag(best.covariance), 1e-300))
-    correlation = best.covariance / np.outer(size, size)
-    found = []
-    for i, first in enumerate(best.free):
-        for j, second in enumerate(best.free):
-            if first in brought and (second not in brought or j > i):
-                value = float(correlation[i, j])
-                if abs(value) > CONFOUNDED:
-                    found.append(Confounded(first, second, value))
-    return tuple(sorted(found, key=lambda c: -abs(c.correlation)))

@@ -10,15 +10,16 @@ from unittest import mock
 import numpy as np
 from rulec_runtime.recordings.recording import Recording
 
-import rulec.mismatch.analyse as analysis
 from rulec.effects.candidate import TIME
+from rulec.mismatch import steady
+from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.steady.predict import predictors_for
-from rulec.mismatch.inference.prove import models_of, prove
-from rulec.mismatch.inference.settle import with_sensors_as_they_are
+from rulec.mismatch.evidence.steady.settle import with_sensors_as_they_are
 from rulec.mismatch.result import Finding, Mismatch
 from rulec.mismatch.search.compete import Contestant
 from rulec.mismatch.search.search import Search, search
 from rulec.mismatch.search.weigh import NEEDED, WORTH
+from rulec.mismatch.steady import models_of, prove
 from tests.rig.mismatch.planted.build import Built, drawn, opened, recorded, with_term
 from tests.rig.mismatch.planted.cases import STRENGTHS, Planted
 from tests.rig.mismatch.planted.course import RIGS, course
@@ -191,8 +192,8 @@ def analysed(plant: str, recording: Recording) -> tuple[Mismatch, Search | None]
         return kept[-1]
 
     ruleset, builder = opened(plant)
-    with mock.patch.object(analysis, "search", keeping):
-        found = analysis.analyse(recording, ruleset, builder)
+    with mock.patch.object(steady, "search", keeping):
+        found = analyse(recording, ruleset, builder)
     return found, kept[-1] if kept else None
 
 

@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.answer.tell_stores import findings_of, location_of, period_of
-from rulec.mismatch.answer.writable_stores import writable
+from rulec.mismatch.answer.tell import findings_of, location_of
+from rulec.mismatch.answer.writable import writable
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.model import StoresModel, period_of
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike
 from rulec.mismatch.search.stores.onset_refinement import sharpened
-from rulec.mismatch.search.stores.search import search
+from rulec.mismatch.search.stores.search import Found, search
 from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.stores import Explanation, until_of
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
 
 SINCE, DEGREE = 900.0, 0.15
@@ -89,12 +91,23 @@ def test_what_begins_nowhere_stays_as_it_is() -> None:
 def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     """Values are fitted to what lies before the fault, which is no part of the model."""
     fault = "lower.blockage"
-    place = bench(made(n=512, seed=4, joined=(fault,), more=planted(fault)))
+    recording = made(n=512, seed=4, joined=(fault,), more=planted(fault))
+    place = bench(recording)
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
     found = searcher.trial(searcher.plain(), (place.candidate(fault),))
-    model = writable(place, searcher.plain(), found, searcher.kept(found))
-    adopted = model.fitted
-    assert found.values[f"{fault}.since"] == pytest.approx(model.until - place.record.time[0])
+    plain, judged = searcher.plain(), searcher.judged
+    explained = Explanation(
+        recording,
+        StoresModel(place, found, judged, searcher.kept(found)),
+        Found(plain, found, judged, 1, {}),
+        (),
+        (),
+        (),
+    )
+    model = writable(explained)
+    adopted = model.repaired
+    until = until_of(place, found, [place.candidate(fault)])
+    assert found.values[f"{fault}.since"] == pytest.approx(until - place.record.time[0])
     assert [fault] == [name for name, _ in model.left_out]
     assert adopted.joined == ()
     assert not any(name.startswith(fault) for name in (*adopted.free, *adopted.values))
@@ -139,8 +152,7 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     told = {c.id for own in accepted for c in (own.candidate, *(c for c, _ in own.others))}
     assert {fault, "pump.leakage", "pump.u.high"} <= told
     best = Fitter(place, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
-    (finding,) = findings_of(searcher, best, accepted)
+    model = StoresModel(place, best, found.judged, searcher.kept(best))
+    (finding,) = findings_of(model, accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
-    assert spots - {f"{finding.module}.{finding.place}"} == {
-        *location_of(place, best, finding).also
-    }
+    assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}

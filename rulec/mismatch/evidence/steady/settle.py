@@ -17,9 +17,6 @@ from rulec.mismatch.result import Changed, Repair
 FAR = 5.0
 """Robust standard deviations beyond which a point is set aside, as in calibration."""
 
-REPAIRING = ("physics", "ageing")
-"""Sorts of explanations that become part of a model."""
-
 
 def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> Fitted:
     """Refit a setting (that of the fit unless given) with no error of any sensor.

@@ -1,0 +1,105 @@
+"""What a search leaves to be answered, whatever the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
+
+from rulec.effects.candidate import Candidate
+from rulec.mismatch.answer.public import Plants
+from rulec.mismatch.evidence.model import Model, Samples
+from rulec.mismatch.inference.prove import Proof
+from rulec.mismatch.inference.series import Predicted
+from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
+from rulec.mismatch.search.accepted import Accepted
+
+F = TypeVar("F")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blind:
+    """Nothing can be compared: why, what to do, and what was read all the same."""
+
+    why: str
+    next: str
+    samples: Samples | None
+    evidence: tuple[Evidence, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refits(Generic[F]):
+    """The recalibrated and the repaired model as they are written, and what was left out.
+
+    `left_out` has ids with reasons. `judged`, shape (n,), flags samples whose errors count.
+    """
+
+    plain: F
+    repaired: F
+    left_out: tuple[tuple[str, str], ...]
+    judged: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """A reading with its errors, and at the samples, shape (n,), SI, what was measured and what
+    the three plants predict."""
+
+    fit: Fit
+    measured: Array
+    predicted: Predicted
+
+
+class Explained(Protocol[F]):
+    """A recording explained as far as the search goes.
+
+    `places` have no name for what is wrong there; `failing` are sensors that fail to read.
+    `untimed` says what has no common time, where that is so.
+    """
+
+    @property
+    def recording(self) -> Recording: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def accepted(self) -> tuple[Accepted, ...]: ...
+    @property
+    def failing(self) -> tuple[Finding, ...]: ...
+    @property
+    def places(self) -> tuple[Location, ...]: ...
+    @property
+    def hidden(self) -> HiddenDriver | None: ...
+    @property
+    def tried(self) -> int: ...
+    @property
+    def untimed(self) -> str: ...
+    @property
+    def noise(self) -> str: ...
+
+    def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
+        """Open the held-out blocks, once; one proof per reading, the most telling first."""
+
+    def refitted(
+        self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
+    ) -> Refits[F]:
+        """Fit what may be written, and the plain model, with sensors as they are."""
+
+    def repair_of(self, fitted: F) -> Repair:
+        """What to write of a refitted model."""
+
+    def readings(
+        self, plants: Plants | None, refits: Refits[F], proofs: Sequence[Proof]
+    ) -> list[Reading]:
+        """Errors by simulation, else by the relations of the analysis."""
+
+    def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
+        """What each row of the recording served for."""
+
+    def notes(
+        self, refits: Refits[F], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Remarks before and behind those on the recording; `why` no plant was simulated."""

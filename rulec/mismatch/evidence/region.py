@@ -1,0 +1,83 @@
+"""Where and when a mismatch shows: between two values of one reading, or in some periods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch.evidence.model import Variable
+from rulec.mismatch.result import Region
+
+TELLING = 0.35
+"""A region is told if it holds this much more of the mismatch than of the points."""
+
+ENDS = 40
+"""Ends of a region that are tried per variable."""
+
+
+def region_of(contribution: Array, variables: Mapping[str, Variable]) -> tuple[Region, ...]:
+    """The readings at which a mismatch shows: one variable, from one value to another.
+
+    Parameters
+    ----------
+    contribution : shape (n,), what each sample has of the mismatch, not negative; NaN: unknown.
+    variables : by id, courses of shape (n,).
+    """
+    known = np.isfinite(contribution)
+    total = float(np.sum(contribution[known]))
+    if total <= 0:
+        return ()
+    best: tuple[float, Region] | None = None
+    for name, variable in variables.items():
+        ends = best_interval(variable.course[known], contribution[known] / total)
+        if ends is None:
+            continue
+        gain, low, high, share = ends
+        shown = [None if v is None else float(variable.shown(v)) for v in (low, high)]
+        if best is None or gain > best[0] + 0.02:
+            best = (gain, Region(name, shown[0], shown[1], variable.unit, share))
+    return (best[1],) if best is not None and best[0] > TELLING else ()
+
+
+def best_interval(
+    values: Array, shares: Array
+) -> tuple[float, float | None, float | None, float] | None:
+    """Interval that holds much of the mismatch and few of the points (Youden's index)."""
+    usable = np.isfinite(values)
+    values, shares = values[usable], shares[usable]
+    if len(values) < 8 or np.ptp(values) == 0:
+        return None
+    order = np.argsort(values, kind="stable")
+    values = values[order]
+    inside = np.concatenate([[0.0], np.cumsum(shares[order])])
+    n = len(values)
+    ends = np.unique(np.linspace(0, n, ENDS + 1).astype(int))
+    low, high = np.meshgrid(ends, ends, indexing="ij")
+    gain = np.where(high > low, (inside[high] - inside[low]) - (high - low) / n, -np.inf)
+    i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    first, last = int(ends[i]), int(ends[j])
+    return (
+        float(gain[i, j]),
+        float(values[first]) if first else None,
+        float(values[last - 1]) if last < n else None,
+        float(inside[last] - inside[first]),
+    )
+
+
+def periods_of(time: Array, contribution: Array, most: int = 8) -> tuple[tuple[float, float], ...]:
+    """Spans of time that hold most of a mismatch, where it does not lie everywhere."""
+    known = np.flatnonzero(np.isfinite(contribution))
+    if len(known) < 20 or np.sum(contribution[known]) <= 0:
+        return ()
+    pieces = np.array_split(known, min(120, len(known) // 5))
+    level = np.array([float(np.mean(contribution[p])) for p in pieces])
+    high = level > 0.25 * float(np.quantile(level, 0.98))
+    if high.mean() > 0.5:
+        return ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2).tolist()
+    if len(runs) > most or sum(level[a:b].sum() for a, b in runs) < 0.8 * level.sum():
+        return ()
+    return tuple((float(time[pieces[a][0]]), float(time[pieces[b - 1][-1]])) for a, b in runs)

@@ -1,0 +1,124 @@
+"""A model fitted to settled points, as an answer sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.effects.candidate import Candidate
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.locate import variables_of
+from rulec.mismatch.evidence.steady.prepare import Data
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.result import Estimate, Period
+
+PACE = Pace(steps=4, near=0.15, shortest=1.0, uphill=1.2)
+"""How an end of an interval is searched for by refits."""
+
+QUICK = 4
+"""Steps of a refit with one value held near the optimum."""
+
+
+@dataclass(frozen=True)
+class SteadyModel:
+    """See `rulec.mismatch.evidence.model.Model`."""
+
+    fitted: Fitted
+
+    @property
+    def system(self) -> System:
+        return self.fitted.rows.system
+
+    @property
+    def ruleset(self) -> Ruleset:
+        return self.system.ruleset
+
+    @property
+    def builder(self) -> ModelBuilder:
+        return self.system.builder
+
+    @property
+    def samples(self) -> Data:
+        return self.system.data
+
+    @property
+    def joined(self) -> tuple[Candidate, ...]:
+        return self.fitted.setting.joined
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        return self.fitted.prior.names
+
+    @property
+    def covariance(self) -> Array:
+        return self.fitted.covariance
+
+    def line(self, name: str) -> Line:
+        """All other values refitted; neighbours count as what they are worth (`temper`)."""
+        fitted, prior = self.fitted, self.fitted.prior
+        i, value, u = prior.names.index(name), fitted.setting.values[name], fitted.u(name)
+
+        def fall(step: float) -> float:
+            held: Mapping[str, float] = {name: value + step}
+            there = fit(fitted.rows, fitted.setting, fitted.used, QUICK, held, fitted.temper)
+            return there.objective - fitted.objective
+
+        return Line(
+            value=value,
+            u=u,
+            least=u,
+            lowest=float(prior.lowest[i]),
+            highest=float(prior.highest[i]),
+            fall=fall,
+            pace=PACE,
+        )
+
+    def periods(
+        self, candidate: Candidate, estimates: Mapping[str, Estimate]
+    ) -> tuple[Period, ...]:
+        """Periods of a fault that comes and goes."""
+        unknowns = {u.id: u for u in candidate.unknowns}
+        found = []
+        for course in self.fitted.setting.courses:
+            if course.unknown not in unknowns:
+                continue
+            for span in course.periods:
+                name = course.names()[span.level]
+                degree, u = self.fitted.setting.values[name], self.fitted.u(name)
+                size = unit_of_size(unknowns[course.unknown])
+                found.append(Period(span.since, span.until, degree, u, size))
+        return tuple(found)
+
+    def term(self, candidate: Candidate) -> Array:
+        """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""
+        fitted, system = self.fitted, self.system
+        without = fitted.setting.leaving(candidate.id)
+        modules, at = system.reached(candidate.observers), fitted.predicted
+        with_it = system.flows(fitted.setting, modules=modules, at=at).values
+        bare = system.flows(without, modules=modules, at=at).values
+        change = {
+            i: np.nan_to_num(a - b)
+            for i, (a, b) in enumerate(zip(with_it, bare, strict=True))
+            if np.isfinite(a - b).any()
+        }
+        rows = fitted.rows.column(fitted.maps, change)
+        squares = np.bincount(fitted.rows.point, rows**2, len(system.data)).astype(float)
+        return np.where(fitted.used, squares, np.nan)
+
+    def variables(self, module: str) -> dict[str, Variable]:
+        """Readings of the module, and those that no estimate needs."""
+        found = {name: self.variable(name) for name in variables_of(self.system, module)}
+        return {name: variable for name, variable in found.items() if variable is not None}
+
+    def variable(self, name: str) -> Variable | None:
+        """A reading at the settled points."""
+        signal, values = self.ruleset.signal_by_id.get(name), self.samples.values.get(name)
+        if signal is None or values is None:
+            return None
+        return Variable(values, signal.factor, signal.offset, signal.unit)

@@ -1,0 +1,156 @@
+"""A model of a plant that stores, fitted to a recording, as an answer sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.effects.candidate import Candidate
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
+from rulec.mismatch.evidence.stores.record import Record
+from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Bench
+from rulec.mismatch.result import Estimate, Period
+
+PACE = Pace(steps=5, near=0.1, shortest=1.1, uphill=3.0)
+"""How an end of an interval is searched for by refits."""
+
+
+@dataclass(frozen=True)
+class StoresModel:
+    """See `rulec.mismatch.evidence.model.Model`; `fitted` has its covariance.
+
+    `kept` are values that stay, SI by id.
+    """
+
+    bench: Bench
+    fitted: Fitted
+    judged: Judged
+    kept: Mapping[str, float]
+
+    @property
+    def ruleset(self) -> Ruleset:
+        return self.bench.ruleset
+
+    @property
+    def builder(self) -> ModelBuilder:
+        return self.bench.builder
+
+    @property
+    def samples(self) -> Record:
+        return self.bench.record
+
+    @property
+    def joined(self) -> tuple[Candidate, ...]:
+        return self.fitted.joined
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        return self.fitted.free
+
+    @property
+    def covariance(self) -> Array:
+        return self.fitted.covariance
+
+    def line(self, name: str) -> Line:
+        """All other values fitted anew, from where they stand and from where they lead."""
+        fitted, fitter = self.fitted, Fitter(self.bench, self.fitted.joined, self.kept)
+        judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
+        basis, at, i = judged.basis(), fitter.vector(fitted.values), fitted.free.index(name)
+        along = fitted.covariance[:, i] / fitted.covariance[i, i]
+        lowest, highest = fitter.bounds(name)
+        bottom = fitter.cost(at, judged, basis)
+        return Line(
+            value=float(at[i]),
+            u=fitted.u(name),
+            least=0.0,
+            lowest=lowest,
+            highest=highest,
+            fall=lambda step: fitter.fall(at, i, step, along, judged, basis) - bottom,
+            pace=PACE,
+        )
+
+    def periods(
+        self, candidate: Candidate, estimates: Mapping[str, Estimate]
+    ) -> tuple[Period, ...]:
+        """A fault that begins was there from then on."""
+        return period_of(self.bench, candidate, estimates)
+
+    def term(self, candidate: Candidate) -> Array:
+        """What a candidate changes in balances and sensors along the repaired course, squared.
+
+        Shape (n,), each part over its scatter; zero where the candidate stores something itself, as
+        then it cannot be switched off at a moment.
+        """
+        bench, fitted = self.bench, self.fitted
+        balances = bench.balances(fitted.ids)
+        said = bench.simulate(fitted.ids, fitted.values, inputs=fitted.inputs)
+        values = {**bench.plain_values, **fitted.values, "time": bench.time}
+        known = {n: np.asarray(values[n]) for n in balances.plan.inputs if n in values}
+        known |= {n: fitted.inputs[n] for n in balances.inputs}
+        courses = said.course.states
+        known |= {n: np.ascontiguousarray(courses[:, i]) for i, n in enumerate(balances.states)}
+        off = {u.id: u.null for u in candidate.unknowns if u.null is not None}
+        outputs = [n for n in balances.plan.outputs if n.startswith(("der:", SHOWN))]
+        plan = balances.plan.select(outputs)
+        here, there = (plan.run({**known, **extra}) for extra in ({}, off))
+        total = np.zeros(len(bench.time))
+        for name in outputs:
+            # A lag that is switched off at a moment has no rate.
+            with np.errstate(all="ignore"):
+                change = here[name] - there[name]
+            change = np.where(np.isfinite(change), change, 0.0)
+            scatter, size = float(np.nanstd(here[name])), float(np.nanmax(np.abs(here[name])))
+            if scatter > 1e-12 * size:
+                total += (change / scatter) ** 2
+        return np.asarray(np.broadcast_to(total, bench.time.shape))
+
+    @cached_property
+    def _courses(self) -> dict[str, Variable]:
+        """States of the plant, and what is given."""
+        bench, fitted = self.bench, self.fitted
+        assert bench.ruleset.dynamics is not None
+        found = {
+            state.id: Variable(
+                bench.trajectory(fitted.ids, fitted.values, state.id, fitted.inputs),
+                state.factor,
+                state.offset,
+                state.unit,
+            )
+            for state in bench.ruleset.dynamics.states
+        }
+        for name, course in bench.record.inputs.items():
+            signal = bench.ruleset.signal_by_id[name]
+            found[name] = Variable(course, signal.factor, signal.offset, signal.unit)
+        return found
+
+    def variables(self, module: str) -> dict[str, Variable]:
+        """States of the plant, and what is given."""
+        found = self._courses
+        own = {n: v for n, v in found.items() if n.partition(".")[0] == module}
+        return {**own, **found}
+
+    def variable(self, name: str) -> Variable | None:
+        """A state or what is given."""
+        return self._courses.get(name)
+
+
+def period_of(
+    bench: Bench, candidate: Candidate, estimates: Mapping[str, Estimate]
+) -> tuple[Period, ...]:
+    """When a fault that begins was there, and its degree."""
+    onset = candidate.onset
+    degree = next((u for u in candidate.unknowns if u.null is not None), None)
+    if onset is None or degree is None:
+        return ()
+    first, last = (float(t) for t in bench.record.time[[0, -1]])
+    found = estimates[degree.name]
+    since = first + estimates[onset.name].value
+    size = unit_of_size(degree)
+    return (Period(since, last, found.value * degree.factor, found.u * degree.factor, size),)

@@ -1,0 +1,517 @@
+"""A recording of a plant that settles, explained: errors in variables at settled points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.observe import check_readings
+from rulec_runtime.recordings.header import Header
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.report.text import counted, fixed, listed
+from rulec_runtime.simulation.predict import predict
+
+from rulec.effects.candidate import Candidate, Spot
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.answer.explained import Blind, Reading, Refits
+from rulec.mismatch.answer.public import Plants
+from rulec.mismatch.answer.tell import location_of_spot, shares_of
+from rulec.mismatch.answer.verdict import TO_RECORD
+from rulec.mismatch.evidence.failing_sensors import impossible, stuck
+from rulec.mismatch.evidence.steady.configuration import ERROR, HIDDEN, Setting
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.locate import alike, noise_scale, suspects
+from rulec.mismatch.evidence.steady.model import SteadyModel
+from rulec.mismatch.evidence.steady.predict import Predictor, predictor_of, predictors_for
+from rulec.mismatch.evidence.steady.prepare import HELDOUT, prepare
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.rows_used import evidence_of
+from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sensors_as_they_are
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.inference.prove import Proof, fit_of, rms
+from rulec.mismatch.inference.series import Predicted
+from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
+from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
+from rulec.mismatch.search.periods import in_periods
+from rulec.mismatch.search.search import Search, search
+
+FEWEST = 12
+"""Settled points below which nothing can be compared."""
+
+FAR_MOVED = 5.0
+"""Stated uncertainties by which a parameter may move before it is worth a remark."""
+
+SHOWN = 4
+"""Readings that are named where many have no number."""
+
+TRIED = 5
+"""Readings per finding among which the one that shows it best is chosen."""
+
+MOST = 4
+"""Readings whose errors are told where nothing says which."""
+
+KEPT = 0.25
+"""Share of the points that periods of faults must leave, or they are not set aside."""
+
+_NOWHERE = Path("settled points")
+
+
+def explain(
+    recording: Recording,
+    ruleset: Ruleset,
+    builder: ModelBuilder,
+    heldout: Sequence[tuple[float, float]],
+    tell: Callable[[str], None],
+) -> Explanation | Blind:
+    """Find the settled points, and search for what explains them."""
+    tell("finding settled points")
+    data = prepare(recording, ruleset, heldout)
+    count = 0 if data is None else int(data.open.sum())
+    if data is None or count < FEWEST:
+        return Blind(
+            why=f"{count} settled points; at least {FEWEST} are needed",
+            next=TO_RECORD,
+            samples=data,
+            evidence=evidence_of(recording, data),
+        )
+    rows = rows_of(System(ruleset, builder, data), Setting())
+    if rows.groups < FEWEST:
+        return Blind(
+            why="no two estimates of one flow can be compared with the readings of this recording",
+            next=_to_be_read(recording) or TO_RECORD,
+            samples=data,
+            evidence=evidence_of(recording, data, rows),
+        )
+    return Explanation(recording, search(rows, tell))
+
+
+def _to_be_read(recording: Recording) -> str:
+    """Which columns to look at: those without a number; of these first the ones that are there."""
+    absent = set(recording.missing)
+    empty = [n for n, v in recording.values.items() if not np.isfinite(v).any()]
+    empty = sorted(empty, key=lambda name: name in absent)
+    names, more = empty[:SHOWN], len(empty) - SHOWN
+    names += [counted(more, "other")] if more > 0 else []
+    return f"Look at {listed(names)} in the recording: there is not one number." if empty else ""
+
+
+@dataclass(frozen=True)
+class Models:
+    """The three models to compare, fitted to all points that are not held out.
+
+    `faulty`, shape (n,), flags points in periods of faults; in held-out blocks these are found by
+    the finished model.
+    """
+
+    shipped: Setting
+    recalibrated: Setting
+    repaired: Setting
+    fitted: Fitted
+    faulty: np.ndarray
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """See `rulec.mismatch.answer.explained.Explained`."""
+
+    recording: Recording
+    found: Search
+
+    @cached_property
+    def model(self) -> SteadyModel:
+        """The model with all that was accepted."""
+        return SteadyModel(self.found.best.fitted)
+
+    @property
+    def accepted(self) -> tuple[Accepted, ...]:
+        return tuple(won.accepted for won in self.found.accepted)
+
+    @property
+    def tried(self) -> int:
+        return self.found.tried
+
+    @property
+    def untimed(self) -> str:
+        of_rows = self._system.data.of_rows
+        return "operating points" if of_rows else "files, each with a clock of its own,"
+
+    @property
+    def _fitted(self) -> Fitted:
+        return self.found.best.fitted
+
+    @property
+    def _rows(self) -> Rows:
+        return self._fitted.rows
+
+    @property
+    def _system(self) -> System:
+        return self._rows.system
+
+    @cached_property
+    def failing(self) -> tuple[Finding, ...]:
+        """Sensors that fail to read."""
+        ruleset = self._system.ruleset
+        return (*impossible(self.recording, ruleset), *stuck(self.recording, ruleset))
+
+    @cached_property
+    def _hidden(self) -> tuple[Reconstruction, ...]:
+        """Places that follow a driver that nobody recorded, the first that was found first."""
+        fitted = self._fitted
+        return tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
+
+    @cached_property
+    def places(self) -> tuple[Location, ...]:
+        """Places that follow what is not recorded: their course says when."""
+        shares = shares_of(self.accepted)
+        joined = {c.id: c for c in self.model.joined}
+        found = (
+            location_of_spot(
+                self.model,
+                spot,
+                shares[spot.id],
+                self.model.term(joined[spot.id]),
+                _also(self._fitted, spot),
+            )
+            for spot in (h.spot for h in self._hidden)
+        )
+        return tuple(replace(place, periods=()) for place in found)
+
+    @property
+    def hidden(self) -> HiddenDriver | None:
+        """What nobody recorded, with its course."""
+        return _driver(self._system, self._hidden) if self._hidden else None
+
+    @property
+    def noise(self) -> str:
+        """Where the size of the noise comes from, and how large what is left is against it."""
+        source = (
+            "rows are settled points of their own; noise by the classes of the sensors"
+            if self._system.data.of_rows
+            else "noise by the scatter of neighbouring samples"
+        )
+        local = noise_scale(self._rows, self._fitted.residual)
+        return (
+            f"{source}; neighbouring residuals scatter {local:.2g} times that, "
+            f"all residuals of the repaired model {self._fitted.scale:.2g} times"
+        )
+
+    @cached_property
+    def _models(self) -> Models:
+        return models_of(with_sensors_as_they_are(self._fitted))
+
+    def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
+        """One proof per reading in whose units errors are told, flows first."""
+        models = self._models
+        found = [prove(p, models) for p in self._predictors(findings)]
+        # A fault may hold all samples of a reading that are held out: nothing is proven there.
+        return [proof for proof in found if proof.fit.heldout.points] or found
+
+    def _predictors(self, findings: Sequence[Finding]) -> list[Predictor]:
+        """For each finding the reading that shows it best: the flow meter, where there is one."""
+        system = self._system
+        candidates = {c.id: c for c in system.builder.candidates}
+        spots = {(s.module, s.place): s for s in system.builder.spots}
+        places: list[tuple[tuple[str, ...], frozenset[str], str]] = []
+        for finding in findings:
+            if finding.id in candidates:
+                candidate = candidates[finding.id]
+                spot = spots.get((finding.module, finding.place))
+                drivers = frozenset(candidate.drivers.values())
+                places.append((candidate.observers, drivers, spot.unit if spot else ""))
+        places += [(h.spot.observers, frozenset(), h.spot.unit) for h in self._hidden]
+        places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
+        found: dict[str, Predictor] = {}
+        for place in places:
+            natural = predictors_for(system, *place)[:TRIED]
+            if natural and not natural[0].of_flow:
+                natural.sort(key=lambda p: -round(gain_shown(p, self._models), 3))
+            found.update({p.signal.id: p for p in natural[:1]})
+        return sorted(found.values(), key=lambda p: not p.of_flow)
+
+    def refitted(
+        self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
+    ) -> Refits[Fitted]:
+        """Refits to points outside of periods of faults."""
+        settled, faulty = self._models.fitted, self._models.faulty
+        setting, open_ = settled.setting, self._system.data.open
+        for candidate in setting.joined:
+            if candidate.id not in {c.id for c in taken}:
+                setting = setting.leaving(candidate.id)
+        clear = ~faulty if (open_ & ~faulty).sum() >= KEPT * open_.sum() else np.ones_like(faulty)
+        used = settled.used & clear
+        bare = setting
+        for candidate in setting.joined:
+            bare = bare.leaving(candidate.id)
+        plain = repaired = _refitted(settled, [bare.calibrated(), Setting()], used)
+        if setting.joined:
+            moved = replace(setting, values={**setting.values, **plain.setting.values})
+            repaired = _refitted(settled, [setting, moved], used)
+        left = tuple((c.id, why) for c, why in left_out if c in settled.setting.joined)
+        return Refits(plain=plain, repaired=repaired, left_out=left, judged=clear)
+
+    def repair_of(self, fitted: Fitted) -> Repair:
+        """Values with covariance, misfits and ranges."""
+        return repair_of(fitted)
+
+    def readings(
+        self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
+    ) -> list[Reading]:
+        """Means of simulated readings at settled points."""
+        system = self._system
+        explained = {p.fit.signal: p.fit for p in proofs}
+        found: dict[str, Predicted] = {}
+        if plants is not None:
+            tables = (plants.shipped, plants.recalibrated, plants.last)
+            for name in _signals(plants, system, list(explained)):
+                found[name] = Predicted(
+                    *(_at_points(self.recording, system, name, t) for t in tables)
+                )
+        simulated = plants is not None and bool(found)
+        if not simulated:
+            settings = (Setting(), refits.plain.setting, refits.repaired.setting)
+            for name, own in explained.items():
+                predictor = predictor_of(system, own.relation or "", name)
+                found[name] = Predicted(*(predictor.predicted(s) for s in settings))
+        scale = noise_scale(refits.repaired.rows, refits.repaired.residual)
+        result = []
+        for name, predicted in found.items():
+            signal, measured = system.ruleset.signal_by_id[name], system.data.values[name]
+            proven = explained.get(name)
+            if plants is not None and simulated:
+                noise = _noise(plants.rulesets[2], system, name) * scale
+            else:
+                noise = explained[name].heldout.noise * signal.factor
+            usable = refits.judged & _works(system, name)
+            fit_ = fit_of(
+                signal,
+                [p - measured for p in predicted],
+                (noise, noise),
+                (system.data.open & usable, (system.data.part == HELDOUT) & usable),
+                (proven.estimation.repaired, proven.heldout.repaired)
+                if proven
+                else (np.nan, np.nan),
+            )
+            relation = proven.relation if proven else None
+            fit_ = replace(fit_, relation=relation, simulated=simulated)
+            result.append(Reading(fit=fit_, measured=measured, predicted=predicted))
+        return result
+
+    def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
+        """What settled points served for, and why other rows did not."""
+        judged = np.any([proof.judged for proof in proofs], axis=0) if proofs else None
+        data = self._system.data
+        return evidence_of(self.recording, data, self._rows, judged, self._models.faulty)
+
+    def notes(
+        self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Whose errors are told, calibrations that had to be let go; what faults took."""
+        before, behind = [], []
+        if why or (fits and not fits[0].simulated):
+            why = why or "simulation takes it as given"
+            before.append(f"errors are those of relations solved for the reading: {why}")
+        faulty = int(self._models.faulty.sum())
+        if proofs and faulty:
+            behind.append(
+                f"{faulty} settled points lie in periods of faults; errors are those of the others "
+                "(in held-out blocks periods are found by the finished model)"
+            )
+        if proofs and not proofs[0].fit.heldout.points:
+            behind.append("no held-out point is free of faults: nothing is proved")
+        return (*before, *_moved(self._fitted)), tuple(behind)
+
+
+def _driver(system: System, found: Sequence[Reconstruction]) -> HiddenDriver:
+    hidden, *others = found
+    spot = hidden.spot
+    lacking = [
+        m for m in system.builder.missing if (m.module, m.place) == (spot.module, spot.place)
+    ]
+    lacking = lacking or [m for m in system.builder.missing if m.module == spot.module]
+    text = (
+        f"what drives {_what(spot)} is not recorded; "
+        f"its course: {described(hidden.time, hidden.course)}"
+    )
+    text += "".join(
+        f"; {_what(other.spot)} changes too, and its course correlates with this one by "
+        f"{fixed(likeness(hidden, other), 2)}"
+        for other in others
+    )
+    return HiddenDriver(
+        module=spot.module,
+        place=spot.place,
+        text=text,
+        time=hidden.time,
+        course=hidden.course / spot.factor,
+        unit=spot.unit,
+        candidates=tuple(dict.fromkeys(m.title for m in lacking)),
+        sensor=lacking[0].sensor if lacking else "",
+    )
+
+
+def _what(spot: Spot) -> str:
+    # A parameter is a place by its id, `parameter:A.C2`.
+    what = f"{spot.id.partition(':')[2]} in" if spot.kind == "parameter" else "the error of"
+    return f"{what} {spot.module}.{spot.place}"
+
+
+def _also(fitted: Fitted, spot: Spot) -> list[Spot]:
+    """Places whose errors look the same in all residuals."""
+    found = {s.spot.id: s for s in suspects(fitted)}
+    own = found.pop(spot.id, None)
+    return [s.spot for s in found.values() if own is not None and alike(own, s)]
+
+
+def _moved(fitted: Fitted) -> Iterator[str]:
+    """A remark for each module whose calibration had to be let go, and by how much."""
+    known = fitted.rows.system.builder.parameters
+    u = np.sqrt(np.diag(known.covariance)) if len(known.ids) else np.zeros(0)
+    for module in sorted(fitted.setting.released):
+        own = [
+            (abs(fitted.setting.values[n] - known.values[i]) / u[i], n)
+            for i, n in enumerate(known.ids)
+            if n.partition(".")[0] == module and u[i] > 0 and n in fitted.setting.values
+        ]
+        far, name = max(own, default=(0.0, ""))
+        if module in fitted.setting.trusted:
+            yield (
+                f"the calibration of {module} contradicts its data sheet; with what was found the "
+                f"data sheet holds, and {name} moved by {far:.0f} of its calibrated uncertainties"
+            )
+        elif far > FAR_MOVED:
+            yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
+
+
+def models_of(repaired: Fitted) -> Models:
+    """The repaired model, and what it is compared with."""
+    plain = plain_of(repaired.setting)
+    for spot in repaired.setting.spots:
+        plain = plain.leaving(spot)
+    recalibrated = with_sensors_as_they_are(repaired, plain)
+    return Models(
+        Setting(),
+        _without_periods(recalibrated.setting),
+        _without_periods(repaired.setting),
+        repaired,
+        _faulty(repaired.rows, repaired),
+    )
+
+
+def gain_shown(predictor: Predictor, models: Models) -> float:
+    """By how much the repair lowers the error of a reading on points that are not held out."""
+    data = predictor.system.data
+    measured = data.values[predictor.signal.id]
+    part = predictor.points & data.open & ~models.faulty
+    off = [
+        (predictor.predicted(setting) - measured)[part]
+        for setting in (models.recalibrated, models.repaired)
+    ]
+    usable = np.isfinite(off[0]) & np.isfinite(off[1])
+    before, after = (rms(o[usable]) for o in off)
+    return before / after if after > 0 and np.isfinite(before) else 0.0
+
+
+def prove(predictor: Predictor, models: Models) -> Proof:
+    """Open the held-out blocks, once."""
+    rows, data = models.fitted.rows, models.fitted.rows.system.data
+    settings = (models.shipped, models.recalibrated, models.repaired)
+    predicted = Predicted(*(predictor.predicted(setting) for setting in settings))
+    measured = data.values[predictor.signal.id]
+    judged = np.isfinite(measured) & predictor.points & ~models.faulty
+    judged &= np.all([np.isfinite(p) for p in predicted], axis=0)
+    noise = predictor.noise(models.repaired) * noise_scale(rows, models.fitted.residual)
+    parts = (judged & data.open, judged & (data.part == HELDOUT))
+    sizes = (rms(noise[parts[0]]), rms(noise[parts[1]]))
+    errors = [p - measured for p in predicted]
+    found = fit_of(predictor.signal, errors, sizes, parts)
+    return Proof(replace(found, relation=predictor.residual.id), predicted, judged)
+
+
+def _without_periods(setting: Setting) -> Setting:
+    """Faults in periods are no part of what a model predicts."""
+    for course in setting.courses:
+        candidate = setting.candidate_of(course)
+        if candidate.sort != HIDDEN:
+            setting = setting.leaving(candidate.id)
+    return setting
+
+
+def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
+    """Points in periods of faults; in held-out blocks found by the finished model."""
+    data = rows.system.data
+    faulty = np.zeros(len(data), dtype=bool)
+    for course in repaired.setting.courses:
+        candidate = repaired.setting.candidate_of(course)
+        if candidate.sort == HIDDEN:
+            continue
+        faulty |= (course.segment >= 0) & data.open
+        bare = repaired.setting.leaving(candidate.id)
+        seen = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)
+        trial = in_periods(seen, candidate)
+        if trial is not None and trial.course is not None:
+            faulty |= (trial.course.segment >= 0) & ~data.open
+    return faulty
+
+
+def _refitted(settled: Fitted, starts: Sequence[Setting], used: np.ndarray) -> Fitted:
+    rows: Rows = settled.rows
+    none = {ERROR + name: 0.0 for name in rows.system.shared}
+    found = [fit(rows, s, used, held=none, temper=settled.temper) for s in starts]
+    return min(found, key=lambda f: f.objective)
+
+
+def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
+    """Readings to tell errors of: those asked for, else all that are measured of their modules."""
+    values = system.data.values
+    there = [n for n in plants.signals if n in values and np.isfinite(values[n]).any()]
+    modules = {name.partition(".")[0] for name in asked}
+    near = [n for n in there if n.partition(".")[0] in modules]
+    return [n for n in asked if n in there] or near[:MOST] or there[:MOST]
+
+
+def _works(system: System, name: str) -> np.ndarray:
+    """Points at which some estimate by a reading may be used: elsewhere its module stands."""
+    rows = [i for i, o in enumerate(system.observers) if name in o.signals]
+    works: np.ndarray = np.any(system.valid[rows], axis=0)
+    return works
+
+
+def _at_points(
+    recording: Recording, system: System, name: str, table: Mapping[str, Array]
+) -> Array:
+    """A predicted reading at settled points, shape (n,), SI: the measured mean and the mean error
+    of the rows behind it."""
+    bad, _ = check_readings(recording, system.ruleset)
+    off = np.where(bad[name], np.nan, table[name] - recording.values[name])
+    sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(off))])
+    counts = np.concatenate([[0], np.cumsum(np.isfinite(off))])
+    first, last = system.data.stretches.first, system.data.stretches.last
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = (sums[last] - sums[first]) / (counts[last] - counts[first])
+    predicted: Array = system.data.values[name] + mean
+    return predicted
+
+
+def _noise(ruleset: Ruleset, system: System, name: str) -> float:
+    """Standard uncertainty of measured less simulated by the noise of all readings, SI."""
+    data = system.data
+    table = dict(data.values)
+    file = RecordingFile(
+        path=_NOWHERE, header=Header(), time=data.time, values=table, zones=None, comma=False
+    )
+    plain = predict(ruleset, [file])
+    variance = data.noise[name] ** 2
+    for given in plain.given:
+        if given in data.noise:
+            moved = {**table, given: table[given] + np.nan_to_num(data.noise[given])}
+            course = predict(ruleset, [replace(file, values=moved)]).values[name]
+            variance = variance + np.nan_to_num(course - plain.values[name]) ** 2
+    known = np.isfinite(variance)
+    return rms(np.sqrt(variance[known]))
