@@ -39,6 +39,7 @@ ROOMS = (
     "rulec.effects",
     "rulec.calibration",
     "rulec.study",
+    "rulec.mismatch.limits",
     "rulec.mismatch.result",
     "rulec.mismatch.evidence",
     "rulec.mismatch.evidence.steady",

@@ -36,29 +36,15 @@ from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sens
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
+from rulec.mismatch.limits import FAR_MOVED, FEWEST_POINTS, KEPT, MOST_PREDICTED, PREDICTORS_TRIED
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.search import Search, search
 
-FEWEST = 12
-"""Settled points below which nothing can be compared."""
-
-FAR_MOVED = 5.0
-"""Stated uncertainties by which a parameter may move before it is worth a remark."""
-
 SHOWN = 4
 """Readings that are named where many have no number."""
-
-TRIED = 5
-"""Readings per finding among which the one that shows it best is chosen."""
-
-MOST = 4
-"""Readings whose errors are told where nothing says which."""
-
-KEPT = 0.25
-"""Share of the points that periods of faults must leave, or they are not set aside."""
 
 _NOWHERE = Path("settled points")
 
@@ -74,15 +60,15 @@ def explain(
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())
-    if data is None or count < FEWEST:
+    if data is None or count < FEWEST_POINTS:
         return Blind(
-            why=f"{count} settled points; at least {FEWEST} are needed",
+            why=f"{count} settled points; at least {FEWEST_POINTS} are needed",
             next=TO_RECORD,
             samples=data,
             evidence=evidence_of(recording, data),
         )
     rows = rows_of(System(ruleset, builder, data), Setting())
-    if rows.groups < FEWEST:
+    if rows.groups < FEWEST_POINTS:
         return Blind(
             why="no two estimates of one flow can be compared with the readings of this recording",
             next=_to_be_read(recording) or TO_RECORD,
@@ -229,7 +215,7 @@ class Explanation:
         places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
         found: dict[str, Predictor] = {}
         for place in places:
-            natural = predictors_for(system, *place)[:TRIED]
+            natural = predictors_for(system, *place)[:PREDICTORS_TRIED]
             if natural and not natural[0].of_flow:
                 natural.sort(key=lambda p: -round(gain_shown(p, self._models), 3))
             found.update({p.signal.id: p for p in natural[:1]})
@@ -473,7 +459,7 @@ def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
     there = [n for n in plants.signals if n in values and np.isfinite(values[n]).any()]
     modules = {name.partition(".")[0] for name in asked}
     near = [n for n in there if n.partition(".")[0] in modules]
-    return [n for n in asked if n in there] or near[:MOST] or there[:MOST]
+    return [n for n in asked if n in there] or near[:MOST_PREDICTED] or there[:MOST_PREDICTED]
 
 
 def _works(system: System, name: str) -> np.ndarray:

@@ -21,7 +21,6 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch.answer.explained import Blind, Reading, Refits
 from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.answer.tell import location_of_spot
-from rulec.mismatch.answer.verdict import FAR
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.stores.drift import no_drift
@@ -34,6 +33,19 @@ from rulec.mismatch.evidence.stores.rows_used import stored_evidence
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
+from rulec.mismatch.limits import (
+    BEYOND_NOISE,
+    FAR_OFF,
+    HIDES,
+    KEPT,
+    LEFT_OPEN,
+    PLACE_ALIKE,
+    PLACE_NEARLY,
+    PLACE_SHARE,
+    PROVEN,
+    ROUNDS,
+    THOROUGH,
+)
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, HiddenDriver, Location, Repair
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.backward_elimination import doubted
@@ -41,33 +53,6 @@ from rulec.mismatch.search.stores.onset_refinement import sharpened
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found, search
 from rulec.mismatch.search.stores.searcher import Searcher
-
-NEARLY = 2.0
-"""Places whose gain is within this of the best are not told from it."""
-
-ALIKE = 0.02
-"""Places that explain as much but for this share of the squared errors are not told apart."""
-
-LEFT = 0.3
-"""Share of the squared errors that an error of free course must explain for a place to be told."""
-
-OPEN = 0.2
-"""Share of what was to be explained (squares beyond noise) that names may leave: with more left
-they stand for something else. Where names were right they left 0.05 at most in plants made by the
-proof, and 0.13 in real tanks."""
-
-BEYOND = 1.15
-"""Errors of a model over noise from which on something is left at all."""
-
-PROVEN = 1.0
-"""Log likelihood that names must gain on held-out blocks, or may lose where no reading of those
-is off by more than noise: after a step, say, that they do not have."""
-
-EVALUATIONS, ROUNDS = 60, 2
-"""Of a refit, as of the models that the search ends with."""
-
-KEPT = 0.25
-"""Share of the samples that a fault must leave, or those behind its onset are not set aside."""
 
 
 def explain(
@@ -93,7 +78,7 @@ def explain(
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
     proofs = prove(bench, found.plain, best, found.judged)
     dropped: tuple[str, ...] = ()
-    far = _open_share(bench, proofs) > OPEN
+    far = _open_share(bench, proofs) > LEFT_OPEN
     if accepted and (far or not _holds(best, proofs)):
         # What is named leaves most of it, or does not hold where it was not fitted.
         if not far:
@@ -226,7 +211,7 @@ class Explanation:
     def _hiding(self) -> list[str]:
         """Which explanations only show together."""
         alone = self.found.alone
-        hidden = [a for a in self.accepted if alone.get(a.candidate.id, 0.0) < 0.5 * a.gain]
+        hidden = [a for a in self.accepted if alone.get(a.candidate.id, 0.0) < HIDES * a.gain]
         if len(self.accepted) < 2 or not hidden:
             return []
         told = (
@@ -291,8 +276,8 @@ def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
         errors, before = proof.fit.heldout, proof.fit.estimation
         fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
         gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
-        seen = seen or errors.recalibrated > BEYOND * errors.noise
-        learnt = learnt or before.recalibrated > BEYOND * before.noise
+        seen = seen or errors.recalibrated > BEYOND_NOISE * errors.noise
+        learnt = learnt or before.recalibrated > BEYOND_NOISE * before.noise
     return gained > (-PROVEN if learnt and not seen else PROVEN)
 
 
@@ -305,7 +290,7 @@ def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
         noise = max(errors.noise, bench.record.resolution[signal.id] / signal.factor)
         before += (max(errors.recalibrated / noise, 1.0) ** 2 - 1.0) * errors.points
         after += (max(errors.repaired / noise, 1.0) ** 2 - 1.0) * errors.points
-        beyond = beyond or errors.repaired > BEYOND * noise
+        beyond = beyond or errors.repaired > BEYOND_NOISE * noise
     return after / before if beyond and before > 0.0 else 0.0
 
 
@@ -332,15 +317,17 @@ def nameless_places(
         return ()
     bench, noise = model.bench, model.fitted.noise
     floors = _floors(bench)
-    far = any(own.spread > FAR * floors[n] for n, own in noise.items())
+    far = any(own.spread > FAR_OFF * floors[n] for n, own in noise.items())
     # A model that is far off has no straight way back: then the likeliest place must do.
-    if left[0].share < LEFT and not far:
+    if left[0].share < PLACE_SHARE and not far:
         return ()
     steps = bench.record.resolution
-    if all(own.spread < BEYOND * steps[n] for n, own in noise.items()):
+    if all(own.spread < BEYOND_NOISE * steps[n] for n, own in noise.items()):
         return ()
     first = left[0]
-    near = [s for s in left if s.gain > first.gain - NEARLY or s.share > first.share - ALIKE]
+    near = [
+        s for s in left if s.gain > first.gain - PLACE_NEARLY or s.share > first.share - PLACE_ALIKE
+    ]
     return tuple(
         location_of_spot(
             model,
@@ -404,7 +391,7 @@ def _refitted(
     found = []
     for start in starts:
         try:
-            found.append(fitter.finish(fitter.vector(start), judged, EVALUATIONS, ROUNDS))
+            found.append(fitter.finish(fitter.vector(start), judged, THOROUGH, ROUNDS))
         except RanAway:
             continue
     best = min(found, key=lambda f: _squares(f, judged))

@@ -30,8 +30,9 @@ from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.limits import FEW_CHANGES
 from rulec.mismatch.search.compete import Contestant, contest, entered
-from rulec.mismatch.search.periods import FEW_CHANGES, coming_and_going
+from rulec.mismatch.search.periods import coming_and_going
 from rulec.mismatch.search.search import search
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike

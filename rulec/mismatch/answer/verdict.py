@@ -5,31 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rulec.effects.candidate import Missing
+from rulec.mismatch.limits import CERTAIN, FAR_OFF, MAJOR, MENTIONED, SPOILED
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
 
-MAJOR = 0.5
-"""Share of what could be explained that names must have, beside a driver that nobody recorded."""
-
-FAR = 3.0
-"""Errors of the repaired model, in noise of the reading, from which on the headline tells them."""
-
-SPOILED = 0.05
-"""Rise of a reading's held-out error, as a share, from which on a repair had better not be used."""
-
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
-
-OPEN = 0.1
-"""Probability from which on another explanation is named beside the best one [assumed]: who acts on
-the headline had better know of one chance in ten."""
 
 TO_RECORD = "Record settled operation with all readings that the observers need."
 
 NOT_YET = "Do not adopt this as it is"
 
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
-
-CERTAIN = 0.6
-"""Probability below which the best name is one of several."""
 
 
 def verdict_of(findings: Sequence[Finding], left: bool) -> str:
@@ -78,7 +63,7 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
 def _with_others(finding: Finding) -> str:
     """What was found and where, and all that is about as likely."""
     name = f"{_inside(finding.title)} in {', '.join(finding.members) or finding.module}"
-    others = [_inside(a.title) for a in finding.alternatives if a.probability >= OPEN]
+    others = [_inside(a.title) for a in finding.alternatives if a.probability >= MENTIONED]
     return " or ".join([name, *others])
 
 
@@ -112,7 +97,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
         return ""
     far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
     most, signal = max(far, default=(0.0, ""))
-    if most < FAR:
+    if most < FAR_OFF:
         return ""
     return f" That is not all: {signal} is still off by {most:.0f} times its noise."
 

@@ -8,6 +8,7 @@ import numpy as np
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
 from rulec_runtime.report.wording import STATUS
 
+from rulec.mismatch.limits import PLAUSIBLE
 from rulec.mismatch.result import (
     Alternative,
     Confounded,
@@ -42,9 +43,6 @@ SORTS = {
 
 SPANS = 4
 """Periods named one by one."""
-
-PLAUSIBLE = 0.01
-"""Alternatives less probable than this are not worth a word."""
 
 
 def letter(mismatch: Mismatch) -> str:

@@ -29,7 +29,7 @@ class Variable:
         return np.asarray((values - self.offset) / self.factor)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Pace:
     """A search for an end: `steps` at most, until the fall is `near` enough to what is asked for.
 

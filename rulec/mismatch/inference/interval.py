@@ -8,16 +8,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.evidence.model import Line
+from rulec.mismatch.limits import CONFOUNDED, DROP, LONGEST_STEP, NORMAL_95
 from rulec.mismatch.result import Confounded
-
-CONFOUNDED = 0.9
-"""Correlation beyond which two values are not told apart."""
-
-DROP = 1.92
-"""Fall of the log likelihood at the ends of a 95 % interval (chi-square with one degree, half)."""
-
-LONGEST = 3.0
-"""Factor by which a step to the end of an interval grows at most."""
 
 
 def profile(line: Line) -> tuple[float, float]:
@@ -33,7 +25,7 @@ def _end(line: Line, side: float) -> float:
     """Where the likelihood has fallen by enough, on one side; at most the end of the range."""
     reach = line.value - line.lowest if side < 0 else line.highest - line.value
     pace = line.pace
-    step, inside, outside = min(1.96 * line.u, reach), 0.0, np.inf
+    step, inside, outside = min(NORMAL_95 * line.u, reach), 0.0, np.inf
     for _ in range(pace.steps):
         if step <= 0.0:
             break
@@ -43,7 +35,7 @@ def _end(line: Line, side: float) -> float:
             if step >= reach:
                 break
             ratio = float(np.sqrt(DROP / fall)) if fall > 0 else pace.uphill
-            grow = float(np.clip(ratio, pace.shortest, LONGEST))
+            grow = float(np.clip(ratio, pace.shortest, LONGEST_STEP))
             between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
             step = min(step * grow, reach, between)
         else:

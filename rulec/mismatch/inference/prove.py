@@ -10,11 +10,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 
 from rulec.mismatch.inference.series import Predicted
+from rulec.mismatch.limits import CHUNKS, DRAWS
 from rulec.mismatch.result import Errors, Fit
-
-DRAWS = 1000
-CHUNKS = 20
-"""Pieces of the held-out points that the bootstrap draws from."""
 
 
 @dataclass(frozen=True)

@@ -5,20 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch.limits import COARSE, DRIVEN, FEW_CHANGES, HOPELESS, NEEDED, SURPASSED
 from rulec.mismatch.search.compete import Contestant, contest, refit
 from rulec.mismatch.search.free_form import best_curve, free_form_trials
 from rulec.mismatch.search.pairs import torn_pairs
-from rulec.mismatch.search.periods import FEW_CHANGES, coming_and_going, periods_of
-from rulec.mismatch.search.price import HOPELESS, SURPASSED
-from rulec.mismatch.search.weigh import NEEDED, gain_in_sample, needed, net_gain
+from rulec.mismatch.search.periods import coming_and_going, periods_of
+from rulec.mismatch.search.weigh import gain_in_sample, needed, net_gain
 from rulec.mismatch.search.winner import Step, contested, first_to_win, gain_of
-
-DRIVEN = 0.7
-"""Times the gain of a fault that comes and goes more than once: if a curve over one reading does
-nearly as well, it comes and goes with that reading, and is no fault of its own."""
-
-COARSE = 0.5
-"""Part of the gain which such a curve must gain on blocks that it was not fitted to."""
 
 
 def challenged(

@@ -17,19 +17,8 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch.evidence.region import best_interval
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.limits import CLEARLY, COINCIDES, COINCIDING_ENDS, MOVED, SHIFTS
 from rulec.mismatch.search.periods import speaking
-
-COINCIDES = 0.7
-"""Share of what a perfect reading would tell of when a fault is there."""
-
-ENDS = 3
-"""Beginnings and ends of periods from which on this is no accident."""
-
-SHIFTS = 19
-"""The same course, shifted in time: none may coincide as well."""
-
-MOVED, CLEARLY = 0.03, 5.0
-"""Share of its range, and times its noise, by which a reading has changed its way at least."""
 
 
 def with_settings(fitted: Fitted, trial: Trial) -> bool:
@@ -44,7 +33,7 @@ def with_settings(fitted: Fitted, trial: Trial) -> bool:
         return False
     seen = fitted.used & speaking(fitted, trial.candidate)
     there = (course.segment >= 0)[seen]
-    if int(np.sum(there[1:] != there[:-1])) < ENDS:
+    if int(np.sum(there[1:] != there[:-1])) < COINCIDING_ENDS:
         return False
     features = [values[seen] for values in _features(fitted)]
     told = _told(there, features)

@@ -18,20 +18,8 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import ESTIMATION, SELECTION
 from rulec.mismatch.evidence.steady.screen import Trial, looks_at, with_open_references
+from rulec.mismatch.limits import HALF_STEPS, LOOSE, LOUD, STEADY
 from rulec.mismatch.search.price import price_of_fit
-
-STEADY = 0.9
-"""Share of the gain of a term that its mean explains as well where its course has no part in it."""
-
-LOUD = 3.0
-"""A term is at least this many times what it makes of the noise of readings."""
-
-LOOSE = 2.0
-"""Standard uncertainties by which a value may move in a refit to half of the blocks."""
-
-ROUGH = 50
-"""Steps of a refit that starts near its end."""
-
 
 Refit = tuple[Fitted, Trial]
 """A model refitted with a trial in it."""
@@ -115,7 +103,7 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
     part = data.part[rows.group_point]
     for fitted_to, judged in ((ESTIMATION, SELECTION), (SELECTION, ESTIMATION)):
         chosen = data.part == fitted_to
-        half = fit(rows, fitted.setting, chosen, ROUGH, degrees, fitted.temper, loosely)
+        half = fit(rows, fitted.setting, chosen, HALF_STEPS, degrees, fitted.temper, loosely)
         likelihood[part == judged] = half.likelihood[part == judged]
     blocks: Array = np.bincount(
         data.block[rows.group_point], likelihood, minlength=int(data.block.max()) + 1

@@ -13,13 +13,11 @@ from dataclasses import replace
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.limits import OTHERS
 from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest
 from rulec.mismatch.search.rivals import at_an_end
 from rulec.mismatch.search.weigh import net_gain, odds_of
-
-OTHERS = 4
-"""Other explanations of each that are tried."""
 
 
 def exchanged(now: Contestant, accepted: Sequence[Won]) -> tuple[Contestant, tuple[Won, ...]]:

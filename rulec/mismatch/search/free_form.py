@@ -19,25 +19,15 @@ from rulec.effects.candidate import Spot
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, suspects, variables_of
 from rulec.mismatch.evidence.steady.screen import Look, Trial, looks_at, screen
-
-MOST_FEATURES = 3
-"""Products of readings in a term."""
-
-MOST_READINGS = 5
-"""Readings of which products are made."""
-
-VARYING = 5.0
-"""A reading says something if it varies by this many times its noise."""
-
-
-PLACES = 2
-"""Most suspect places at which curves are drawn."""
-
-WIDE = 4.0
-"""Times the noise of a reading that a band is wide at least."""
-
-BANDS = (8, 6, 4)
-"""Pieces of a curve over one reading: as many as its readings tell apart."""
+from rulec.mismatch.limits import (
+    BAND_WIDTH,
+    BANDS,
+    CURVE_PLACES,
+    FEATURE_GAINS,
+    FEATURE_VARIES,
+    MOST_FEATURES,
+    MOST_READINGS,
+)
 
 
 @dataclass(frozen=True)
@@ -56,7 +46,7 @@ def best_curve(fitted: Fitted) -> Curve | None:
     looks = looks_at(fitted)
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     curves = []
-    for suspect in suspects(fitted)[:PLACES]:
+    for suspect in suspects(fitted)[:CURVE_PLACES]:
         for name in _varying(fitted, suspect.spot.module):
             parts = _parts(fitted, name)
             if parts:
@@ -78,7 +68,7 @@ def _parts(fitted: Fitted, name: str) -> int:
     Bands within the noise of a reading, as at a few operating points, would sort that noise.
     """
     data = fitted.rows.system.data
-    least = WIDE * float(np.nanmedian(data.noise[name][data.open]))
+    least = BAND_WIDTH * float(np.nanmedian(data.noise[name][data.open]))
     apart = (n for n in BANDS if float(np.min(np.diff(_knots(fitted, name, n)))) >= least)
     return next(apart, 0)
 
@@ -119,7 +109,7 @@ def _products(fitted: Fitted) -> list[Trial]:
     while len(chosen) < MOST_FEATURES:
         more = [(*chosen, f) for f in features if f not in chosen]
         trials = screen(fitted, [builder.free_form(spot.id, m) for m in more])
-        if not trials or (best is not None and trials[0].gain < 1.1 * best.gain):
+        if not trials or (best is not None and trials[0].gain < FEATURE_GAINS * best.gain):
             break
         best = trials[0]
         chosen = next(m for m in more if builder.free_form(spot.id, m) == best.candidate)
@@ -144,7 +134,7 @@ def _varying(fitted: Fitted, module: str) -> list[str]:
         if (
             name not in outputs
             and noise is not None
-            and spread > VARYING * float(np.nanmedian(noise))
+            and spread > FEATURE_VARIES * float(np.nanmedian(noise))
         ):
             names.append(name)
     return names

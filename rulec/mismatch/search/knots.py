@@ -8,11 +8,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import spread_about
 
-KNOTS = (2, 4, 7, 12, 20, 40)
-"""Values of a course that is free in time: as few as tell it."""
-
-FEWEST = 4
-"""Points per knot at least."""
+from rulec.mismatch.limits import KNOT_ODD, KNOT_POINTS, LATENT_KNOTS
 
 
 def levels_of(course: Array, weight: Array) -> Array:
@@ -36,8 +32,8 @@ def knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
     n, root = len(course), np.sqrt(weight)
     # One point far off must not draw the course to it.
     near = clipped(course)
-    for count in KNOTS:
-        if count > max(n // FEWEST, 2):
+    for count in LATENT_KNOTS:
+        if count > max(n // KNOT_POINTS, 2):
             break
         at = np.linspace(0.0, count - 1.0, n)
         table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
@@ -48,5 +44,5 @@ def clipped(values: Array) -> Array:
     """One odd point is no course."""
     middle = float(np.median(values))
     spread = spread_about(values, middle) or float(np.std(values))
-    near: Array = np.clip(values, middle - 3.0 * spread, middle + 3.0 * spread)
+    near: Array = np.clip(values, middle - KNOT_ODD * spread, middle + KNOT_ODD * spread)
     return near

@@ -12,13 +12,10 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspects
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.search.knots import FEWEST, KNOTS, clipped, knotted, levels_of
+from rulec.mismatch.limits import FLICKERING, KNOT_POINTS, LATENT_KNOTS, LATENT_PLACES, RARITY
+from rulec.mismatch.search.knots import clipped, knotted, levels_of
 from rulec.mismatch.search.periods import degree_course
-from rulec.mismatch.search.price import FLICKERING, RARITY
 from rulec.mismatch.search.time_varying import spot_of, wandering
-
-LOOKED_AT = 3
-"""Places at which such a course is tried."""
 
 
 def hidden_trials(fitted: Fitted) -> list[Trial]:
@@ -32,7 +29,7 @@ def hidden_trials(fitted: Fitted) -> list[Trial]:
     taken = fitted.setting.spots
     places = _likeliest(fitted, [s for s in suspects(fitted) if s.spot.id not in taken])
     found = []
-    for place in places[:LOOKED_AT]:
+    for place in places[:LATENT_PLACES]:
         own = [w for w in wandering(fitted, place.spot) if w.spot.id not in taken]
         found += [_trial(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
     return found
@@ -49,7 +46,7 @@ def _told(fitted: Fitted, suspect: Suspect) -> float:
     rows = fitted.rows
     course, weight = degree_course(fitted, suspect.column)
     known = np.flatnonzero(np.isfinite(course) & fitted.used)
-    if len(known) < FEWEST * KNOTS[0]:
+    if len(known) < KNOT_POINTS * LATENT_KNOTS[0]:
         return -np.inf
     sound = student_weights(rows, fitted.residual, fitted.scale) * fitted.used[rows.point]
     total = float(np.sum(sound * fitted.residual**2))
@@ -157,7 +154,7 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
     values = level[known] + clipped(rest[known])
-    smooth = _smoothed(values, weight[known], len(known) // (6 * KNOTS[-1]))
+    smooth = _smoothed(values, weight[known], len(known) // (6 * LATENT_KNOTS[-1]))
     return Reconstruction(spot, system.data.time[known], smooth)
 
 

@@ -9,15 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.evidence.steady.screen import Look
-
-MORE = 1.5
-"""A pair that hides itself gains this many times what its parts gain alone, linearised."""
-
-REFITTED = 6
-"""Pairs that hide each other that are refitted: some say nearly the same."""
-
-TWINS = 0.9
-"""Cosine of two terms from which on they are no pair."""
+from rulec.mismatch.limits import NO_PAIR
 
 
 def pair_gains(
@@ -38,7 +30,7 @@ def pair_gains(
     by_size: dict[int, list[tuple[int, int]]] = {}
     for i, j in itertools.combinations(range(len(terms)), 2):
         # The difference of twins would explain anything small.
-        if names[i] != names[j] and cosine[np.ix_(parts[i], parts[j])].max() <= TWINS:
+        if names[i] != names[j] and cosine[np.ix_(parts[i], parts[j])].max() <= NO_PAIR:
             by_size.setdefault(len(parts[i]) + len(parts[j]), []).append((i, j))
     gains: dict[tuple[int, int], float] = {}
     for pairs in by_size.values():

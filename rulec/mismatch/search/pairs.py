@@ -12,18 +12,17 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import Trial, columns_of, looks_at, screen
+from rulec.mismatch.limits import (
+    BEGUN,
+    FEW_CHANGES,
+    PAIR_GAINS_MORE,
+    PAIRED,
+    PAIRS_REFITTED,
+    SECONDS,
+)
 from rulec.mismatch.search.compete import Contestant, Refit, cost_of, refit
-from rulec.mismatch.search.pair_gains import MORE, REFITTED, pair_gains
-from rulec.mismatch.search.periods import FEW_CHANGES, coming_and_going, periods_of
-
-PAIRED = 12
-"""Single trials to which a second is looked for, under a calibration that holds."""
-
-TRIED = 2
-"""Seconds that are tried beside each single explanation."""
-
-BEGUN = 4
-"""Single explanations, under a calibration that holds, to which a second is looked for."""
+from rulec.mismatch.search.pair_gains import pair_gains
+from rulec.mismatch.search.periods import coming_and_going, periods_of
 
 
 def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[Refit]:
@@ -42,10 +41,10 @@ def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[R
     found = []
     for (i, j), gain in pair_gains(looks_at(fitted), names, columns, low, high).items():
         first, second = terms[i][0], terms[j][0]
-        if gain > max(least, MORE * (first.held + second.held)):
+        if gain > max(least, PAIR_GAINS_MORE * (first.held + second.held)):
             found.append((gain, first, second))
     found.sort(key=lambda f: (-f[0], f[1].candidate.id, f[2].candidate.id))
-    return [_refitted(fitted, first, second) for _, first, second in found[:REFITTED]]
+    return [_refitted(fitted, first, second) for _, first, second in found[:PAIRS_REFITTED]]
 
 
 def _ends(trial: Trial) -> Array:
@@ -68,7 +67,7 @@ def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
         begins.append((fit(fitted.rows, setting, fitted.used, temper=fitted.temper), first))
     for begun, first in sorted(begins, key=lambda b: cost_of(b[0]))[:BEGUN]:
         others = [t.candidate for t in single if t.candidate.name != first.candidate.name]
-        seconds = sorted(screen(begun, others), key=lambda t: -t.held)[:TRIED]
+        seconds = sorted(screen(begun, others), key=lambda t: -t.held)[:SECONDS]
         for second in seconds:
             pair = frozenset((first.candidate.id, second.candidate.id))
             if pair not in found:
@@ -108,7 +107,10 @@ def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
     rest = [c for c in free if c.id not in joined]
     # Far from what was read a law may have no slope: then it lacks nothing that could be told.
     with contextlib.suppress(np.linalg.LinAlgError):
-        return [*screen(begun, rest)[:TRIED], *coming_and_going(begun, rest, FEW_CHANGES)[:TRIED]]
+        return [
+            *screen(begun, rest)[:SECONDS],
+            *coming_and_going(begun, rest, FEW_CHANGES)[:SECONDS],
+        ]
     return []
 
 

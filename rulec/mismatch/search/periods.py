@@ -18,42 +18,19 @@ from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.screen import Look, Trial, columns_of, looks_at
-from rulec.mismatch.search.segments import (
+from rulec.mismatch.limits import (
+    BEGINS,
+    COMING,
+    FAINT,
+    LONGEST_COURSE,
     MOST_LEVELS,
-    PENALTY,
+    ODD,
+    PASSING,
+    PERIOD_PRICE,
     SHORTEST,
-    Segments,
-    apart,
-    cut,
-    few_levels,
-    runs_of,
+    STEP_PENALTY,
 )
-
-LONGEST_COURSE = 1500
-"""Means that a course is reduced to before it is cut."""
-
-STEPS = 3.0
-"""Price of a period in half log(points): its ends, and that it is there at all."""
-
-ODD = (0.0, 0.02, 0.05, 0.1)
-"""Shares of the time that extreme levels on either side may take without being a state, tried in
-turn: something else may be wrong at times, which is no degree of this fault."""
-
-FAINT = 0.01
-"""A point says nothing of a degree if it says less than this share of what others say."""
-
-PASSING = 0.9
-"""Weight of the gain of a fault that is there when the recording begins."""
-
-
-FEW_CHANGES = 2
-"""Periods of a fault that begins, at most."""
-
-BEGINS = 200
-"""Times at which a fault that stays may begin that are tried."""
-
-COMING = 4
-"""Faults that come and go that are refitted in a round."""
+from rulec.mismatch.search.segments import Segments, apart, cut, few_levels, runs_of
 
 
 def coming_and_going(
@@ -92,7 +69,7 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     sums = np.add.reduceat(weights, edges[:-1])
     means = np.add.reduceat(weights * degree[known], edges[:-1]) / sums
     noise = _noise(means)
-    segments = cut(means / noise, PENALTY * float(np.log(len(means))))
+    segments = cut(means / noise, STEP_PENALTY * float(np.log(len(means))))
     states = [apart(segments, odd) for odd in ODD]
     some = [on for on in states if on.any() and not on.all()]
     states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
@@ -168,7 +145,7 @@ def _likely(trial: Trial, each: float) -> float:
     assert course is not None
     first = int(np.flatnonzero(course.segment >= 0)[0])
     begins = first > 0 and course.periods[0].since > 0.0
-    price = each * (STEPS * len(course.periods) + course.levels)
+    price = each * (PERIOD_PRICE * len(course.periods) + course.levels)
     return trial.gain * (1.0 if begins else PASSING) - price
 
 

@@ -7,28 +7,13 @@ import numpy as np
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.search.periods import STEPS
-
-HOPELESS = 0.5
-"""Share of the gain that is needed, or to be beaten, below which a trial is not refitted: its gain
-is estimated to first order, and seldom doubles."""
-
-RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 20.0, "hidden": 0.0}
-"""How much less expected each sort is, in log odds [assumed]: laws are simplified more often than
-sensors leave their class. A free form is chosen among thousands, and pays for that."""
-
-COMMON = 6.0
-"""What a claim about several modules must gain more than one about a single module."""
-
-SURPASSED = 1.35
-"""Times the gain of a name that a free curve must gain to say that the name only imitates it."""
-
-HEALED = 3.0
-"""How much less expected a fault is with each time that it ends by itself, in log odds
-[assumed]."""
-
-FLICKERING = 2.0
-"""How much less expected a sensor is that errs in some periods only, in log odds [assumed]."""
+from rulec.mismatch.limits import (
+    COMMON,
+    FLICKERING,
+    HEALED,
+    PERIOD_PRICE,
+    RARITY,
+)
 
 
 def price_of_fit(fitted: Fitted) -> float:
@@ -40,7 +25,7 @@ def price_of_fit(fitted: Fitted) -> float:
     setting = fitted.setting
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
-    steps = sum(STEPS * len(c.periods) for c in setting.courses if c.unknown not in hidden)
+    steps = sum(PERIOD_PRICE * len(c.periods) for c in setting.courses if c.unknown not in hidden)
     levels = sum(c.levels for c in setting.courses)
     signals = fitted.rows.system.ruleset.signal_by_id
     rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in setting.joined)

@@ -8,10 +8,11 @@ from dataclasses import replace
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, temper_of
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.limits import NEEDED
 from rulec.mismatch.search.compete import Contestant, contest, entered
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.rivals import at_an_end
-from rulec.mismatch.search.weigh import NEEDED, net_gain, odds_of
+from rulec.mismatch.search.weigh import net_gain, odds_of
 
 
 def retempered(fitted: Fitted) -> Fitted:

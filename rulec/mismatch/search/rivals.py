@@ -11,6 +11,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, student_weights
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.limits import NEEDED, SAME_CHANGE, SEED, SHUFFLES, SOMETHING, SURE
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.compete import (
     Contestant,
@@ -19,20 +20,7 @@ from rulec.mismatch.search.compete import (
     placebo_gains,
     shuffled_gains,
 )
-from rulec.mismatch.search.weigh import NEEDED, needed, net_gain
-
-SURE = 3.0
-"""Standard deviations, robust over blocks, by which a gain differs from none."""
-
-SOMETHING = 1.5
-"""Standard uncertainties by which a strength differs from its null at least."""
-
-ALIKE = 0.5
-"""Cosine of the changes that two explanations make, from which on they explain the same."""
-
-SHUFFLES = 20
-SEED = 20_240_117
-"""Rivals are drawn from one fixed seed, so that the same recording gives the same answer."""
+from rulec.mismatch.search.weigh import needed, net_gain
 
 
 def released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | None:
@@ -170,6 +158,6 @@ def instead_of(
     for other in ranked:
         course = change(other)
         size = float(np.sqrt(np.sum(weight * own**2) * np.sum(weight * course**2)))
-        if other is not winner and float(np.sum(weight * own * course)) > ALIKE * size:
+        if other is not winner and float(np.sum(weight * own * course)) > SAME_CHANGE * size:
             found.append(other)
     return found

@@ -10,24 +10,16 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import Trial, screen, with_open_references
+from rulec.mismatch.limits import CLOSE, CONTESTED, FINALISTS, MANY, MOST_TERMS, NEEDED
 from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest, cost_of, refit
 from rulec.mismatch.search.exchange import exchanged, weighed
 from rulec.mismatch.search.latent_input import hidden_trials
 from rulec.mismatch.search.pairs import torn_pairs
 from rulec.mismatch.search.revise import instead, needless, recut, retempered
-from rulec.mismatch.search.search_round import FINALISTS, best_step
-from rulec.mismatch.search.weigh import NEEDED, gain_in_sample, net_gain, odds_of
-from rulec.mismatch.search.winner import CONTESTED, best_of, contested, first_to_win, recorded
-
-MANY = 3
-"""Explanations from which on it is asked whether two that are chosen together say the same."""
-
-MOST_TERMS = 7
-"""Explanations of one recording."""
-
-CLOSE = 0.01
-"""Odds from which on another explanation is asked again after periods were cut anew."""
+from rulec.mismatch.search.search_round import best_step
+from rulec.mismatch.search.weigh import gain_in_sample, net_gain, odds_of
+from rulec.mismatch.search.winner import best_of, contested, first_to_win, recorded
 
 Progress = Callable[[str], None]
 

@@ -12,6 +12,7 @@ from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.limits import FINALISTS, HOPELESS, UNNAMED_PART
 from rulec.mismatch.search.challenge import challenged
 from rulec.mismatch.search.coincide import with_settings
 from rulec.mismatch.search.compete import Contestant, Refit, contest, refit
@@ -19,7 +20,6 @@ from rulec.mismatch.search.free_form import free_form_trials
 from rulec.mismatch.search.latent_input import hidden_trials, with_the_course_of
 from rulec.mismatch.search.pairs import held_pairs, pair_trials, torn_pairs
 from rulec.mismatch.search.periods import coming_and_going
-from rulec.mismatch.search.price import HOPELESS
 from rulec.mismatch.search.rivals import instead_of
 from rulec.mismatch.search.weigh import needed, net_gain
 from rulec.mismatch.search.winner import (
@@ -31,12 +31,6 @@ from rulec.mismatch.search.winner import (
     recorded,
     runs_out,
 )
-
-FINALISTS = 8
-"""Trials of each round that are refitted in full."""
-
-PART = 0.15
-"""What has no name is told if it gains more than this share of what was explained with a name."""
 
 
 def best_step(
@@ -87,11 +81,11 @@ def best_step(
         torn += [c for c in ranked if net_gain(c, now) > needed(now, tried)]
     if eased is not None:
         return eased
-    worth = needed(now, tried) + PART * explained
+    worth = needed(now, tried) + UNNAMED_PART * explained
     unnamed = contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     best = first_to_win(now, unnamed, None, tried)
     # What names left over by a small part may be the shape of one of them.
-    if best is not None and gain_of(best, now) < PART * explained:
+    if best is not None and gain_of(best, now) < UNNAMED_PART * explained:
         best = None
     if hidden is not None and net_gain(hidden, now) > max(worth, gain_of(best, now)):
         return Step(hidden, recorded(hidden, now, [], ()), tried)

@@ -13,28 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-PENALTY = 4.0
-"""Price of a step, in log(means): its time and its level."""
-
-APART = 0.75
-"""Share of the scatter of all levels that two states explain, if there are two: an even spread of
-levels gives as much."""
-
-SUDDEN = 0.6
-"""Share of the distance between two states that a change from one to the other has at once: what
-swings slowly is no fault that comes and goes."""
-
-ALIKE = 0.25
-"""Levels that follow each other and differ by less than this share are one period."""
-
-MOST_LEVELS = 3
-"""Degrees that a fault comes at."""
-
-TELLING = 0.05
-"""Share of the scatter of degrees that a few levels may leave."""
-
-SHORTEST = 3
-"""Means that a period has at least."""
+from rulec.mismatch.limits import (
+    AT_ONCE,
+    LEVELS_LEAVE,
+    MOST_LEVELS,
+    ONE_LEVEL,
+    SHORTEST,
+    STEP_PENALTY,
+    TWO_STATES,
+)
 
 
 @dataclass(frozen=True)
@@ -120,10 +107,10 @@ def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] 
     split = int(np.argmin(scatter)) + 1
     whole = _scatter(level[order], length[order])
     low, high = order[:split], order[split:]
-    if whole <= 0 or 1.0 - scatter[split - 1] / whole < APART:
+    if whole <= 0 or 1.0 - scatter[split - 1] / whole < TWO_STATES:
         return None
     # Levels at rest that others separate differ by noise: two states must pay for themselves.
-    if whole - scatter[split - 1] < PENALTY * float(np.log(length.sum())):
+    if whole - scatter[split - 1] < STEP_PENALTY * float(np.log(length.sum())):
         return None
     middle = 0.5 * float(level[low].max() + level[high].min())
     if not _changes_at_once(level, lasting, level > middle):
@@ -139,7 +126,7 @@ def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray)
         return False
     steps = np.abs(level[after] - level[before])[changed]
     distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
-    return float(np.median(steps)) > SUDDEN * distance
+    return float(np.median(steps)) > AT_ONCE * distance
 
 
 def _one_sided(level: Array) -> bool:
@@ -160,7 +147,7 @@ def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
     rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
     for i in np.flatnonzero(on):
         level = float(segments.level[i]) - rest
-        if runs and runs[-1][1] == first[i] and abs(level - runs[-1][2]) < ALIKE * abs(level):
+        if runs and runs[-1][1] == first[i] and abs(level - runs[-1][2]) < ONE_LEVEL * abs(level):
             begin, _, known = runs[-1]
             share = (last[i] - first[i]) / (last[i] - begin)
             runs[-1] = (begin, int(last[i]), known + share * (level - known))
@@ -190,7 +177,7 @@ def few_levels(
         chosen = parts[int(np.argmin(scatters))]
         for i, part in enumerate(chosen):
             best[part] = i
-        if min(scatters) <= TELLING * whole or whole <= 0:
+        if min(scatters) <= LEVELS_LEAVE * whole or whole <= 0:
             break
     centres = [
         float(np.average(levels[best == i], weights=lengths[best == i]))

@@ -6,16 +6,9 @@ import numpy as np
 
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import temper_of
+from rulec.mismatch.limits import NEEDED, SAYS_THE_SAME, WORTH
 from rulec.mismatch.search.compete import Contestant
 from rulec.mismatch.search.price import price_of_fit
-
-NEEDED = 8.0
-"""Gain in log likelihood that an explanation needs beyond the logarithm of those tried and the
-worth of all points. In 38 clean recordings the best explanation gained 8.5 in one, and less than
-its price in the others; after this was chosen, none of 100 other clean recordings told anything."""
-
-WORTH = 0.005
-"""Gain per settled point that is worth naming: a term of about a tenth of the scatter."""
 
 
 def price_of(contestant: Contestant) -> float:
@@ -43,11 +36,6 @@ def needed(now: Contestant, tried: int) -> float:
     return NEEDED + float(np.log(max(tried, 1))) + WORTH * now.fitted.rows.groups
 
 
-SAME = 0.1
-"""Log likelihood by which the predictions of two models differ at most that say the same: less
-than a tenth of what is worth a remark between two explanations (1 by Jeffreys 1961, in nats)."""
-
-
 def _said(setting: Setting) -> tuple[int, int]:
     """Values that are free, and modules that something is said of."""
     return len(setting.free_unknowns()), sum(len(c.modules) for c in setting.joined)
@@ -65,7 +53,7 @@ def says_the_same(one: Contestant, other: Contestant) -> bool:
         return False
     fitted = one.fitted
     apart = np.sum(fitted.weights * (fitted.residual - other.fitted.residual) ** 2)
-    return 0.5 * float(apart) < SAME
+    return 0.5 * float(apart) < SAYS_THE_SAME
 
 
 def odds_of(other: Contestant, winner: Contestant) -> float:

@@ -7,17 +7,12 @@ from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.limits import CONTESTED, EVEN
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, Refit, contest, cost_of
 from rulec.mismatch.search.rivals import at_an_end, beats, defeated, instead_of, released
 from rulec.mismatch.search.weigh import gain_in_sample, net_gain, odds_of
-
-CONTESTED = 6
-"""Refitted trials of each round that are judged on blocks they were not fitted to."""
-
-EVEN = 1.5
-"""Odds up to which two are told apart by blocks that they were not fitted to."""
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.analyse import analyse
+from rulec.mismatch.limits import SURE
 from rulec.mismatch.result import Mismatch
-from rulec.mismatch.search.rivals import SURE
 from rulec.mismatch.search.search import search
 from rulec.prove.truth.settled.plan import Planned, SettledCase
 from tests.runtime.mismatch.made import rows_at

@@ -11,9 +11,10 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import Trial, columns_of
+from rulec.mismatch.limits import ODD, STEP_PENALTY
 from rulec.mismatch.search.compete import refit
-from rulec.mismatch.search.periods import ODD, degree_course, in_periods
-from rulec.mismatch.search.segments import PENALTY, apart, cut, few_levels
+from rulec.mismatch.search.periods import degree_course, in_periods
+from rulec.mismatch.search.segments import apart, cut, few_levels
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
 
 N = 400
@@ -27,7 +28,7 @@ def course(*levels: tuple[int, float], seed: int = 1) -> Array:
 
 def states(values: Array, odd: float = 0.0) -> list[tuple[int, int]]:
     """First and last mean (excluded) of what is apart."""
-    segments = cut(values, PENALTY * float(np.log(len(values))))
+    segments = cut(values, STEP_PENALTY * float(np.log(len(values))))
     on = apart(segments, odd)
     flags = np.zeros(len(values), dtype=bool)
     for first, length in zip(segments.first[on], segments.length[on], strict=True):
@@ -40,7 +41,7 @@ def states(values: Array, odd: float = 0.0) -> list[tuple[int, int]]:
 def test_noise_is_one_level(seed: int) -> None:
     """A step must pay for itself."""
     values = course((N, 0.0), seed=seed)
-    assert [0] == cut(values, PENALTY * float(np.log(N))).first.tolist()
+    assert [0] == cut(values, STEP_PENALTY * float(np.log(N))).first.tolist()
     assert [] == states(values)
 
 

@@ -9,7 +9,6 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.evidence.steady.prepare import (
-    BUDGET,
     ESTIMATION,
     HELDOUT,
     PATTERN,
@@ -17,6 +16,7 @@ from rulec.mismatch.evidence.steady.prepare import (
     Data,
     prepare,
 )
+from rulec.mismatch.limits import POINT_BUDGET
 from tests.runtime.mismatch.made import HOLD, alone, compared, opened, recorded, tour
 
 SAMPLES = 300
@@ -89,7 +89,7 @@ def test_long_recordings_are_averaged() -> None:
     rules, _ = alone()
     held = {"A.n": np.repeat(tour(rules, 25 * HOLD)["A.n"][::HOLD], 800)}
     data = prepared(recorded(alone(), held))
-    assert len(data) * len(rules.observers) <= 1.5 * BUDGET
+    assert len(data) * len(rules.observers) <= 1.5 * POINT_BUDGET
     single = prepared(recorded(alone(), tour(rules, SAMPLES)))
     assert np.median(data.noise["A.dp"]) < 0.75 * np.median(single.noise["A.dp"])
 

@@ -20,37 +20,19 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.rows import Maps, Rows
 from rulec.mismatch.evidence.steady.system import System
-
-FREEDOM = 4.0
-"""Degrees of freedom of the Student distribution [usual choice]."""
-
-STEPS = 100
-"""Steps after which a fit ends anyway. Of refits with a law in them a quarter is not at its end
-after 20: what a law shares with the values of its module bends the valley that it lies in."""
-
-SOFTEST, HARDEST = 1e-9, 1e9
-"""Between these the damping stays; where it would be harder, there is no step down."""
-
-EASIER = 9.0
-"""By how much damping falls at most after a step that was foreseen."""
-
-BATCHES = 40
-"""Batches of time over which neighbours are found to be alike."""
-
-RELEASE = 30.0
-"""Factor on the stated uncertainty of the parameters of a module that is released, where no data
-sheet says more."""
-
-DRIFTED = 3.0
-"""Factor on the class of a sensor that drifts [assumed]: it was right at another time, or at
-another temperature than the usual one."""
-
-HOLDS = 4.0
-"""Of its standard uncertainties so many lie at most between a data sheet that holds and a value; by
-chance more do in one of 3000 modules of five values."""
-
-CONVERGED = 1e-4
-"""Gain in log likelihood per step below which a fit has ended, as share of the points."""
+from rulec.mismatch.limits import (
+    BATCHES,
+    CONVERGED,
+    DRIFTED,
+    EASIER,
+    FIT_STEPS,
+    FREEDOM,
+    HARDEST,
+    ODD_RESIDUAL,
+    RELEASE,
+    SHEET_HOLDS,
+    SOFTEST,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +223,7 @@ class Fitted:
     @property
     def keeps_trust(self) -> bool:
         """Do the data sheets hold that are trusted? Only that excuses what a calibration says."""
-        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= HOLDS))
+        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= SHEET_HOLDS))
 
     def _off_sheet(self, modules: AbstractSet[str]) -> Array:
         """How far values are off the data sheets of modules, in uncertainties of these."""
@@ -259,7 +241,7 @@ def fit(
     rows: Rows,
     setting: Setting,
     used: np.ndarray,
-    steps: int = STEPS,
+    steps: int = FIT_STEPS,
     held: Mapping[str, float] | None = None,
     temper: float = 1.0,
     anchors: Mapping[str, tuple[float, float]] | None = None,
@@ -367,7 +349,7 @@ def temper_of(fitted: Fitted) -> float:
     factors = []
     for cell in rows.cells:
         table = cell.table(fitted.residual).T / fitted.scale
-        table = np.clip(table[fitted.used[cell.points]], -4.0, 4.0)
+        table = np.clip(table[fitted.used[cell.points]], -ODD_RESIDUAL, ODD_RESIDUAL)
         count = len(table) // BATCHES
         if count < 2:
             continue

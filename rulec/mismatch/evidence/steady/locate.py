@@ -19,12 +19,7 @@ from rulec.effects.candidate import Spot
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
-
-ALIKE = 0.99
-"""Places whose errors spread alike to this cosine are not told apart."""
-
-SLOW = 40
-"""Values of a course that changes slowly."""
+from rulec.mismatch.limits import SAME_PATTERN, SLOW_VALUES
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,9 @@ def suspects(fitted: Fitted) -> list[Suspect]:
         suspect = suspect_at(fitted, spot, column)
         known = np.flatnonzero((suspect.weight > 0) & fitted.used)
         course, weight = suspect.course[known], suspect.weight[known]
-        gain = max(_explained(-course * weight, weight, noise, k) for k in (len(known), SLOW))
+        gain = max(
+            _explained(-course * weight, weight, noise, k) for k in (len(known), SLOW_VALUES)
+        )
         found.append((suspect, gain))
     most = max((gain for _, gain in found), default=0.0)
     whole = max(total, most, 1e-300)
@@ -128,7 +125,7 @@ def alike(first: Suspect, second: Suspect) -> bool:
     """Do errors at two places look the same in all residuals?"""
     cosine = np.abs(first.column @ second.column)
     cosine /= np.linalg.norm(first.column) * np.linalg.norm(second.column)
-    return bool(cosine > ALIKE)
+    return bool(cosine > SAME_PATTERN)
 
 
 def variables_of(system: System, module: str) -> dict[str, Array]:

@@ -16,13 +16,8 @@ from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import variables_of
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.limits import HELD_STEPS, STEADY_PACE
 from rulec.mismatch.result import Estimate, Period
-
-PACE = Pace(steps=4, near=0.15, shortest=1.0, uphill=1.2)
-"""How an end of an interval is searched for by refits."""
-
-QUICK = 4
-"""Steps of a refit with one value held near the optimum."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +61,7 @@ class SteadyModel:
 
         def fall(step: float) -> float:
             held: Mapping[str, float] = {name: value + step}
-            there = fit(fitted.rows, fitted.setting, fitted.used, QUICK, held, fitted.temper)
+            there = fit(fitted.rows, fitted.setting, fitted.used, HELD_STEPS, held, fitted.temper)
             return there.objective - fitted.objective
 
         return Line(
@@ -76,7 +71,7 @@ class SteadyModel:
             lowest=float(prior.lowest[i]),
             highest=float(prior.highest[i]),
             fall=fall,
-            pace=PACE,
+            pace=Pace(*STEADY_PACE),
         )
 
     def periods(

@@ -17,8 +17,7 @@ from rulec_runtime.simulation.shut_off import is_flow
 
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.system import System
-
-STEPS = 12
+from rulec.mismatch.limits import PREDICTOR_STEPS
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Predictor:
             float(np.nanstd(measured[self.points])), 1e-6 * float(np.nanmax(np.abs(measured)))
         )
         settled = np.full(len(at), np.inf)
-        for _ in range(STEPS):
+        for _ in range(PREDICTOR_STEPS):
             value, slope = self._value(setting, at)
             with np.errstate(all="ignore"):
                 step = np.clip(-value / slope, -10.0 * size, 10.0 * size)

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.limits import LONGEST_STRETCH
 from rulec_runtime.recordings.point_table import each_row, follows_a_course, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
@@ -26,29 +26,23 @@ from rulec_runtime.recordings.stationary import (
     systematic_u,
 )
 
+from rulec.mismatch.limits import (
+    BLOCK_POINTS,
+    BLOCKS,
+    BRIDGED,
+    FLOOR_SHARE,
+    POINT_BUDGET,
+    STATISTICAL_SHARE,
+)
+
 ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
 
 PATTERN = (ESTIMATION, SELECTION, HELDOUT, SELECTION, ESTIMATION)
 """What the blocks of a recording serve for, in turn."""
 
-BLOCKS = 25
-"""Blocks of a recording."""
-
-SMALLEST = 4
-"""Points that a block needs at least."""
-
-BUDGET = 15_000
-"""Points times observers at most; more samples are averaged into one point."""
-
-BRIDGED = 0.8
-"""Share of readings that must be there for gaps to be bridged."""
-
 UNSETTLED, SPARED = -1, -2
 """In the place of the number of its point: a sample that is not settled, and one that is and was
 not taken, as a few of so many stretches say the same."""
-
-STATISTICAL = 0.3
-"""Noise as share of the systematic uncertainty where the recording does not show it [assumed]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,10 +111,10 @@ def prepare(
     statistical = {}
     for signal in ruleset.signals:
         if signal.id in points.values:
-            floor = STATISTICAL * systematic_u(signal, points.values[signal.id])
+            floor = STATISTICAL_SHARE * systematic_u(signal, points.values[signal.id])
             own = points.statistical(signal.id)
             # A reading that is constant by quantisation or filtering is not therefore exact.
-            smallest = floor if of_rows else 0.1 * floor / np.sqrt(stretches.lengths)
+            smallest = floor if of_rows else FLOOR_SHARE * floor / np.sqrt(stretches.lengths)
             statistical[signal.id] = np.maximum(own, smallest)
     block, part = _split(time, heldout)
     text = _told(time, part, block, heldout)
@@ -193,8 +187,8 @@ def _bridged(points: Points, read: set[str]) -> Points:
 
 def _pieces(stretches: Stretches, observers: int) -> Stretches:
     """Stretches cut, so that there are as many points as the budget allows, and no more."""
-    budget = BUDGET // max(observers, 1)
-    length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), limits.LONGEST_STRETCH)
+    budget = POINT_BUDGET // max(observers, 1)
+    length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST_STRETCH)
     first, last = [], []
     for low, high in zip(stretches.first, stretches.last, strict=True):
         count = max(1, round((high - low) / length))
@@ -216,7 +210,7 @@ def _split(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Number of the block of each point, and what it serves for."""
     n = len(time)
-    blocks = int(np.clip(n // SMALLEST, 1, BLOCKS))
+    blocks = int(np.clip(n // BLOCK_POINTS, 1, BLOCKS))
     block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)
     part = np.array(PATTERN)[block % len(PATTERN)]
     if heldout:
@@ -225,7 +219,7 @@ def _split(
             inside |= (time >= low) & (time <= high)
         rest = np.cumsum(~inside) - 1
         count = max(int((~inside).sum()), 1)
-        blocks = int(np.clip(count // SMALLEST, 1, BLOCKS))
+        blocks = int(np.clip(count // BLOCK_POINTS, 1, BLOCKS))
         open_ = np.clip(rest * blocks // count, 0, blocks - 1)
         part = np.where(inside, HELDOUT, open_ % 2)
         block = np.where(inside, blocks + np.arange(n) * BLOCKS // max(n, 1), open_)

@@ -20,21 +20,7 @@ from rulec.effects.candidate import MEDIAN, TIME, Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior, prior_of, student_weights
 from rulec.mismatch.evidence.steady.system import System
-
-MOST_STARTS = 12
-"""Combinations of shapes that are tried of one candidate."""
-
-BENT = 5.0
-"""Ratio of two starts from which on a law is taken to bend between them."""
-
-VARYING = 3.0
-"""A driver varies by this many times the noise of its settled readings."""
-
-NEAR_ZERO = 0.05
-"""Share of its median reading below which no reference lies whose readings are positive."""
-
-FAR = 2.5
-"""Residuals beyond this many scales count less, in the second of two looks."""
+from rulec.mismatch.limits import BENT, DRIVER_VARIES, HUBER, MOST_STARTS, NEAR_ZERO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +106,7 @@ def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
     rows, scale = fitted.rows, fitted.scale
     use = fitted.used[rows.point]
     size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
-    huber = np.minimum(1.0, FAR * scale / np.maximum(size, 1e-300))
+    huber = np.minimum(1.0, HUBER * scale / np.maximum(size, 1e-300))
     robust = student_weights(rows, fitted.residual, scale)
     known = prior or fitted.prior
     return _look(fitted, robust * use, known), _look(fitted, huber * use, known)
@@ -253,7 +239,7 @@ def _has_drivers(system: System, candidate: Candidate) -> bool:
         values = data.values.get(name)
         if values is None or not np.isfinite(values[data.open]).any():
             return False
-        if np.nanstd(values[data.open]) < VARYING * np.nanmedian(data.noise[name]):
+        if np.nanstd(values[data.open]) < DRIVER_VARIES * np.nanmedian(data.noise[name]):
             return False
     return any(o in system.number for o in candidate.observers)
 

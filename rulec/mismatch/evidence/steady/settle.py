@@ -7,15 +7,13 @@ sensors: their errors belong into the parameters then, as in any calibration on 
 from __future__ import annotations
 
 import numpy as np
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.limits import NORMAL_SPREAD
 
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.limits import MISFIT_FAR
 from rulec.mismatch.result import Changed, Repair
-
-FAR = 5.0
-"""Robust standard deviations beyond which a point is set aside, as in calibration."""
 
 
 def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> Fitted:
@@ -134,7 +132,7 @@ def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
 def _near(off: Array) -> np.ndarray:
     """Which of some errors are not far off."""
     far = np.abs(off - np.median(off))
-    flags: np.ndarray = far <= FAR * max(limits.NORMAL_SPREAD * float(np.median(far)), 1e-300)
+    flags: np.ndarray = far <= MISFIT_FAR * max(NORMAL_SPREAD * float(np.median(far)), 1e-300)
     return flags
 
 

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-SINGULAR = 1e10
-"""Condition from which on a system has no solution."""
+from rulec.mismatch.limits import SINGULAR
 
 
 def inverses_of(tables: Sequence[Array]) -> list[Array]:

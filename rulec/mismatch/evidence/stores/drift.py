@@ -15,13 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-
-KNOTS = 16
-"""Values of a slow error over a recording."""
-
-NOTABLE, LARGE = 0.001, 0.05
-"""An error that moves no reading by this share of its scatter does not matter; it may change with
-time where it moves one by the larger share."""
+from rulec.mismatch.limits import DRIFT_KNOTS, LARGE_DRIFT, NOTABLE_DRIFT
 
 
 @dataclass(frozen=True)
@@ -76,9 +70,9 @@ def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float])
         u = np.broadcast_to(u, course.shape)
         moved = _stacked(bench, joined, values, {**record.inputs, name: course + u})
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
-        if size < NOTABLE:
+        if size < NOTABLE_DRIFT:
             continue
-        for shape in _hats(bench.time) if size > LARGE else [np.ones(len(bench.time))]:
+        for shape in _hats(bench.time) if size > LARGE_DRIFT else [np.ones(len(bench.time))]:
             changed = {**record.inputs, name: course + u * shape}
             columns.append(_stacked(bench, joined, values, changed) - plain)
             shapes.append((name, u * shape))
@@ -122,5 +116,5 @@ def _stacked(
 
 def _hats(time: Array) -> list[Array]:
     """Piecewise linear shapes that add up to one."""
-    knots = np.linspace(time[0], time[-1], KNOTS)
-    return [np.interp(time, knots, row) for row in np.eye(KNOTS)]
+    knots = np.linspace(time[0], time[-1], DRIFT_KNOTS)
+    return [np.interp(time, knots, row) for row in np.eye(DRIFT_KNOTS)]

@@ -19,34 +19,19 @@ from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.stores.drift import Drift
 from rulec.mismatch.evidence.stores.noise import Noise, noise_of
 from rulec.mismatch.evidence.stores.simulation_problem import Bench, Simulated, unknowns_of
-
-WIDEST = 6.0
-"""Stated uncertainties by which a parameter may leave its value."""
-
-SMALLEST = 0.02
-"""A parameter keeps its sign, and this share of itself."""
-
-NEAR = 0.01
-"""Share of its range by which a value may be off an end and still count as there."""
-
-INWARD, PRESSING = 0.1, 0.5
-"""A value is pressed to an end if this share of the way back would cost so much likelihood, """
-
-ONWARD = 1.92
-"""and to go on would gain so much (chi-square with one degree, half): a truth that lies at the end,
-as of a pump that follows no further at all, is pressed there by noise half of the time."""
-
-GENTLE = 0.05
-"""Share of a step that matters by which a strength is off its null where models are made linear."""
-
-EDGE = 0.02
-"""Share of the recording before which, and this much before whose end, nothing begins."""
-
-QUICK = 8
-"""Evaluations of a fit that starts near its end."""
-
-RUNAWAY = 1e6
-"""Error, in standard deviations, of a model whose states grow beyond all bounds."""
+from rulec.mismatch.limits import (
+    AT_END,
+    DROP,
+    EDGE,
+    GENTLE,
+    HELD_EVALUATIONS,
+    INWARD,
+    PRESSING,
+    RUNAWAY,
+    SAME_SIGN,
+    SPREAD_OUT,
+    WIDEST,
+)
 
 
 @dataclass(frozen=True)
@@ -140,8 +125,8 @@ class Fitter:
 
     def _bounds(self) -> tuple[Array, Array]:
         low, high = self._mean - WIDEST * self._u, self._mean + WIDEST * self._u
-        low = np.where(self._mean > 0, np.maximum(low, SMALLEST * self._mean), low)
-        high = np.where(self._mean < 0, np.minimum(high, SMALLEST * self._mean), high)
+        low = np.where(self._mean > 0, np.maximum(low, SAME_SIGN * self._mean), low)
+        high = np.where(self._mean < 0, np.minimum(high, SAME_SIGN * self._mean), high)
         ends = [self._ends(u) for u in self._unknowns]
         return (
             np.concatenate([low, [end[0] for end in ends]]),
@@ -177,7 +162,7 @@ class Fitter:
         value = at[i] + step
         with self._held({i: value}):
             starts = [np.clip(at + step * a, self._low, self._high) for a in (0.0, along)]
-            near = [self.descend(start, judged, basis, QUICK) for start in starts]
+            near = [self.descend(start, judged, basis, HELD_EVALUATIONS) for start in starts]
             return min(self.cost(point, judged, basis) for point in near)
 
     @contextlib.contextmanager
@@ -369,7 +354,7 @@ class Fitter:
             for i, unknown in enumerate(self._unknowns)
             for end in (unknown.lowest, unknown.highest)
             if unknown.null is not None and end != unknown.null
-            if abs(at[self._count + i] - end) < NEAR * (unknown.highest - unknown.lowest)
+            if abs(at[self._count + i] - end) < AT_END * (unknown.highest - unknown.lowest)
         ]
         for i, unknown in enumerate(self._unknowns):
             low, high = self._ends(unknown)
@@ -383,7 +368,7 @@ class Fitter:
         for i, unknown, end in at_end:
             back = INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
             steep = abs(float(slopes[:, i] @ residual))
-            if steep * back > PRESSING and 0.5 * steep**2 * open_[i] > ONWARD:
+            if steep * back > PRESSING and 0.5 * steep**2 * open_[i] > DROP:
                 found.append(unknown.id)
         return tuple(found)
 
@@ -397,7 +382,7 @@ class Fitter:
         judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
         # What the data leave open is uniform between its bounds, and no more uncertain than that.
-        span = np.minimum(self._high - self._low, 1e6 * self._scale) / self._scale
+        span = np.minimum(self._high - self._low, SPREAD_OUT * self._scale) / self._scale
         scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
         covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
         return replace(fitted, covariance=covariance)

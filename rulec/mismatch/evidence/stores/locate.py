@@ -18,15 +18,7 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Spot
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-
-KNOTS = (48, 192)
-"""Values of an error over a recording: one that is smooth, and one that surges."""
-
-MOST = 0.5
-"""Share of the squared errors with which a smooth course will do."""
-
-SIZES = np.logspace(-3.0, 1.5, 19)
-"""Sizes of an error that are tried, as a share of what would move readings by their scatter."""
+from rulec.mismatch.limits import COURSE_KNOTS, COURSE_SIZES, SMOOTH_ENOUGH
 
 STORED = ("balance", "reading")
 
@@ -47,10 +39,10 @@ class Suspect:
 def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
     found: list[Suspect] = []
-    for knots in KNOTS:
+    for knots in COURSE_KNOTS:
         found = _suspects(bench, fitted, judged, knots)
         # The smoother a course that will do, the more its place is worth.
-        if found and found[0].share > MOST:
+        if found and found[0].share > SMOOTH_ENOUGH:
             break
     return found
 
@@ -134,7 +126,7 @@ def _suspect(spot: Spot, columns: Array, shapes: list[Array], size: float, left:
     basis, lengths, turned = np.linalg.svd(columns, full_matrices=False)
     inside = basis.T @ left
     best: tuple[float, float] = (0.0, 0.0)
-    for scale in SIZES:
+    for scale in np.logspace(*COURSE_SIZES):
         spread = 1.0 + (scale * lengths) ** 2
         gain = 0.5 * float(np.sum(inside**2 * (1.0 - 1.0 / spread)) - np.sum(np.log(spread)))
         if gain > best[0]:

@@ -16,10 +16,8 @@ from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.record import Record
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Bench
+from rulec.mismatch.limits import STORES_PACE
 from rulec.mismatch.result import Estimate, Period
-
-PACE = Pace(steps=5, near=0.1, shortest=1.1, uphill=3.0)
-"""How an end of an interval is searched for by refits."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ class StoresModel:
             lowest=lowest,
             highest=highest,
             fall=lambda step: fitter.fall(at, i, step, along, judged, basis) - bottom,
-            pace=PACE,
+            pace=Pace(*STORES_PACE),
         )
 
     def periods(

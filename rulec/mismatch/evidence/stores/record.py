@@ -18,12 +18,7 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
 
 from rulec.mismatch.evidence.steady.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
-
-BUDGET = 4096
-"""Samples at most; neighbours of longer recordings are averaged."""
-
-BLOCKS = 25
-"""Blocks of a recording."""
+from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +80,7 @@ def record_of(
         glitches[name] = int(strange[name].sum())
     rows, whole = np.arange(len(recording.time)), measured
     inputs = {n: v for n, v in recording.values.items() if n in given}
-    factor = -(-len(recording.time) // BUDGET)
+    factor = -(-len(recording.time) // SAMPLE_BUDGET)
     time, inputs, measured = thinned(recording.time, inputs, measured, factor)
     inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
     if any(n not in inputs for n in dynamics.inputs) or len(time) < BLOCKS:

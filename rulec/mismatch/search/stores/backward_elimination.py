@@ -10,19 +10,13 @@ import numpy as np
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
+from rulec.mismatch.limits import DISTANT, EXCHANGE_WORTH, EXCHANGES, WEIGHED
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted, Odds
 from rulec.mismatch.search.stores.beam import are_twins, in_place_of
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found
 from rulec.mismatch.search.stores.searcher import Searcher
-
-WEIGHED, DISTANT = 6, 8.0
-"""Other explanations that are fitted to the end, and how far behind they may be, log likelihood;
-unless they would be told by themselves: a trial of what begins finds a part of its gain at most."""
-
-EXCHANGES, WORTH = 2, 0.5
-"""Exchanges at most, and the gain that one must bring."""
 
 
 def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
@@ -101,7 +95,11 @@ def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | 
     if ahead is None or searcher.gain(ahead, best) < 0.0:
         return None
     polished = searcher.polished(ahead)
-    return polished if searcher.gain(polished, best) > WORTH and not polished.pressed else None
+    return (
+        polished
+        if searcher.gain(polished, best) > EXCHANGE_WORTH and not polished.pressed
+        else None
+    )
 
 
 def _odds(

@@ -10,15 +10,7 @@ import numpy as np
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.stores.fit import Fitted
-
-BEAM = 6
-"""Models that are carried along."""
-
-KIN = 3
-"""Models carried along that share an explanation, at most."""
-
-TWINS = 0.01
-"""Models whose errors differ by less than this share of their spread are one."""
+from rulec.mismatch.limits import BEAM, EQUIVALENT, SHARING
 
 Task = tuple[Fitted, tuple[Candidate, ...]]
 """A fitted model, and what is joined instead."""
@@ -78,7 +70,7 @@ def distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
             break
         if any(are_twins(fitted, other) for other in kept):
             continue
-        if max((count[i] for i in fitted.ids), default=0) < KIN:
+        if max((count[i] for i in fitted.ids), default=0) < SHARING:
             kept.append(fitted)
             count.update(fitted.ids)
     return kept
@@ -89,4 +81,4 @@ def are_twins(one: Fitted, other: Fitted) -> bool:
     if len(one.joined) != len(other.joined):
         return False
     pairs = ((one.errors[n], other.errors[n], noise.spread) for n, noise in one.noise.items())
-    return all(np.sqrt(np.nanmean((a - b) ** 2)) < TWINS * spread for a, b, spread in pairs)
+    return all(np.sqrt(np.nanmean((a - b) ** 2)) < EQUIVALENT * spread for a, b, spread in pairs)

@@ -8,10 +8,8 @@ from dataclasses import replace
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.limits import ALIGNED
 from rulec.mismatch.search.stores.searcher import Searcher
-
-ALIGNED = 12
-"""Faults that are tried from the onset of the best of them."""
 
 
 def with_kin(

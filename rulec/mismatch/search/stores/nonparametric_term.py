@@ -8,22 +8,10 @@ import numpy as np
 
 from rulec.effects.candidate import Spot
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.search.price import SURPASSED
+from rulec.mismatch.limits import DRAWN, FOLLOWED, PIECE_WIDTH, PIECES, SURPASSED
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.searcher import Searcher
-
-MOST = 12
-"""Readings and states that a term without physics may follow."""
-
-PIECES = (3, 2, 1)
-"""Pieces of a curve over one of them: as many as its values tell apart."""
-
-APART = 0.05
-"""Share of the range of its values by which ends of pieces differ at least."""
-
-DRAWN = 4
-"""Curves that are fitted to the end."""
 
 
 def or_nameless(searcher: Searcher, named: Fitted, bare: Sequence[Fitted], tried: int) -> Fitted:
@@ -47,7 +35,7 @@ def curves(searcher: Searcher, bare: Sequence[Fitted], spots: Sequence[Spot]) ->
     bench = searcher.bench
     assert bench.ruleset.dynamics is not None
     states = (s.id for s in bench.ruleset.dynamics.states)
-    drivers = (*states, *bench.balances(()).inputs)[:MOST]
+    drivers = (*states, *bench.balances(()).inputs)[:FOLLOWED]
     pieces = {driver: _pieces(searcher, bare[0], driver) for driver in drivers}
     return [
         (model, (bench.builder.free_form(spot.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
@@ -65,6 +53,6 @@ def _pieces(searcher: Searcher, plain: Fitted, driver: str) -> int:
     span = float(np.nanmax(course) - np.nanmin(course))
     for count in PIECES:
         knots = np.nanquantile(course, np.linspace(0.0, 1.0, count + 1))
-        if span > 0.0 and float(np.min(np.diff(knots))) > APART * span:
+        if span > 0.0 and float(np.min(np.diff(knots))) > PIECE_WIDTH * span:
             return count
     return 0

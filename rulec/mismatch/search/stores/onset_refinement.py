@@ -11,11 +11,8 @@ from dataclasses import replace
 from rulec_runtime.simulation.balances import TIME
 
 from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.limits import SUDDEN
 from rulec.mismatch.search.stores.searcher import Searcher
-
-SUDDEN = 250.0
-"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
-quarter of a sample."""
 
 
 def sharpened(searcher: Searcher, best: Fitted, plain: Fitted) -> Fitted:

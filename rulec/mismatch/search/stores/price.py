@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.search.price import COMMON, RARITY
-
-NEEDED = 3.0
-"""Gain in log likelihood that an explanation needs beyond the logarithm of those tried."""
+from rulec.mismatch.limits import COMMON, NEEDED_OVER_TIME, RARITY
 
 
 def price_of(fitted: Fitted, news: float) -> float:
@@ -24,4 +21,4 @@ def price_of(fitted: Fitted, news: float) -> float:
 
 def needed(tried: int) -> float:
     """Gain that is worth naming."""
-    return NEEDED + float(np.log(max(tried, 1)))
+    return NEEDED_OVER_TIME + float(np.log(max(tried, 1)))

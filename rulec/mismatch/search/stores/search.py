@@ -16,35 +16,23 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.search.stores.beam import BEAM, distinct, swaps_of, tasks_of
+from rulec.mismatch.limits import (
+    BEAM,
+    DEEPEST,
+    HOPELESS,
+    LEAST_STEP,
+    LED,
+    NARROWED,
+    SWAPPED,
+    WHITE,
+    WHITEST,
+)
+from rulec.mismatch.search.stores.beam import distinct, swaps_of, tasks_of
 from rulec.mismatch.search.stores.masked_pair import hiding_pairs
 from rulec.mismatch.search.stores.nested_models import begun_alike, with_kin
 from rulec.mismatch.search.stores.nonparametric_term import or_nameless
 from rulec.mismatch.search.stores.price import needed
-from rulec.mismatch.search.stores.searcher import HOPEFUL, Searcher
-
-DEEPEST = 3
-"""Explanations at most: any course is explained by enough of them."""
-
-NARROWED = 3
-"""Models of two explanations or more that are carried along."""
-
-WHITEST = 2
-"""Models that are carried along beside those, as what they leave looks most like noise. Where the
-plain model is off for long stretches there is little news by its memory: then models hardly stand
-apart, and prices decide."""
-
-SWAPPED = 2
-"""Models of each level in which single explanations are exchanged."""
-
-LED = 3
-"""The best explanations from whose values the plain model is fitted anew."""
-
-STEP = 1.0
-"""Gain of one more explanation below which no further one is tried."""
-
-WHITE = 1.3
-"""Errors that stay as they are for fewer samples than this have no structure to explain."""
+from rulec.mismatch.search.stores.searcher import Searcher
 
 Progress = Callable[[str], None]
 
@@ -148,7 +136,7 @@ def _hiding(
     """Pairs whose parts hide each other, which gain more than any single one; all pairs are looked
     at, and that is paid for."""
     pairs = needed(len(candidates) * (len(candidates) - 1) // 2)
-    tasks = hiding_pairs(searcher, plain, candidates, HOPEFUL * pairs)
+    tasks = hiding_pairs(searcher, plain, candidates, HOPELESS * pairs)
     found = searcher.refined(searcher.ranked(tasks, plain), plain)
     least = max((searcher.gain(f, plain) for f in singles), default=0.0) + pairs
     return [f for f in found if searcher.gain(f, plain) > least]
@@ -191,7 +179,7 @@ def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]
     for near in singles[:LED]:
         values = {n: v for n, v in near.values.items() if n in known}
         found = searcher.polished(replace(plain, values=values))
-        if searcher.gain(found, plain) > STEP:
+        if searcher.gain(found, plain) > LEAST_STEP:
             return found
     return None
 
@@ -204,4 +192,4 @@ def _is_white(fitted: Fitted) -> bool:
 def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
     """The last explanation was not worth its price; of two, both may be needed at once."""
     now, before = (searcher.standing(level[0], plain) for level in (levels[-1], levels[-2]))
-    return now < STEP or (len(levels) > 3 and now < before + STEP)
+    return now < LEAST_STEP or (len(levels) > 3 and now < before + LEAST_STEP)

@@ -17,35 +17,20 @@ from rulec.mismatch.evidence.stores.drift import moved_again
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.search.stores.beam import BEAM, Task
+from rulec.mismatch.limits import (
+    BEAM,
+    DESCENDED,
+    HOPELESS,
+    POLISHES,
+    PROMISING,
+    SCATTER,
+    SCATTERED,
+    STEP_SHARES,
+    THOROUGH,
+    TRIAL_EVALUATIONS,
+)
+from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed, price_of
-
-SCATTERED = 4
-"""Random starts of a trial beside those that its candidate names."""
-
-DESCENDED = 2
-"""The best starts from which a trial is fitted, beside the best one with parameters as stated:
-recalibration that makes up for strong physics may lie behind a ridge."""
-
-SHARES = (1.0, 0.3, 0.1, 0.03)
-"""Of a step of the model made linear: strong physics bends so much that the whole one leads far
-away, and no share of it too."""
-
-PROMISING = 10
-"""Trials on each model with explanations that are fitted further than that; on the plain one all
-are, as what is told in the end is mostly told there."""
-
-SHARE = 0.7
-"""How far random starts are from the last optimum, in stated uncertainties."""
-
-HOPEFUL = 0.5
-"""Share of the gain that is needed which a glance must promise: it seldom finds half of it."""
-
-POLISHES = 2
-"""Fits to the end, before each of which it is looked anew what errors of sensors do."""
-
-QUICK, THOROUGH = 8, 60
-"""Evaluations of a trial and of a winner."""
 
 
 class Searcher:
@@ -106,7 +91,7 @@ class Searcher:
         on: Fitted | None,
         joined: tuple[Candidate, ...],
         scattered: int = SCATTERED,
-        evaluations: int = QUICK,
+        evaluations: int = TRIAL_EVALUATIONS,
         descended: int = DESCENDED,
     ) -> Fitted:
         """Fit a model; what `on` knows is where starts are near."""
@@ -117,7 +102,7 @@ class Searcher:
         starts += [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
         base = list(starts)
         for i in range(scattered):
-            starts.append(fitter.scattered(base[i % len(base)], random, SHARE))
+            starts.append(fitter.scattered(base[i % len(base)], random, SCATTER))
         groups = ((starts, descended), (stated, 1))
         begun = [a for g, most in groups for a in _cheapest(fitter, g, most, judged, basis)]
         near = [fitter.descend(at, judged, basis, evaluations) for at in begun]
@@ -177,7 +162,7 @@ class Searcher:
         fitter, judged, _ = self._begun(on, on.joined)
         before = -fitter.cost(fitter.vector(on.values), judged, judged.basis())
         before -= price_of(on, self.news(on))
-        least = before + HOPEFUL * needed(len(candidates))
+        least = before + HOPELESS * needed(len(candidates))
         with ThreadPoolExecutor(self.workers) as pool:
             seen = pool.map(lambda c: self.glance(on, (*on.joined, c)), candidates)
             return any(glance > least for glance in seen)
@@ -322,7 +307,7 @@ def _cheapest(
 def _stepped(fitter: Fitter, at: Array, judged: Judged, basis: Array) -> tuple[float, Array]:
     """A cheaper point on the way to the optimum of the model made linear, with its cost."""
     far, here = fitter.ahead(at, judged, basis), fitter.cost(at, judged, basis)
-    for share in SHARES:
+    for share in STEP_SHARES:
         point = at + share * (far - at)
         cost = fitter.cost(point, judged, basis)
         if cost < here:

@@ -15,10 +15,10 @@ from rulec.mismatch import steady
 from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.steady.predict import predictors_for
 from rulec.mismatch.evidence.steady.settle import with_sensors_as_they_are
+from rulec.mismatch.limits import NEEDED, WORTH
 from rulec.mismatch.result import Finding, Mismatch
 from rulec.mismatch.search.compete import Contestant
 from rulec.mismatch.search.search import Search, search
-from rulec.mismatch.search.weigh import NEEDED, WORTH
 from rulec.mismatch.steady import models_of, prove
 from tests.rig.mismatch.planted.build import Built, drawn, opened, recorded, with_term
 from tests.rig.mismatch.planted.cases import STRENGTHS, Planted

@@ -9,7 +9,8 @@ import pytest
 from rulec_runtime.recordings.thin import glitches_in
 
 from rulec.mismatch.evidence.failing_sensors import failing
-from rulec.mismatch.evidence.stores.record import BLOCKS, BUDGET, record_of
+from rulec.mismatch.evidence.stores.record import record_of
+from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 from tests.runtime.mismatch.dynamic.benches import made, tanks
 
 
@@ -39,10 +40,10 @@ def test_the_beginning_is_never_held_out() -> None:
 def test_long_recordings_keep_the_volume_that_was_pumped() -> None:
     """Neighbours are averaged: what flowed in stays the same."""
     ruleset, builder = tanks()
-    recording = made(3 * BUDGET)
+    recording = made(3 * SAMPLE_BUDGET)
     record = record_of(recording, ruleset, builder.given)
     assert record is not None
-    assert len(record.time) <= BUDGET
+    assert len(record.time) <= SAMPLE_BUDGET
     kept = recording.values["pump.u"][: 3 * len(record.time)]
     assert record.inputs["pump.u"].mean() == pytest.approx(kept.mean(), rel=1e-12)
 

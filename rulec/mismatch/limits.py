@@ -1,0 +1,719 @@
+"""Every number that decides in the comparison of simulation and recording.
+
+Each states what it means and, last, its origin: a distribution and its quantile, a source, the
+command that measured it, numerical (it bounds effort or rounding), or assumed.
+"""
+
+from __future__ import annotations
+
+# Recordings: settled points, samples, blocks.
+
+FEWEST_POINTS = 12
+"""Settled points below which nothing can be compared. Origin: assumed."""
+
+BLOCKS = 25
+"""Blocks of time into which a recording is cut; some are held out. Origin: assumed."""
+
+BLOCK_POINTS = 4
+"""Settled points that a block needs at least. Origin: assumed."""
+
+POINT_BUDGET = 15_000
+"""Settled points times observers at most; of longer recordings more samples are averaged into
+one point. It bounds time and memory. Origin: numerical."""
+
+SAMPLE_BUDGET = 4096
+"""Samples of a plant that stores at most; neighbours of longer recordings are averaged. It
+bounds the time of a simulation. Origin: numerical."""
+
+BRIDGED = 0.8
+"""Share of readings that must be there for gaps in a reading that no estimate needs to be
+bridged. Origin: assumed."""
+
+STATISTICAL_SHARE = 0.3
+"""Noise as a share of the systematic uncertainty where the recording does not show it. Origin:
+assumed."""
+
+FLOOR_SHARE = 0.1
+"""Noise of a mean is at least this share of what the class of its sensor gives: a reading that
+is constant by quantisation is not therefore exact. Origin: assumed."""
+
+KEPT = 0.25
+"""Share of the open samples that faults must leave, or those in faults are not set aside.
+Origin: assumed."""
+
+
+# Sensors that fail to read.
+
+SENSOR_FAILS = 0.99
+"""Probability of a finding that a sensor fails: nothing else does this. Origin: assumed."""
+
+IMPOSSIBLE_SHARE = 0.5
+"""Share of its readings from which on a sensor is reported to show what it cannot. Origin:
+assumed."""
+
+IMPOSSIBLE_READINGS = 12
+"""Number of readings from which on a sensor is reported to show what it cannot. Origin: assumed."""
+
+DROP_OUT_SHARE = 0.005
+"""Share of its readings from which on single odd ones are a fault of the sensor. Origin:
+assumed."""
+
+DROP_OUT_READINGS = 20
+"""Number of single odd readings from which on they are a fault of the sensor. Origin: assumed."""
+
+
+# Residuals at settled points.
+
+RARE_PATTERN = 0.01
+"""Patterns of usable estimates at fewer points than this share are left out. Origin: assumed."""
+
+LEAST_NOISE = 1e-6
+"""Noise of an output as a share of its size at least: nothing is exact. Origin: numerical."""
+
+NO_SLOPE = 1e100
+"""A slope beyond this is none. Origin: numerical."""
+
+RECONCILED = 3.0
+"""Standard uncertainties up to which errors count as noise, and all readings are reconciled;
+beyond them the outputs alone are moved. Origin: assumed."""
+
+MOST_TOWARDS_ZERO = 0.95
+"""Share of itself by which a reading may be moved towards zero: it keeps its sign. Origin:
+numerical."""
+
+MOST_AWAY_FROM_ZERO = 20.0
+"""Times itself by which a reading may be moved away from zero. Origin: numerical."""
+
+SINGULAR = 1e10
+"""Condition number from which on a system of equations has no solution. Origin: numerical."""
+
+PREDICTOR_STEPS = 12
+"""Newton steps in which a relation is solved for a reading. Origin: numerical."""
+
+
+# Fits to settled points.
+
+FREEDOM = 4.0
+"""Degrees of freedom of the Student distribution of residuals. Origin: source: Lange, Little,
+Taylor 1989, as is usual."""
+
+FIT_STEPS = 100
+"""Steps after which a fit ends anyway. Of refits with a law in them a quarter is not at its end
+after 20: what a law shares with the values of its module bends the valley that it lies in.
+Origin: numerical."""
+
+HALF_STEPS = 50
+"""Steps of a refit to half of the blocks, which starts near its end. Origin: numerical."""
+
+HELD_STEPS = 4
+"""Steps of a refit with one value held near the optimum. Origin: numerical."""
+
+SOFTEST = 1e-9
+"""Damping of a fit at least. Origin: numerical."""
+
+HARDEST = 1e9
+"""Damping beyond which there is no step down. Origin: numerical."""
+
+EASIER = 9.0
+"""By how much damping falls at most after a step that was foreseen. Origin: numerical."""
+
+CONVERGED = 1e-4
+"""Gain in log likelihood per step, as a share of the points, below which a fit has ended.
+Origin: numerical."""
+
+BATCHES = 40
+"""Batches of time by whose means neighbours are found to be alike. Origin: assumed."""
+
+RELEASE = 30.0
+"""Factor on the stated uncertainty of the parameters of a module whose calibration is let go,
+where no data sheet says more. Origin: assumed."""
+
+DRIFTED = 3.0
+"""Factor on the class of a sensor that drifts: it was right at another time, or at another
+temperature than the usual one. Origin: assumed."""
+
+SHEET_HOLDS = 4.0
+"""Standard uncertainties that lie at most between a data sheet that holds and a value; by chance
+more do in one of 3000 modules of five values. Origin: distribution: normal, two-sided, 6e-5 per
+value."""
+
+LOOSE = 2.0
+"""Standard uncertainties by which a value may move in a refit to half of the blocks. Origin:
+assumed."""
+
+MISFIT_FAR = 5.0
+"""Robust standard deviations beyond which a point is set aside, as in calibration. Origin:
+assumed."""
+
+FAR_MOVED = 5.0
+"""Stated uncertainties by which a parameter may move before it is worth a remark. Origin:
+assumed."""
+
+
+# Fits to plants that store.
+
+WIDEST = 6.0
+"""Stated uncertainties by which a parameter may leave its value. Origin: assumed."""
+
+SAME_SIGN = 0.02
+"""A parameter keeps its sign, and this share of itself. Origin: assumed."""
+
+AT_END = 0.01
+"""Share of its range by which a value may be off an end and still count as there. Origin:
+numerical."""
+
+INWARD = 0.1
+"""Share of the way back from an end whose cost is looked at: see `PRESSING`. Origin: assumed."""
+
+PRESSING = 0.5
+"""Log likelihood that `INWARD` must cost for a value to be pressed to an end of its range.
+Origin: assumed."""
+
+GENTLE = 0.05
+"""Share of a step that matters by which a strength is off its null where models are made linear.
+Origin: numerical."""
+
+EDGE = 0.02
+"""Share of the recording before which, and this much before whose end, nothing begins. Origin:
+assumed."""
+
+HELD_EVALUATIONS = 8
+"""Evaluations of a fit with one value held, which starts near its end. Origin: numerical."""
+
+TRIAL_EVALUATIONS = 8
+"""Evaluations of a trial. Origin: numerical."""
+
+THOROUGH = 60
+"""Evaluations of a fit to the end. Origin: numerical."""
+
+ROUNDS = 2
+"""Times that a fit to the end looks at its noise anew. Origin: numerical."""
+
+RUNAWAY = 1e6
+"""Error, in standard deviations, of a model whose states grow beyond all bounds. Origin:
+numerical."""
+
+DRIFT_KNOTS = 16
+"""Values of a slow error of a given reading over a recording. Origin: assumed."""
+
+NOTABLE_DRIFT = 0.001
+"""An error within its class that moves no reading by this share of its scatter does not matter.
+Origin: assumed."""
+
+LARGE_DRIFT = 0.05
+"""An error within its class may change with time where it moves a reading by this share of its
+scatter. Origin: assumed."""
+
+ODD_RESIDUAL = 4.0
+"""Scales at which residuals are cut where it is looked how alike neighbours are. Origin:
+assumed."""
+
+SPREAD_OUT = 1e6
+"""Steps that matter at which the range of a value ends that data leave open. Origin: numerical."""
+
+
+# Where something is wrong.
+
+REGION_TELLING = 0.35
+"""A region is reported if it holds this much more of the mismatch than of the points. Origin:
+assumed."""
+
+REGION_CLEARER = 0.02
+"""By so much more a later reading must tell a region, to be taken in the place of an earlier
+one. Origin: assumed."""
+
+REGION_ENDS = 40
+"""Ends of a region that are tried per reading. Origin: numerical."""
+
+REGION_POINTS = 8
+"""Values that a reading needs for a region, and more. Origin: assumed."""
+
+PERIODS_MOST = 8
+"""Periods of a mismatch at most: with more it is everywhere. Origin: assumed."""
+
+PERIOD_SAMPLES = 20
+"""Samples from which on a mismatch may have periods. Origin: assumed."""
+
+PERIOD_PIECES = 120
+"""Pieces of time whose mean mismatch is looked at, at most. Origin: assumed."""
+
+PERIOD_LEVEL = 0.25
+"""A piece belongs to a period from this share of the highest level on. Origin: assumed."""
+
+PERIOD_HIGHEST = 0.98
+"""Quantile of the levels that counts as the highest. Origin: assumed."""
+
+PERIOD_TIME = 0.5
+"""Share of the time that periods take at most. Origin: assumed."""
+
+PERIOD_SHARE = 0.8
+"""Share of the mismatch that periods must hold. Origin: assumed."""
+
+SAME_PATTERN = 0.99
+"""Cosine of the errors of two places from which on no residual tells them apart. Origin:
+assumed."""
+
+SLOW_VALUES = 40
+"""Values of a course of an error that changes slowly. Origin: assumed."""
+
+COURSE_KNOTS = (48, 192)
+"""Values of an error over a recording: one that is smooth, and one that surges. Origin: assumed."""
+
+SMOOTH_ENOUGH = 0.5
+"""Share of the squared errors that a smooth course must explain to be taken. Origin: assumed."""
+
+COURSE_SIZES = (-3.0, 1.5, 19)
+"""Decimal logarithms of the smallest and the largest size of an error that are tried, and how
+many, as a share of what would move readings by their scatter. Origin: numerical."""
+
+PLACE_NEARLY = 2.0
+"""Log likelihood within which of the best place others are not told from it. Origin: assumed."""
+
+PLACE_ALIKE = 0.02
+"""Share of the squared errors within which of the best place others are not told from it.
+Origin: assumed."""
+
+PLACE_SHARE = 0.3
+"""Share of the squared errors that an error of free course must explain for a place to be
+reported. Origin: assumed."""
+
+
+# What each explanation could explain.
+
+MOST_STARTS = 12
+"""Combinations of shapes that are tried of one candidate. Origin: numerical."""
+
+BENT = 5.0
+"""Ratio of two starts from which on a law is taken to bend between them. Origin: assumed."""
+
+DRIVER_VARIES = 3.0
+"""Times the noise of its settled readings by which a driver must vary. Origin: assumed."""
+
+NEAR_ZERO = 0.05
+"""Share of its median reading below which no reference lies whose readings are positive. Origin:
+assumed."""
+
+HUBER = 2.5
+"""Scales beyond which residuals count less, in the second of two linear problems. Origin:
+assumed."""
+
+
+# Prices and gains: log likelihood and log odds.
+
+RARITY = {"physics": 0.0, "ageing": 0.5, "fault": 1.0, "sensor": 2.5, "free": 20.0, "hidden": 0.0}
+"""How much less expected each sort is, in log odds: laws are simplified more often than sensors
+leave their class. A free form is chosen among thousands, and pays for that. Origin: assumed."""
+
+COMMON = 6.0
+"""What a claim about several modules must gain more than one about a single module. Origin:
+assumed."""
+
+HEALED = 3.0
+"""How much less expected a fault is with each time that it ends by itself, in log odds. Origin:
+assumed."""
+
+FLICKERING = 2.0
+"""How much less expected a sensor is that errs in some periods only, in log odds. Origin:
+assumed."""
+
+SURPASSED = 1.35
+"""Times the gain of a name that a free curve must gain to say that the name only imitates it.
+Origin: assumed."""
+
+HOPELESS = 0.5
+"""Share of the gain that is needed, or to be beaten, which the linearised gain of a trial must
+promise: it is estimated to first order, and seldom doubles. Origin: assumed."""
+
+NEEDED = 8.0
+"""Gain in log likelihood that an explanation at settled points needs beyond the logarithm of
+those tried and the worth of all points. In 38 clean recordings the best explanation gained 8.5
+in one, and less than its price in the others; after this was chosen, none of 100 other clean
+recordings reported anything. Origin: measured by `python -m tests.rig.mismatch clean`."""
+
+NEEDED_OVER_TIME = 3.0
+"""Gain in log likelihood that an explanation of a plant that stores needs beyond the logarithm
+of those tried. Origin: assumed."""
+
+WORTH = 0.005
+"""Gain per settled point that is worth naming: a term of about a tenth of the scatter. Origin:
+assumed."""
+
+SAYS_THE_SAME = 0.1
+"""Log likelihood by which the predictions of two models differ at most that say the same: less
+than a tenth of what is worth a remark between two explanations (1, in nats). Origin: source:
+Jeffreys 1961, a tenth of it."""
+
+
+# Blocks that were not fitted to, and rivals.
+
+SURE = 3.0
+"""Standard deviations, robust over blocks, by which a gain differs from none. Origin:
+distribution: normal, two-sided, 0.3 %."""
+
+SOMETHING = 1.5
+"""Standard uncertainties by which a strength differs from its null at least. Origin: assumed."""
+
+SAME_CHANGE = 0.5
+"""Cosine of the changes that two explanations make, from which on they explain the same. Origin:
+assumed."""
+
+SHUFFLES = 20
+"""Shuffled courses that a driver must beat. Origin: distribution: all beaten by chance in 1 of
+21."""
+
+SEED = 20_240_117
+"""Rivals are drawn from one fixed seed, so that the same recording gives the same answer.
+Origin: numerical."""
+
+STEADY = 0.9
+"""Share of the gain of a term that its mean explains as well where its course has no part in it.
+Origin: assumed."""
+
+LOUD = 3.0
+"""A term is at least this many times what it makes of the noise of readings. Origin: assumed."""
+
+DRIVEN = 0.7
+"""Times the gain of a fault that comes and goes more than once: if a curve over one reading does
+nearly as well, it comes and goes with that reading, and is no fault of its own. Origin: assumed."""
+
+COARSE = 0.5
+"""Part of that gain which such a curve must gain on blocks that it was not fitted to. Origin:
+assumed."""
+
+EVEN = 1.5
+"""Odds up to which two are told apart by blocks that they were not fitted to. Origin: assumed."""
+
+CLOSE = 0.01
+"""Odds from which on another explanation is asked again after periods were cut anew. Origin:
+assumed."""
+
+UNNAMED_PART = 0.15
+"""What has no name is reported if it gains more than this share of what was explained with a
+name. Origin: assumed."""
+
+
+# How much of the search at settled points is tried.
+
+MOST_TERMS = 7
+"""Explanations of one recording. Origin: assumed."""
+
+MANY = 3
+"""Explanations from which on it is asked whether two that are chosen together say the same.
+Origin: assumed."""
+
+FINALISTS = 8
+"""Trials of each round that are refitted in full. Origin: assumed."""
+
+CONTESTED = 6
+"""Refitted trials of each round that are judged on blocks they were not fitted to. Origin:
+assumed."""
+
+OTHERS = 4
+"""Other explanations of each that are tried in an exchange. Origin: assumed."""
+
+PAIRED = 12
+"""Single trials to which a second is looked for, under a calibration that holds. Origin:
+assumed."""
+
+SECONDS = 2
+"""Seconds that are tried beside each single explanation. Origin: assumed."""
+
+BEGUN = 4
+"""Single explanations, under a calibration that holds, to which a second is looked for. Origin:
+assumed."""
+
+PAIR_GAINS_MORE = 1.5
+"""Times what its parts gain alone, linearised, that a pair gains which hides itself. Origin:
+assumed."""
+
+PAIRS_REFITTED = 6
+"""Pairs that hide each other that are refitted: some say nearly the same. Origin: assumed."""
+
+NO_PAIR = 0.9
+"""Cosine of two terms from which on they are no pair. Origin: assumed."""
+
+
+# Faults that come and go.
+
+COMING = 4
+"""Faults that come and go that are refitted in a round. Origin: assumed."""
+
+FEW_CHANGES = 2
+"""Periods of a fault that begins, at most. Origin: assumed."""
+
+LONGEST_COURSE = 1500
+"""Means that a course is reduced to before it is cut: the effort grows with their square.
+Origin: numerical."""
+
+PERIOD_PRICE = 3.0
+"""Price of a period in half log(points): its ends, and that it is there at all. Origin: source:
+Schwarz 1978, three values."""
+
+ODD = (0.0, 0.02, 0.05, 0.1)
+"""Shares of the time that extreme levels on either side may take without being a state, tried in
+turn: something else may be wrong at times, which is no degree of this fault. Origin: assumed."""
+
+FAINT = 0.01
+"""A point says nothing of a degree if it says less than this share of what others say. Origin:
+assumed."""
+
+PASSING = 0.9
+"""Weight of the gain of a fault that is there when the recording begins. Origin: assumed."""
+
+BEGINS = 200
+"""Times at which a fault that stays may begin that are tried. Origin: numerical."""
+
+STEP_PENALTY = 4.0
+"""Price of a step of a course, in log(means): its time and its level. Origin: assumed."""
+
+TWO_STATES = 0.75
+"""Share of the scatter of all levels that two states explain, if there are two. Origin:
+distribution: uniform, as which an even spread of levels gives as much."""
+
+AT_ONCE = 0.6
+"""Share of the distance between two states that a change from one to the other has at once: what
+swings slowly is no fault that comes and goes. Origin: assumed."""
+
+ONE_LEVEL = 0.25
+"""Levels that follow each other and differ by less than this share are one period. Origin:
+assumed."""
+
+MOST_LEVELS = 3
+"""Degrees that a fault comes at. Origin: assumed."""
+
+LEVELS_LEAVE = 0.05
+"""Share of the scatter of degrees that a few levels may leave. Origin: assumed."""
+
+SHORTEST = 3
+"""Means that a period has at least. Origin: assumed."""
+
+COINCIDES = 0.7
+"""Share of what a perfect reading would tell of when a fault is there: from it on the fault
+follows the operating point. Origin: assumed."""
+
+COINCIDING_ENDS = 3
+"""Beginnings and ends of periods from which on this is no accident. Origin: assumed."""
+
+SHIFTS = 19
+"""Shifts in time of the same course, none of which may coincide as well. Origin: distribution:
+by chance in 1 of 20."""
+
+MOVED = 0.03
+"""Share of its range by which a reading has changed its way at least. Origin: assumed."""
+
+CLEARLY = 5.0
+"""Times its noise by which a reading has changed its way at least. Origin: assumed."""
+
+
+# What has no name.
+
+LATENT_PLACES = 3
+"""Places at which a driver that nobody recorded is tried. Origin: assumed."""
+
+LATENT_KNOTS = (2, 4, 7, 12, 20, 40)
+"""Values of a course that is free in time: as few as tell it. Origin: assumed."""
+
+KNOT_POINTS = 4
+"""Points per value of such a course at least. Origin: assumed."""
+
+KNOT_ODD = 3.0
+"""Robust standard deviations at which single points of a course are cut: one odd point is no
+course. Origin: assumed."""
+
+CURVE_PLACES = 2
+"""Most suspect places at which curves over one reading are drawn. Origin: assumed."""
+
+BANDS = (8, 6, 4)
+"""Pieces of a curve over one reading at settled points: as many as its readings tell apart.
+Origin: assumed."""
+
+BAND_WIDTH = 4.0
+"""Times the noise of a reading that a piece of a curve is wide at least. Origin: assumed."""
+
+FEATURE_VARIES = 5.0
+"""Times its noise by which a reading must vary to stand in a term without physics. Origin:
+assumed."""
+
+MOST_FEATURES = 3
+"""Products of readings in a term without physics. Origin: assumed."""
+
+MOST_READINGS = 5
+"""Readings of which products are made. Origin: assumed."""
+
+FEATURE_GAINS = 1.1
+"""Times the gain without it that one more product must gain. Origin: assumed."""
+
+FOLLOWED = 12
+"""Readings and states that a term without physics of a plant that stores may follow. Origin:
+assumed."""
+
+PIECES = (3, 2, 1)
+"""Pieces of a curve over one of them: as many as its values tell apart. Origin: assumed."""
+
+PIECE_WIDTH = 0.05
+"""Share of the range of its values by which ends of pieces differ at least. Origin: assumed."""
+
+DRAWN = 4
+"""Curves that are fitted to the end. Origin: assumed."""
+
+
+# How much of the search of plants that store is tried.
+
+DEEPEST = 3
+"""Explanations at most: any course is explained by enough of them. Origin: assumed."""
+
+BEAM = 6
+"""Models that are carried along. Origin: assumed."""
+
+SHARING = 3
+"""Models carried along that share an explanation, at most. Origin: assumed."""
+
+EQUIVALENT = 0.01
+"""Models whose errors differ by less than this share of their spread are one. Origin: assumed."""
+
+NARROWED = 3
+"""Models of two explanations or more that are carried along. Origin: assumed."""
+
+WHITEST = 2
+"""Models that are carried along beside those, as what they leave looks most like noise. Where
+the plain model is off for long stretches there is little news by its correlation time: then
+models hardly stand apart, and prices decide. Origin: assumed."""
+
+SWAPPED = 2
+"""Models of each level in which single explanations are exchanged. Origin: assumed."""
+
+LED = 3
+"""The best explanations from whose values the plain model is fitted anew. Origin: assumed."""
+
+LEAST_STEP = 1.0
+"""Gain of one more explanation below which no further one is tried. Origin: assumed."""
+
+WHITE = 1.3
+"""Correlation time in samples below which errors have no structure to explain. Origin: assumed."""
+
+SCATTERED = 4
+"""Random starts of a trial beside those that its candidate names. Origin: assumed."""
+
+DESCENDED = 2
+"""The best starts from which a trial is fitted, beside the best one with parameters as stated:
+recalibration that makes up for strong physics may lie behind a ridge. Origin: assumed."""
+
+STEP_SHARES = (1.0, 0.3, 0.1, 0.03)
+"""Of a step of the model made linear: strong physics bends so much that the whole one leads far
+away, and no share of it too. Origin: numerical."""
+
+PROMISING = 10
+"""Trials on each model with explanations that are fitted further than a glance; on the plain one
+all are, as what is told in the end is mostly told there. Origin: assumed."""
+
+SCATTER = 0.7
+"""How far random starts are from the last optimum, in stated uncertainties. Origin: assumed."""
+
+POLISHES = 2
+"""Fits to the end, before each of which it is looked anew what errors of sensors do. Origin:
+numerical."""
+
+ALIGNED = 12
+"""Faults that are tried from the onset of the best of them. Origin: assumed."""
+
+SUDDEN = 250.0
+"""Samples of a recording of which a thousandth, the rise in entries of the catalogue, takes a
+quarter of a sample. Origin: numerical."""
+
+WEIGHED = 6
+"""Other explanations that are fitted to the end. Origin: assumed."""
+
+DISTANT = 8.0
+"""Log likelihood that those may be behind; unless they would be told by themselves: a trial of
+what begins finds a part of its gain at most. Origin: assumed."""
+
+EXCHANGES = 2
+"""Exchanges of explanations at most. Origin: assumed."""
+
+EXCHANGE_WORTH = 0.5
+"""Gain in log likelihood that an exchange must bring. Origin: assumed."""
+
+
+# Intervals and held-out blocks.
+
+DROP = 1.92
+"""Fall of the log likelihood at the ends of a 95 % interval, and the gain beyond an end of its
+range from which on a value is pressed there. Origin: distribution: chi-square with one degree,
+95 %, half."""
+
+NORMAL_95 = 1.96
+"""Standard uncertainties on either side in a 95 % interval. Origin: distribution: normal, 97.5
+%."""
+
+STEADY_PACE = (4, 0.15, 1.0, 1.2)
+"""Search for an end of an interval at settled points: steps, distance of the fall at which it
+ends, smallest growth of a step, and growth where the likelihood rises. Origin: numerical."""
+
+STORES_PACE = (5, 0.1, 1.1, 3.0)
+"""The same for plants that store. Origin: numerical."""
+
+LONGEST_STEP = 3.0
+"""Factor by which a step to the end of an interval grows at most. Origin: numerical."""
+
+CONFOUNDED = 0.9
+"""Correlation beyond which two values are not told apart. Origin: assumed."""
+
+DRAWS = 1000
+"""Draws of the bootstrap over held-out blocks. Origin: numerical."""
+
+CHUNKS = 20
+"""Pieces of the held-out points that the bootstrap draws from. Origin: assumed."""
+
+LEFT_OPEN = 0.2
+"""Share of what was to be explained (squares beyond noise) that names may leave: with more left
+they stand for something else. Where names were right they left 0.05 at most in plants made by
+the proof, and 0.13 in real tanks. Origin: measured by `rulec prove`."""
+
+BEYOND_NOISE = 1.15
+"""Errors of a model over noise from which on something is left at all. Origin: assumed."""
+
+PROVEN = 1.0
+"""Log likelihood that names must gain on held-out blocks, or may lose where no reading of those
+is off by more than noise: after a step, say, that they do not have. Origin: assumed."""
+
+HIDES = 0.5
+"""Share of its gain beside the others below which an explanation is said to hide alone. Origin:
+assumed."""
+
+PREDICTORS_TRIED = 5
+"""Readings per finding among which the one that shows it best is chosen. Origin: assumed."""
+
+MOST_PREDICTED = 4
+"""Readings whose errors are reported where nothing says which. Origin: assumed."""
+
+
+# Verdicts.
+
+CERTAIN = 0.6
+"""Probability below which the best name is one of several. Origin: assumed."""
+
+MENTIONED = 0.1
+"""Probability from which on another explanation is named beside the best one: who acts on the
+headline had better know of one chance in ten. Origin: assumed."""
+
+REPORTED = 0.02
+"""Probability below which alternatives are left out. Origin: assumed."""
+
+PLAUSIBLE = 0.01
+"""Probability below which alternatives are not shown. Origin: assumed."""
+
+MAJOR = 0.5
+"""Share of what could be explained that names must have, beside a driver that nobody recorded.
+Origin: assumed."""
+
+FAR_OFF = 3.0
+"""Errors of the repaired model, in noise of the reading, from which on the headline tells them.
+Origin: assumed."""
+
+SPOILED = 0.05
+"""Rise of a reading's held-out error, as a share, from which on a repair had better not be used.
+Origin: assumed."""
+
+SAME_ERROR = 1e-6
+"""Share by which an error may exceed another and still be the same: digits of files and solvers.
+Origin: numerical."""
