@@ -19,6 +19,7 @@ from rulec_runtime.simulation.predict import predict
 
 from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Reading, Refits
 from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.answer.tell import location_of_spot, shares_of
@@ -36,7 +37,6 @@ from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sens
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.limits import FAR_MOVED, FEWEST_POINTS, KEPT, MOST_PREDICTED, PREDICTORS_TRIED
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
@@ -60,15 +60,15 @@ def explain(
     tell("finding settled points")
     data = prepare(recording, ruleset, heldout)
     count = 0 if data is None else int(data.open.sum())
-    if data is None or count < FEWEST_POINTS:
+    if data is None or count < limits.FEWEST_POINTS:
         return Blind(
-            why=f"{count} settled points; at least {FEWEST_POINTS} are needed",
+            why=f"{count} settled points; at least {limits.FEWEST_POINTS} are needed",
             next=TO_RECORD,
             samples=data,
             evidence=evidence_of(recording, data),
         )
     rows = rows_of(System(ruleset, builder, data), Setting())
-    if rows.groups < FEWEST_POINTS:
+    if rows.groups < limits.FEWEST_POINTS:
         return Blind(
             why="no two estimates of one flow can be compared with the readings of this recording",
             next=_to_be_read(recording) or TO_RECORD,
@@ -215,7 +215,7 @@ class Explanation:
         places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
         found: dict[str, Predictor] = {}
         for place in places:
-            natural = predictors_for(system, *place)[:PREDICTORS_TRIED]
+            natural = predictors_for(system, *place)[: limits.PREDICTORS_TRIED]
             if natural and not natural[0].of_flow:
                 natural.sort(key=lambda p: -round(gain_shown(p, self._models), 3))
             found.update({p.signal.id: p for p in natural[:1]})
@@ -230,7 +230,11 @@ class Explanation:
         for candidate in setting.joined:
             if candidate.id not in {c.id for c in taken}:
                 setting = setting.leaving(candidate.id)
-        clear = ~faulty if (open_ & ~faulty).sum() >= KEPT * open_.sum() else np.ones_like(faulty)
+        clear = (
+            ~faulty
+            if (open_ & ~faulty).sum() >= limits.KEPT * open_.sum()
+            else np.ones_like(faulty)
+        )
         used = settled.used & clear
         bare = setting
         for candidate in setting.joined:
@@ -371,7 +375,7 @@ def _moved(fitted: Fitted) -> Iterator[str]:
                 f"the calibration of {module} contradicts its data sheet; with what was found the "
                 f"data sheet holds, and {name} moved by {far:.0f} of its calibrated uncertainties"
             )
-        elif far > FAR_MOVED:
+        elif far > limits.FAR_MOVED:
             yield f"{name} moved by {far:.0f} of its stated uncertainties; was {module} changed?"
 
 
@@ -459,7 +463,11 @@ def _signals(plants: Plants, system: System, asked: Sequence[str]) -> list[str]:
     there = [n for n in plants.signals if n in values and np.isfinite(values[n]).any()]
     modules = {name.partition(".")[0] for name in asked}
     near = [n for n in there if n.partition(".")[0] in modules]
-    return [n for n in asked if n in there] or near[:MOST_PREDICTED] or there[:MOST_PREDICTED]
+    return (
+        [n for n in asked if n in there]
+        or near[: limits.MOST_PREDICTED]
+        or there[: limits.MOST_PREDICTED]
+    )
 
 
 def _works(system: System, name: str) -> np.ndarray:

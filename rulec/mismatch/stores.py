@@ -18,6 +18,7 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Reading, Refits
 from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.answer.tell import location_of_spot
@@ -33,19 +34,6 @@ from rulec.mismatch.evidence.stores.rows_used import stored_evidence
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
-from rulec.mismatch.limits import (
-    BEYOND_NOISE,
-    FAR_OFF,
-    HIDES,
-    KEPT,
-    LEFT_OPEN,
-    PLACE_ALIKE,
-    PLACE_NEARLY,
-    PLACE_SHARE,
-    PROVEN,
-    ROUNDS,
-    THOROUGH,
-)
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, HiddenDriver, Location, Repair
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.backward_elimination import doubted
@@ -78,7 +66,7 @@ def explain(
     best = Fitter(bench, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
     proofs = prove(bench, found.plain, best, found.judged)
     dropped: tuple[str, ...] = ()
-    far = _open_share(bench, proofs) > LEFT_OPEN
+    far = _open_share(bench, proofs) > limits.LEFT_OPEN
     if accepted and (far or not _holds(best, proofs)):
         # What is named leaves most of it, or does not hold where it was not fitted.
         if not far:
@@ -211,7 +199,9 @@ class Explanation:
     def _hiding(self) -> list[str]:
         """Which explanations only show together."""
         alone = self.found.alone
-        hidden = [a for a in self.accepted if alone.get(a.candidate.id, 0.0) < HIDES * a.gain]
+        hidden = [
+            a for a in self.accepted if alone.get(a.candidate.id, 0.0) < limits.HIDES * a.gain
+        ]
         if len(self.accepted) < 2 or not hidden:
             return []
         told = (
@@ -276,9 +266,9 @@ def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
         errors, before = proof.fit.heldout, proof.fit.estimation
         fall = np.log(errors.recalibrated / max(errors.repaired, 1e-300))
         gained += errors.points / best.noise[proof.fit.signal].memory * float(fall)
-        seen = seen or errors.recalibrated > BEYOND_NOISE * errors.noise
-        learnt = learnt or before.recalibrated > BEYOND_NOISE * before.noise
-    return gained > (-PROVEN if learnt and not seen else PROVEN)
+        seen = seen or errors.recalibrated > limits.BEYOND_NOISE * errors.noise
+        learnt = learnt or before.recalibrated > limits.BEYOND_NOISE * before.noise
+    return gained > (-limits.PROVEN if learnt and not seen else limits.PROVEN)
 
 
 def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
@@ -290,7 +280,7 @@ def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
         noise = max(errors.noise, bench.record.resolution[signal.id] / signal.factor)
         before += (max(errors.recalibrated / noise, 1.0) ** 2 - 1.0) * errors.points
         after += (max(errors.repaired / noise, 1.0) ** 2 - 1.0) * errors.points
-        beyond = beyond or errors.repaired > BEYOND_NOISE * noise
+        beyond = beyond or errors.repaired > limits.BEYOND_NOISE * noise
     return after / before if beyond and before > 0.0 else 0.0
 
 
@@ -317,16 +307,18 @@ def nameless_places(
         return ()
     bench, noise = model.bench, model.fitted.noise
     floors = _floors(bench)
-    far = any(own.spread > FAR_OFF * floors[n] for n, own in noise.items())
+    far = any(own.spread > limits.FAR_OFF * floors[n] for n, own in noise.items())
     # A model that is far off has no straight way back: then the likeliest place must do.
-    if left[0].share < PLACE_SHARE and not far:
+    if left[0].share < limits.PLACE_SHARE and not far:
         return ()
     steps = bench.record.resolution
-    if all(own.spread < BEYOND_NOISE * steps[n] for n, own in noise.items()):
+    if all(own.spread < limits.BEYOND_NOISE * steps[n] for n, own in noise.items()):
         return ()
     first = left[0]
     near = [
-        s for s in left if s.gain > first.gain - PLACE_NEARLY or s.share > first.share - PLACE_ALIKE
+        s
+        for s in left
+        if s.gain > first.gain - limits.PLACE_NEARLY or s.share > first.share - limits.PLACE_ALIKE
     ]
     return tuple(
         location_of_spot(
@@ -375,7 +367,7 @@ def until_of(bench: Bench, best: Fitted, left: Sequence[Candidate]) -> float:
     record = bench.record
     onsets = [best.values[c.onset.id] for c in left if c.onset is not None]
     until = float(record.time[0]) + min(onsets, default=np.inf)
-    enough = (record.open & (record.time < until)).sum() >= KEPT * record.open.sum()
+    enough = (record.open & (record.time < until)).sum() >= limits.KEPT * record.open.sum()
     return until if enough else np.inf
 
 
@@ -391,7 +383,9 @@ def _refitted(
     found = []
     for start in starts:
         try:
-            found.append(fitter.finish(fitter.vector(start), judged, THOROUGH, ROUNDS))
+            found.append(
+                fitter.finish(fitter.vector(start), judged, limits.THOROUGH, limits.ROUNDS)
+            )
         except RanAway:
             continue
     best = min(found, key=lambda f: _squares(f, judged))

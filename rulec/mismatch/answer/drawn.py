@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -62,19 +63,11 @@ class Drawn:
 
     def at(self, chosen: slice | np.ndarray) -> Drawn:
         """Some of the samples."""
-        return Drawn(
-            signal=self.signal,
-            unit=self.unit,
-            time=self.time[chosen],
-            measured=self.measured[chosen],
-            shipped=self.shipped[chosen],
-            recalibrated=self.recalibrated[chosen],
-            repaired=self.repaired[chosen],
-            heldout=self.heldout[chosen],
-            located=self.located[chosen],
-            judged=self.judged[chosen],
-            drivers={title: readings[chosen] for title, readings in self.drivers.items()},
-        )
+        arrays: dict[str, Any] = {
+            n: v[chosen] for n, v in vars(self).items() if isinstance(v, np.ndarray)
+        }
+        drivers = {title: readings[chosen] for title, readings in self.drivers.items()}
+        return replace(self, **arrays, drivers=drivers)
 
 
 def curves_of(mismatch: Mismatch) -> Drawn | None:

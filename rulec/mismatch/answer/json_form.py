@@ -9,7 +9,7 @@ from rulec_runtime.output.csv_cell import row_of
 
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import (
-    Errors,
+    Estimate,
     Finding,
     Fit,
     HiddenDriver,
@@ -37,10 +37,7 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "effects": [_finding(finding) for finding in mismatch.findings],
         "fit": _fit(mismatch.fit) if mismatch.fit is not None else None,
         "fits": [_fit(fit) for fit in mismatch.fits],
-        "confounded": [
-            {"first": c.first, "second": c.second, "correlation": c.correlation}
-            for c in mismatch.confounded
-        ],
+        "confounded": [vars(pair) for pair in mismatch.confounded],
         "hidden_driver": _hidden(mismatch.hidden, series) if mismatch.hidden else None,
         "untested": list(mismatch.untested),
         "next": mismatch.next,
@@ -49,9 +46,7 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
             "hash": mismatch.digest,
             "heldout": _heldout(mismatch),
         },
-        "evidence": [
-            {"rows": e.rows, "used": e.used, "because": e.because} for e in mismatch.evidence
-        ],
+        "evidence": [vars(part) for part in mismatch.evidence],
         "noise": mismatch.noise,
         "tried": mismatch.tried,
         "notes": list(mismatch.notes),
@@ -78,15 +73,7 @@ def _heldout(mismatch: Mismatch) -> list[list[float]]:
 
 
 def _location(location: Location) -> dict[str, Any]:
-    return {
-        "module": location.module,
-        "place": location.place,
-        "title": location.title,
-        "share": location.share,
-        "region": [_region(region) for region in location.region],
-        "periods": [list(period) for period in location.periods],
-        "also": list(location.also),
-    }
+    return {**vars(location), "region": [_region(region) for region in location.region]}
 
 
 def _region(region: Region) -> dict[str, Any]:
@@ -108,17 +95,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "module": finding.module,
         "modules": list(finding.members or (finding.module,)),
         "place": finding.place,
-        "parameters": {
-            name: {
-                "value": e.value,
-                "u": e.u,
-                "lower": e.lower,
-                "upper": e.upper,
-                "unit": e.unit,
-                "title": e.title,
-            }
-            for name, e in finding.parameters.items()
-        },
+        "parameters": {name: _estimate(e) for name, e in finding.parameters.items()},
         "equation": finding.equation,
         "text": finding.text,
         "action": finding.action,
@@ -129,7 +106,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
             for a in finding.alternatives
         ],
         "gain": finding.gain,
-        "rivals": [{"title": r.title, "gain": r.gain} for r in finding.rivals],
+        "rivals": [vars(rival) for rival in finding.rivals],
         "periods": [
             {"since": p.since, "until": p.until, "degree": p.degree, "u": p.u}
             | ({"unit": p.unit} if p.unit else {})
@@ -139,26 +116,22 @@ def _finding(finding: Finding) -> dict[str, Any]:
     }
 
 
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    """The title last."""
+    form = dict(vars(estimate))
+    title = form.pop("title")
+    return {**form, "title": title}
+
+
 def _fit(fit: Fit) -> dict[str, Any]:
     return {
         "signal": fit.signal,
         "unit": fit.unit,
         "relation": fit.relation,
         "simulated": fit.simulated,
-        "estimation": _errors(fit.estimation),
-        "heldout": {**_errors(fit.heldout), "gain_interval": list(fit.gain_interval)},
+        "estimation": vars(fit.estimation),
+        "heldout": {**vars(fit.heldout), "gain_interval": list(fit.gain_interval)},
         "closed": fit.closed,
-    }
-
-
-def _errors(errors: Errors) -> dict[str, Any]:
-    return {
-        "shipped": errors.shipped,
-        "recalibrated": errors.recalibrated,
-        "repaired": errors.repaired,
-        "noise": errors.noise,
-        "points": errors.points,
-        "explained": errors.explained,
     }
 
 
@@ -201,10 +174,7 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
         **_values(mismatch),
         "left_out": [{"id": name, "reason": reason} for name, reason in mismatch.left_out],
         "refused": mismatch.refused or None,
-        "checks": [
-            {"signal": c.signal, "rows": c.rows, "error": c.error, "plain": c.plain}
-            for c in mismatch.checks
-        ],
+        "checks": [vars(check) for check in mismatch.checks],
         "recalibrated": None if plain is None else _values(plain),
     }
 

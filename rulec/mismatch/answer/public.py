@@ -24,9 +24,9 @@ from rulec_runtime.simulation.predict import predict
 from rulec.effects.adopted_plant import trial
 from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.answer.verdict import is_spoiled
 from rulec.mismatch.inference.prove import rms
-from rulec.mismatch.limits import SAME_ERROR
 from rulec.mismatch.result import Check, Fit, Repair
 
 
@@ -101,7 +101,7 @@ def refusal(
         held, which = fit.heldout, "held-out"
         if not held.points:
             held, which = fit.estimation, "fitted"
-        worse = held.repaired > held.recalibrated * (1.0 + SAME_ERROR)
+        worse = held.repaired > held.recalibrated * (1.0 + limits.SAME_ERROR)
         if (i == 0 and worse) or is_spoiled(fit):
             return _worse(fit, held.repaired, held.recalibrated, f"on {which} samples")
         if i == 0 and fit.gain_interval[0] <= 0.0:
@@ -111,7 +111,7 @@ def refusal(
                 f"to {high} % (95 %) beside recalibrated values alone, which may be chance"
             )
     for check in checks if joined else ():
-        if check.signal == fits[0].signal and check.error > check.plain * (1.0 + SAME_ERROR):
+        if check.signal == fits[0].signal and check.error > check.plain * (1.0 + limits.SAME_ERROR):
             return _worse(fits[0], check.error, check.plain, "over all held-out rows")
     return ""
 

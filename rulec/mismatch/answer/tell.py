@@ -9,12 +9,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.interval import profile
-from rulec.mismatch.limits import CERTAIN, NORMAL_95, REPORTED
 from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period
 from rulec.mismatch.search.accepted import Accepted
 
@@ -44,7 +44,7 @@ def _finding(model: Model, own: Accepted, share: float) -> Finding:
     others = [
         Alternative(c.id, c.name, titled(model.ruleset, c), odds * own.probability)
         for c, odds in own.others
-        if odds * own.probability > REPORTED
+        if odds * own.probability > limits.REPORTED
     ]
     ids = tuple(c.id for c in model.joined if c.sort != HIDDEN)
     return Finding(
@@ -84,7 +84,7 @@ def titled(ruleset: Ruleset, candidate: Candidate) -> str:
 def _estimate(model: Model, unknown: Unknown) -> Estimate:
     line = model.line(unknown.id)
     low, high = profile(line)
-    u = max(line.least, (high - low) / (2.0 * NORMAL_95))
+    u = max(line.least, (high - low) / (2.0 * limits.NORMAL_95))
     value, *ends = ((v - unknown.offset) / unknown.factor for v in (line.value, low, high))
     return Estimate(unknown.title, value, u / unknown.factor, min(ends), max(ends), unknown.unit)
 
@@ -128,7 +128,7 @@ def location_of(model: Model, finding: Finding) -> Location:
         share=finding.closed,
         region=() if periods else region_of(term, drivers) or region_of(term, variables),
         periods=periods or _when(model, term),
-        also=_elsewhere(model, finding) if finding.probability < CERTAIN else (),
+        also=_elsewhere(model, finding) if finding.probability < limits.CERTAIN else (),
     )
 
 

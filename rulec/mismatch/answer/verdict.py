@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rulec.effects.candidate import Missing
-from rulec.mismatch.limits import CERTAIN, FAR_OFF, MAJOR, MENTIONED, SPOILED
+from rulec.mismatch import limits
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
@@ -20,13 +20,13 @@ PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`
 def verdict_of(findings: Sequence[Finding], left: bool) -> str:
     """One of the verdicts of docs/repair-a-model.md; `left` tells that something has no name."""
     named = [f for f in findings if f.sort != "free"]
-    if left and sum(f.closed for f in named) < MAJOR:
+    if left and sum(f.closed for f in named) < limits.MAJOR:
         return "unnamed"
     if not named:
         return "unnamed" if left or findings else "none"
     physics = [f for f in named if f.sort in ("physics", "ageing")]
     deciding = physics or named
-    if deciding[0].probability < CERTAIN:
+    if deciding[0].probability < limits.CERTAIN:
         return "ambiguous"
     if physics:
         return "named"
@@ -63,7 +63,7 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
 def _with_others(finding: Finding) -> str:
     """What was found and where, and all that is about as likely."""
     name = f"{_inside(finding.title)} in {', '.join(finding.members) or finding.module}"
-    others = [_inside(a.title) for a in finding.alternatives if a.probability >= MENTIONED]
+    others = [_inside(a.title) for a in finding.alternatives if a.probability >= limits.MENTIONED]
     return " or ".join([name, *others])
 
 
@@ -97,7 +97,7 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
         return ""
     far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
     most, signal = max(far, default=(0.0, ""))
-    if most < FAR_OFF:
+    if most < limits.FAR_OFF:
         return ""
     return f" That is not all: {signal} is still off by {most:.0f} times its noise."
 
@@ -138,4 +138,6 @@ def is_spoiled(fit: Fit) -> bool:
     held = fit.heldout
     rise = held.repaired - held.recalibrated
     beyond_chance = fit.gain_interval[1] < 0.0
-    return beyond_chance and rise > SPOILED * held.recalibrated and held.repaired > held.noise
+    return (
+        beyond_chance and rise > limits.SPOILED * held.recalibrated and held.repaired > held.noise
+    )

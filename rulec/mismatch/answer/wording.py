@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
 from rulec_runtime.report.wording import STATUS
 
-from rulec.mismatch.limits import PLAUSIBLE
+from rulec.mismatch import limits
 from rulec.mismatch.result import (
     Alternative,
     Confounded,
@@ -258,7 +258,7 @@ def share(value: float) -> str:
 def plausible(finding: Finding) -> tuple[Alternative, ...]:
     """Alternatives worth a word, the most probable first."""
     ordered = sorted(finding.alternatives, key=lambda a: -a.probability)
-    return tuple(a for a in ordered if a.probability >= PLAUSIBLE)
+    return tuple(a for a in ordered if a.probability >= limits.PLAUSIBLE)
 
 
 def confounded_words(pair: Confounded) -> str:

@@ -22,13 +22,7 @@ from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import glitches_in
 
-from rulec.mismatch.limits import (
-    DROP_OUT_READINGS,
-    DROP_OUT_SHARE,
-    IMPOSSIBLE_READINGS,
-    IMPOSSIBLE_SHARE,
-    SENSOR_FAILS,
-)
+from rulec.mismatch import limits
 from rulec.mismatch.result import Finding, Location, Period
 
 
@@ -40,7 +34,7 @@ def impossible(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
             continue
         seen = values[np.isfinite(values)]
         wrong = int(outside_range(signal, seen).sum())
-        if wrong >= max(IMPOSSIBLE_READINGS, IMPOSSIBLE_SHARE * len(seen)):
+        if wrong >= max(limits.IMPOSSIBLE_READINGS, limits.IMPOSSIBLE_SHARE * len(seen)):
             ends, usual = (
                 (np.array(v) - signal.offset) / signal.factor
                 for v in ([signal.lowest, signal.highest], np.median(seen))
@@ -70,10 +64,14 @@ def failing(recording: Recording, ruleset: Ruleset) -> Iterator[Finding]:
     shown = ruleset.dynamics.outputs if ruleset.dynamics is not None else ()
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
-        if values is None or len(values) < DROP_OUT_READINGS or not np.isfinite(values).any():
+        if (
+            values is None
+            or len(values) < limits.DROP_OUT_READINGS
+            or not np.isfinite(values).any()
+        ):
             continue
         odd = glitches_in(values)
-        if odd.sum() >= max(DROP_OUT_READINGS, DROP_OUT_SHARE * len(values)):
+        if odd.sum() >= max(limits.DROP_OUT_READINGS, limits.DROP_OUT_SHARE * len(values)):
             yield _dropping_out(signal, values, odd)
         # What is given is mostly set, and held.
         u = float(np.nanmedian(np.broadcast_to(systematic_u(signal, values), values.shape)))
@@ -136,7 +134,7 @@ def failed(signal: SignalSpec, name: str, title: str, text: str) -> Finding:
         text=text,
         action="check cable, mounting and supply of the sensor",
         source="",
-        probability=SENSOR_FAILS,
+        probability=limits.SENSOR_FAILS,
         alternatives=(),
         gain=0.0,
         rivals=(),

@@ -7,20 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.model import Variable
-from rulec.mismatch.limits import (
-    PERIOD_HIGHEST,
-    PERIOD_LEVEL,
-    PERIOD_PIECES,
-    PERIOD_SAMPLES,
-    PERIOD_SHARE,
-    PERIOD_TIME,
-    PERIODS_MOST,
-    REGION_CLEARER,
-    REGION_ENDS,
-    REGION_POINTS,
-    REGION_TELLING,
-)
 from rulec.mismatch.result import Region
 
 
@@ -43,9 +31,9 @@ def region_of(contribution: Array, variables: Mapping[str, Variable]) -> tuple[R
             continue
         gain, low, high, share = ends
         shown = [None if v is None else float(variable.shown(v)) for v in (low, high)]
-        if best is None or gain > best[0] + REGION_CLEARER:
+        if best is None or gain > best[0] + limits.REGION_CLEARER:
             best = (gain, Region(name, shown[0], shown[1], variable.unit, share))
-    return (best[1],) if best is not None and best[0] > REGION_TELLING else ()
+    return (best[1],) if best is not None and best[0] > limits.REGION_TELLING else ()
 
 
 def best_interval(
@@ -54,13 +42,13 @@ def best_interval(
     """Interval that holds much of the mismatch and few of the points (Youden's index)."""
     usable = np.isfinite(values)
     values, shares = values[usable], shares[usable]
-    if len(values) < REGION_POINTS or np.ptp(values) == 0:
+    if len(values) < limits.REGION_POINTS or np.ptp(values) == 0:
         return None
     order = np.argsort(values, kind="stable")
     values = values[order]
     inside = np.concatenate([[0.0], np.cumsum(shares[order])])
     n = len(values)
-    ends = np.unique(np.linspace(0, n, REGION_ENDS + 1).astype(int))
+    ends = np.unique(np.linspace(0, n, limits.REGION_ENDS + 1).astype(int))
     low, high = np.meshgrid(ends, ends, indexing="ij")
     gain = np.where(high > low, (inside[high] - inside[low]) - (high - low) / n, -np.inf)
     i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
@@ -76,18 +64,18 @@ def best_interval(
 def periods_of(time: Array, contribution: Array) -> tuple[tuple[float, float], ...]:
     """Spans of time that hold most of a mismatch, where it does not lie everywhere."""
     known = np.flatnonzero(np.isfinite(contribution))
-    if len(known) < PERIOD_SAMPLES or np.sum(contribution[known]) <= 0:
+    if len(known) < limits.PERIOD_SAMPLES or np.sum(contribution[known]) <= 0:
         return ()
-    pieces = np.array_split(known, min(PERIOD_PIECES, len(known) // 5))
+    pieces = np.array_split(known, min(limits.PERIOD_PIECES, len(known) // 5))
     level = np.array([float(np.mean(contribution[p])) for p in pieces])
-    high = level > PERIOD_LEVEL * float(np.quantile(level, PERIOD_HIGHEST))
-    if high.mean() > PERIOD_TIME:
+    high = level > limits.PERIOD_LEVEL * float(np.quantile(level, limits.PERIOD_HIGHEST))
+    if high.mean() > limits.PERIOD_TIME:
         return ()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(int)))
     runs = edges.reshape(-1, 2).tolist()
     if (
-        len(runs) > PERIODS_MOST
-        or sum(level[a:b].sum() for a, b in runs) < PERIOD_SHARE * level.sum()
+        len(runs) > limits.PERIODS_MOST
+        or sum(level[a:b].sum() for a, b in runs) < limits.PERIOD_SHARE * level.sum()
     ):
         return ()
     return tuple((float(time[pieces[a][0]]), float(time[pieces[b - 1][-1]])) for a, b in runs)

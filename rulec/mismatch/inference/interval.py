@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.model import Line
-from rulec.mismatch.limits import CONFOUNDED, DROP, LONGEST_STEP, NORMAL_95
 from rulec.mismatch.result import Confounded
 
 
@@ -25,23 +25,23 @@ def _end(line: Line, side: float) -> float:
     """Where the likelihood has fallen by enough, on one side; at most the end of the range."""
     reach = line.value - line.lowest if side < 0 else line.highest - line.value
     pace = line.pace
-    step, inside, outside = min(NORMAL_95 * line.u, reach), 0.0, np.inf
+    step, inside, outside = min(limits.NORMAL_95 * line.u, reach), 0.0, np.inf
     for _ in range(pace.steps):
         if step <= 0.0:
             break
         fall = line.fall(side * step)
-        if fall < DROP:
+        if fall < limits.DROP:
             inside = step
             if step >= reach:
                 break
-            ratio = float(np.sqrt(DROP / fall)) if fall > 0 else pace.uphill
-            grow = float(np.clip(ratio, pace.shortest, LONGEST_STEP))
+            ratio = float(np.sqrt(limits.DROP / fall)) if fall > 0 else pace.uphill
+            grow = float(np.clip(ratio, pace.shortest, limits.LONGEST_STEP))
             between = 0.5 * (inside + outside) if np.isfinite(outside) else reach
             step = min(step * grow, reach, between)
         else:
             outside = step
-            step = max(step * float(np.sqrt(DROP / fall)), 0.25 * (inside + outside))
-        if abs(fall - DROP) < pace.near:
+            step = max(step * float(np.sqrt(limits.DROP / fall)), 0.25 * (inside + outside))
+        if abs(fall - limits.DROP) < pace.near:
             break
     return float(line.value + side * step)
 
@@ -60,6 +60,6 @@ def confounded(
         for i, first in enumerate(names)
         for j, second in enumerate(names)
         if first in unknowns and (second not in unknowns or j > i)
-        if abs(correlation[i, j]) > CONFOUNDED
+        if abs(correlation[i, j]) > limits.CONFOUNDED
     ]
     return tuple(sorted(found, key=lambda pair: -abs(pair.correlation)))

@@ -9,8 +9,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 
+from rulec.mismatch import limits
 from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.limits import CHUNKS, DRAWS
 from rulec.mismatch.result import Errors, Fit
 
 
@@ -78,10 +78,10 @@ def gain_interval(before: Array, after: Array) -> tuple[float, float]:
     """
     if len(before) < 2:
         return (float("nan"), float("nan"))
-    count = min(CHUNKS, len(before))
+    count = min(limits.CHUNKS, len(before))
     edges = np.linspace(0, len(before), count + 1).astype(int)[:-1]
     sums = np.stack([np.add.reduceat(e**2, edges) for e in (before, after)])
-    drawn = np.random.default_rng(0).integers(0, count, (DRAWS, count))
+    drawn = np.random.default_rng(0).integers(0, count, (limits.DRAWS, count))
     totals = sums[:, drawn].sum(axis=2)
     gain = 1.0 - np.sqrt(totals[1] / np.maximum(totals[0], 1e-300))
     low, high = np.quantile(gain, [0.025, 0.975])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.limits import COARSE, DRIVEN, FEW_CHANGES, HOPELESS, NEEDED, SURPASSED
+from rulec.mismatch import limits
 from rulec.mismatch.search.compete import Contestant, contest, refit
 from rulec.mismatch.search.free_form import best_curve, free_form_trials
 from rulec.mismatch.search.pairs import torn_pairs
@@ -39,9 +39,9 @@ def _or_sudden(
     trial = None if winner is None else winner.trial
     if trial is None or winner is None or not found.records or trial.course is not None:
         return found
-    hopeless = HOPELESS * net_gain(winner, now)
+    hopeless = limits.HOPELESS * net_gain(winner, now)
     coming = coming_and_going(fitted, candidates)
-    begun = [t for t in coming if periods_of(t) <= FEW_CHANGES and t.gain > hopeless]
+    begun = [t for t in coming if periods_of(t) <= limits.FEW_CHANGES and t.gain > hopeless]
     sudden = contested([refit(fitted, t) for t in begun], now)
     better = first_to_win(now, sudden, hidden, found.tried)
     if better is None or better.winner is None or not better.records:
@@ -63,13 +63,13 @@ def _or_nameless(found: Step, now: Contestant) -> Step:
         return found
     curve, named = best_curve(now.fitted), net_gain(found.winner, now)
     driven = found.winner.trial is not None and periods_of(found.winner.trial) > 1
-    share = DRIVEN if driven else SURPASSED
-    if curve is None or curve.gain < share * named + NEEDED:
+    share = limits.DRIVEN if driven else limits.SURPASSED
+    if curve is None or curve.gain < share * named + limits.NEEDED:
         return found
     unnamed = contested([refit(now.fitted, t) for t in free_form_trials(now.fitted)], now)
     free = first_to_win(now, unnamed, None, found.tried)
     # A few bands are a coarse curve: on other blocks it does worse than periods cut to measure.
-    least = COARSE * share if driven else share
+    least = limits.COARSE * share if driven else share
     return free if free is not None and gain_of(free, now) > least * named else found
 
 
@@ -87,5 +87,5 @@ def _or_both(
     """
     pairs = torn_pairs(now.fitted, ranked, free)
     both = first_to_win(now, contested(pairs, now), hidden, found.tried)
-    ahead = gain_of(both, now) > gain_of(found, now) + NEEDED
+    ahead = gain_of(both, now) > gain_of(found, now) + limits.NEEDED
     return both if both is not None and both.records and ahead else found

@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.region import best_interval
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.limits import CLEARLY, COINCIDES, COINCIDING_ENDS, MOVED, SHIFTS
 from rulec.mismatch.search.periods import speaking
 
 
@@ -33,13 +33,13 @@ def with_settings(fitted: Fitted, trial: Trial) -> bool:
         return False
     seen = fitted.used & speaking(fitted, trial.candidate)
     there = (course.segment >= 0)[seen]
-    if int(np.sum(there[1:] != there[:-1])) < COINCIDING_ENDS:
+    if int(np.sum(there[1:] != there[:-1])) < limits.COINCIDING_ENDS:
         return False
     features = [values[seen] for values in _features(fitted)]
     told = _told(there, features)
-    if told < COINCIDES:
+    if told < limits.COINCIDES:
         return False
-    shifts = np.linspace(0, len(there), SHIFTS + 2).astype(int)[1:-1]
+    shifts = np.linspace(0, len(there), limits.SHIFTS + 2).astype(int)[1:-1]
     return all(_told(np.roll(there, shift), features) < told for shift in shifts)
 
 
@@ -49,7 +49,7 @@ def _told(there: np.ndarray, features: Sequence[Array]) -> float:
     >>> there = np.array([0, 0, 1, 1, 0, 0, 1, 1, 0, 0], dtype=bool)
     >>> round(_told(there, [np.array([1, 1, 3, 3, 1, 1, 3, 3, 1, 1.0])]), 3)
     1.0
-    >>> round(_told(there, [np.arange(10.0)]), 3) < COINCIDES
+    >>> round(_told(there, [np.arange(10.0)]), 3) < limits.COINCIDES
     True
     """
     best = 0.0
@@ -72,7 +72,7 @@ def _features(fitted: Fitted) -> Iterator[Array]:
     set_ = {n: v for n, v in known.items() if signals[n].is_input and np.isfinite(v).all()}
     for name, values in set_.items():
         yield values
-        yield _way(values, CLEARLY * float(np.median(data.noise[name])))
+        yield _way(values, limits.CLEARLY * float(np.median(data.noise[name])))
     for one, other in itertools.combinations(set_, 2):
         if signals[one].unit == signals[other].unit:
             with np.errstate(invalid="ignore", divide="ignore"):
@@ -85,7 +85,7 @@ def _way(values: Array, least: float) -> Array:
     >>> _way(np.array([2.0, 2.1, 5.0, 5.1, 3.0, 2.9]), 0.5).tolist()
     [0.0, 0.0, 1.0, 1.0, -1.0, -1.0]
     """
-    least = max(least, MOVED * float(np.nanmax(values) - np.nanmin(values)))
+    least = max(least, limits.MOVED * float(np.nanmax(values) - np.nanmin(values)))
     way, side, low, high = np.zeros(len(values)), 0.0, values[0], values[0]
     for i, value in enumerate(values):
         low, high = min(low, value), max(high, value)

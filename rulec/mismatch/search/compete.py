@@ -14,11 +14,11 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import spread_about
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import ESTIMATION, SELECTION
 from rulec.mismatch.evidence.steady.screen import Trial, looks_at, with_open_references
-from rulec.mismatch.limits import HALF_STEPS, LOOSE, LOUD, STEADY
 from rulec.mismatch.search.price import price_of_fit
 
 Refit = tuple[Fitted, Trial]
@@ -97,13 +97,14 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
     degrees = {n: fitted.setting.values[n] for c in fitted.setting.courses for n in c.names()}
     # Half of the blocks may not hold what determines a value: there it stays about where it was.
     loosely = {
-        n: (fitted.setting.values[n], LOOSE * fitted.u(n)) for n in fitted.setting.free_unknowns()
+        n: (fitted.setting.values[n], limits.LOOSE * fitted.u(n))
+        for n in fitted.setting.free_unknowns()
     }
     likelihood = np.zeros(rows.groups)
     part = data.part[rows.group_point]
     for fitted_to, judged in ((ESTIMATION, SELECTION), (SELECTION, ESTIMATION)):
         chosen = data.part == fitted_to
-        half = fit(rows, fitted.setting, chosen, HALF_STEPS, degrees, fitted.temper, loosely)
+        half = fit(rows, fitted.setting, chosen, limits.HALF_STEPS, degrees, fitted.temper, loosely)
         likelihood[part == judged] = half.likelihood[part == judged]
     blocks: Array = np.bincount(
         data.block[rows.group_point], likelihood, minlength=int(data.block.max()) + 1
@@ -164,7 +165,7 @@ class Shuffled:
     @property
     def is_steady(self) -> bool:
         """Does its mean explain as much?"""
-        return STEADY * self.own < self.mean < self.own / STEADY
+        return limits.STEADY * self.own < self.mean < self.own / limits.STEADY
 
 
 def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> Shuffled:
@@ -222,7 +223,7 @@ def amplifies_noise(before: Fitted, after: Fitted) -> bool:
     weight = 1.0 / np.maximum(usual, max(float(np.median(usual[usual > 0], axis=None)), 1e-300))
     used = before.used
     loud, quiet = (float(np.sum((weight * v)[:, used])) for v in (term**2, noise))
-    return loud < LOUD**2 * quiet
+    return loud < limits.LOUD**2 * quiet
 
 
 def _shuffled(block: np.ndarray, order: np.random.Generator) -> np.ndarray:

@@ -10,10 +10,10 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.limits import OTHERS
 from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest
 from rulec.mismatch.search.rivals import at_an_end
@@ -32,7 +32,7 @@ def exchanged(now: Contestant, accepted: Sequence[Won]) -> tuple[Contestant, tup
         if ahead:
             now, trials = max(ahead, key=lambda t: net_gain(t[0], now))
             for k, trial, old in ((i, trials[0], pair[0]), (j, trials[1], pair[1])):
-                others = [t for t in (old.trial, *old.others[:OTHERS]) if t is not trial]
+                others = [t for t in (old.trial, *old.others[: limits.OTHERS]) if t is not trial]
                 records[k] = weighed(now, replace(old, trial=trial), others)
     return now, tuple(records)
 
@@ -58,7 +58,9 @@ def _combinations(one: Won, other: Won) -> Iterator[tuple[Trial, Trial]]:
     first, second = (
         [
             r.trial,
-            *[t for t in r.others if t.course is None and t.candidate.id not in taken][:OTHERS],
+            *[t for t in r.others if t.course is None and t.candidate.id not in taken][
+                : limits.OTHERS
+            ],
         ]
         for r in (one, other)
     )

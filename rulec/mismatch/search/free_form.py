@@ -16,18 +16,10 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Spot
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, suspects, variables_of
 from rulec.mismatch.evidence.steady.screen import Look, Trial, looks_at, screen
-from rulec.mismatch.limits import (
-    BAND_WIDTH,
-    BANDS,
-    CURVE_PLACES,
-    FEATURE_GAINS,
-    FEATURE_VARIES,
-    MOST_FEATURES,
-    MOST_READINGS,
-)
 
 
 @dataclass(frozen=True)
@@ -46,7 +38,7 @@ def best_curve(fitted: Fitted) -> Curve | None:
     looks = looks_at(fitted)
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     curves = []
-    for suspect in suspects(fitted)[:CURVE_PLACES]:
+    for suspect in suspects(fitted)[: limits.CURVE_PLACES]:
         for name in _varying(fitted, suspect.spot.module):
             parts = _parts(fitted, name)
             if parts:
@@ -68,8 +60,8 @@ def _parts(fitted: Fitted, name: str) -> int:
     Bands within the noise of a reading, as at a few operating points, would sort that noise.
     """
     data = fitted.rows.system.data
-    least = BAND_WIDTH * float(np.nanmedian(data.noise[name][data.open]))
-    apart = (n for n in BANDS if float(np.min(np.diff(_knots(fitted, name, n)))) >= least)
+    least = limits.BAND_WIDTH * float(np.nanmedian(data.noise[name][data.open]))
+    apart = (n for n in limits.BANDS if float(np.min(np.diff(_knots(fitted, name, n)))) >= least)
     return next(apart, 0)
 
 
@@ -106,10 +98,10 @@ def _products(fitted: Fitted) -> list[Trial]:
     features = _features(fitted, spot.module)
     chosen: tuple[str, ...] = ()
     best: Trial | None = None
-    while len(chosen) < MOST_FEATURES:
+    while len(chosen) < limits.MOST_FEATURES:
         more = [(*chosen, f) for f in features if f not in chosen]
         trials = screen(fitted, [builder.free_form(spot.id, m) for m in more])
-        if not trials or (best is not None and trials[0].gain < FEATURE_GAINS * best.gain):
+        if not trials or (best is not None and trials[0].gain < limits.FEATURE_GAINS * best.gain):
             break
         best = trials[0]
         chosen = next(m for m in more if builder.free_form(spot.id, m) == best.candidate)
@@ -118,7 +110,7 @@ def _products(fitted: Fitted) -> list[Trial]:
 
 def _features(fitted: Fitted, module: str) -> list[str]:
     """Readings that vary, their squares and products."""
-    names = _varying(fitted, module)[:MOST_READINGS]
+    names = _varying(fitted, module)[: limits.MOST_READINGS]
     pairs = itertools.combinations_with_replacement(names, 2)
     return [*names, *(f"{a}*{b}" for a, b in pairs)]
 
@@ -134,7 +126,7 @@ def _varying(fitted: Fitted, module: str) -> list[str]:
         if (
             name not in outputs
             and noise is not None
-            and spread > FEATURE_VARIES * float(np.nanmedian(noise))
+            and spread > limits.FEATURE_VARIES * float(np.nanmedian(noise))
         ):
             names.append(name)
     return names

@@ -8,7 +8,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import spread_about
 
-from rulec.mismatch.limits import KNOT_ODD, KNOT_POINTS, LATENT_KNOTS
+from rulec.mismatch import limits
 
 
 def levels_of(course: Array, weight: Array) -> Array:
@@ -32,8 +32,8 @@ def knotted(course: Array, weight: Array) -> Iterator[tuple[int, Array, Array]]:
     n, root = len(course), np.sqrt(weight)
     # One point far off must not draw the course to it.
     near = clipped(course)
-    for count in LATENT_KNOTS:
-        if count > max(n // KNOT_POINTS, 2):
+    for count in limits.LATENT_KNOTS:
+        if count > max(n // limits.KNOT_POINTS, 2):
             break
         at = np.linspace(0.0, count - 1.0, n)
         table = np.maximum(1.0 - np.abs(at[:, None] - np.arange(count)), 0.0)
@@ -44,5 +44,7 @@ def clipped(values: Array) -> Array:
     """One odd point is no course."""
     middle = float(np.median(values))
     spread = spread_about(values, middle) or float(np.std(values))
-    near: Array = np.clip(values, middle - KNOT_ODD * spread, middle + KNOT_ODD * spread)
+    near: Array = np.clip(
+        values, middle - limits.KNOT_ODD * spread, middle + limits.KNOT_ODD * spread
+    )
     return near

@@ -8,11 +8,11 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspects
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.limits import FLICKERING, KNOT_POINTS, LATENT_KNOTS, LATENT_PLACES, RARITY
 from rulec.mismatch.search.knots import clipped, knotted, levels_of
 from rulec.mismatch.search.periods import degree_course
 from rulec.mismatch.search.time_varying import spot_of, wandering
@@ -29,7 +29,7 @@ def hidden_trials(fitted: Fitted) -> list[Trial]:
     taken = fitted.setting.spots
     places = _likeliest(fitted, [s for s in suspects(fitted) if s.spot.id not in taken])
     found = []
-    for place in places[:LATENT_PLACES]:
+    for place in places[: limits.LATENT_PLACES]:
         own = [w for w in wandering(fitted, place.spot) if w.spot.id not in taken]
         found += [_trial(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
     return found
@@ -37,7 +37,7 @@ def hidden_trials(fitted: Fitted) -> list[Trial]:
 
 def _likeliest(fitted: Fitted, ways: list[Suspect]) -> list[Suspect]:
     """Where a course explains most first; a law sooner than a reading, as it is priced."""
-    price = {"signal": FLICKERING + RARITY["sensor"]}
+    price = {"signal": limits.FLICKERING + limits.RARITY["sensor"]}
     return sorted(ways, key=lambda way: price.get(way.spot.kind, 0.0) - _told(fitted, way))
 
 
@@ -46,7 +46,7 @@ def _told(fitted: Fitted, suspect: Suspect) -> float:
     rows = fitted.rows
     course, weight = degree_course(fitted, suspect.column)
     known = np.flatnonzero(np.isfinite(course) & fitted.used)
-    if len(known) < KNOT_POINTS * LATENT_KNOTS[0]:
+    if len(known) < limits.KNOT_POINTS * limits.LATENT_KNOTS[0]:
         return -np.inf
     sound = student_weights(rows, fitted.residual, fitted.scale) * fitted.used[rows.point]
     total = float(np.sum(sound * fitted.residual**2))
@@ -154,7 +154,7 @@ def reconstruct(fitted: Fitted, name: str) -> Reconstruction:
     rest, weight = degree_course(fitted, column)
     known = np.flatnonzero(np.isfinite(rest) & (course.segment >= 0))
     values = level[known] + clipped(rest[known])
-    smooth = _smoothed(values, weight[known], len(known) // (6 * LATENT_KNOTS[-1]))
+    smooth = _smoothed(values, weight[known], len(known) // (6 * limits.LATENT_KNOTS[-1]))
     return Reconstruction(spot, system.data.time[known], smooth)
 
 

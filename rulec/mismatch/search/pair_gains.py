@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.screen import Look
-from rulec.mismatch.limits import NO_PAIR
 
 
 def pair_gains(
@@ -30,7 +30,7 @@ def pair_gains(
     by_size: dict[int, list[tuple[int, int]]] = {}
     for i, j in itertools.combinations(range(len(terms)), 2):
         # The difference of twins would explain anything small.
-        if names[i] != names[j] and cosine[np.ix_(parts[i], parts[j])].max() <= NO_PAIR:
+        if names[i] != names[j] and cosine[np.ix_(parts[i], parts[j])].max() <= limits.NO_PAIR:
             by_size.setdefault(len(parts[i]) + len(parts[j]), []).append((i, j))
     gains: dict[tuple[int, int], float] = {}
     for pairs in by_size.values():

@@ -10,16 +10,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import Trial, columns_of, looks_at, screen
-from rulec.mismatch.limits import (
-    BEGUN,
-    FEW_CHANGES,
-    PAIR_GAINS_MORE,
-    PAIRED,
-    PAIRS_REFITTED,
-    SECONDS,
-)
 from rulec.mismatch.search.compete import Contestant, Refit, cost_of, refit
 from rulec.mismatch.search.pair_gains import pair_gains
 from rulec.mismatch.search.periods import coming_and_going, periods_of
@@ -41,10 +34,10 @@ def pair_trials(fitted: Fitted, trials: Sequence[Trial], least: float) -> list[R
     found = []
     for (i, j), gain in pair_gains(looks_at(fitted), names, columns, low, high).items():
         first, second = terms[i][0], terms[j][0]
-        if gain > max(least, PAIR_GAINS_MORE * (first.held + second.held)):
+        if gain > max(least, limits.PAIR_GAINS_MORE * (first.held + second.held)):
             found.append((gain, first, second))
     found.sort(key=lambda f: (-f[0], f[1].candidate.id, f[2].candidate.id))
-    return [_refitted(fitted, first, second) for _, first, second in found[:PAIRS_REFITTED]]
+    return [_refitted(fitted, first, second) for _, first, second in found[: limits.PAIRS_REFITTED]]
 
 
 def _ends(trial: Trial) -> Array:
@@ -62,12 +55,12 @@ def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
     single = [t for t in trials if not t.candidate.members]
     found: dict[frozenset[str], Refit] = {}
     begins = []
-    for first in sorted(single, key=lambda t: -t.held)[:PAIRED]:
+    for first in sorted(single, key=lambda t: -t.held)[: limits.PAIRED]:
         setting = fitted.setting.joining(first.candidate, first.values, first.fixed)
         begins.append((fit(fitted.rows, setting, fitted.used, temper=fitted.temper), first))
-    for begun, first in sorted(begins, key=lambda b: cost_of(b[0]))[:BEGUN]:
+    for begun, first in sorted(begins, key=lambda b: cost_of(b[0]))[: limits.BEGUN]:
         others = [t.candidate for t in single if t.candidate.name != first.candidate.name]
-        seconds = sorted(screen(begun, others), key=lambda t: -t.held)[:SECONDS]
+        seconds = sorted(screen(begun, others), key=lambda t: -t.held)[: limits.SECONDS]
         for second in seconds:
             pair = frozenset((first.candidate.id, second.candidate.id))
             if pair not in found:
@@ -76,7 +69,7 @@ def held_pairs(fitted: Fitted, trials: Sequence[Trial]) -> list[Refit]:
 
 
 def torn_pairs(
-    fitted: Fitted, torn: Sequence[Contestant], free: Sequence[Candidate], most: int = BEGUN
+    fitted: Fitted, torn: Sequence[Contestant], free: Sequence[Candidate], most: int = limits.BEGUN
 ) -> list[Refit]:
     """Refits with a second explanation beside single ones that gain enough and yet do not win.
 
@@ -97,7 +90,7 @@ def _alone(torn: Sequence[Contestant]) -> list[Refit]:
     What comes and goes more often imitates anything, and all the more beside another.
     """
     each = [(c.fitted, c.trial) for c in torn if c.trial is not None and not c.trial.along]
-    single = [(fitted, trial) for fitted, trial in each if periods_of(trial) <= FEW_CHANGES]
+    single = [(fitted, trial) for fitted, trial in each if periods_of(trial) <= limits.FEW_CHANGES]
     return sorted(single, key=lambda s: cost_of(s[0]))
 
 
@@ -108,8 +101,8 @@ def _seconds(begun: Fitted, free: Sequence[Candidate]) -> list[Trial]:
     # Far from what was read a law may have no slope: then it lacks nothing that could be told.
     with contextlib.suppress(np.linalg.LinAlgError):
         return [
-            *screen(begun, rest)[:SECONDS],
-            *coming_and_going(begun, rest, FEW_CHANGES)[:SECONDS],
+            *screen(begun, rest)[: limits.SECONDS],
+            *coming_and_going(begun, rest, limits.FEW_CHANGES)[: limits.SECONDS],
         ]
     return []
 

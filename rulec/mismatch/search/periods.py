@@ -15,21 +15,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.screen import Look, Trial, columns_of, looks_at
-from rulec.mismatch.limits import (
-    BEGINS,
-    COMING,
-    FAINT,
-    LONGEST_COURSE,
-    MOST_LEVELS,
-    ODD,
-    PASSING,
-    PERIOD_PRICE,
-    SHORTEST,
-    STEP_PENALTY,
-)
 from rulec.mismatch.search.segments import Segments, apart, cut, few_levels, runs_of
 
 
@@ -41,7 +30,7 @@ def coming_and_going(
         return []
     trials = [in_periods(fitted, c, most) for c in candidates if c.sort == "fault"]
     found = [t for t in trials if t is not None]
-    return sorted(found, key=lambda t: -t.gain)[:COMING]
+    return sorted(found, key=lambda t: -t.gain)[: limits.COMING]
 
 
 def periods_of(trial: Trial) -> int:
@@ -62,15 +51,15 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     degree, certainty = degree_course(fitted, columns[:, 0])
     # Held-out points are not looked at; a period reaches over those inside it.
     known = np.flatnonzero(np.isfinite(degree) & fitted.used)
-    if len(known) < 4 * SHORTEST:
+    if len(known) < 4 * limits.SHORTEST:
         return None
-    edges = np.linspace(0, len(known), min(LONGEST_COURSE, len(known)) + 1).astype(int)
+    edges = np.linspace(0, len(known), min(limits.LONGEST_COURSE, len(known)) + 1).astype(int)
     weights = certainty[known]
     sums = np.add.reduceat(weights, edges[:-1])
     means = np.add.reduceat(weights * degree[known], edges[:-1]) / sums
     noise = _noise(means)
-    segments = cut(means / noise, STEP_PENALTY * float(np.log(len(means))))
-    states = [apart(segments, odd) for odd in ODD]
+    segments = cut(means / noise, limits.STEP_PENALTY * float(np.log(len(means))))
+    states = [apart(segments, odd) for odd in limits.ODD]
     some = [on for on in states if on.any() and not on.all()]
     states = [*some, *(_longest(segments, on) for on in some), *(_hull(on) for on in some)]
     means_ = _Means(known, edges, means, sums, noise)
@@ -81,7 +70,7 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     trials = [
         _trial(fitted, looks, candidate, unknown, columns[:, 0], means_, *way, levels)
         for way in ways
-        for levels in (1, MOST_LEVELS)
+        for levels in (1, limits.MOST_LEVELS)
         if way[1].any() and not way[1].all()
     ]
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
@@ -123,7 +112,9 @@ def _begun(
     and hides a part of both.
     """
     count = len(means.value)
-    begins = np.unique(np.linspace(SHORTEST, count - SHORTEST, BEGINS).astype(int))
+    begins = np.unique(
+        np.linspace(limits.SHORTEST, count - limits.SHORTEST, limits.BEGINS).astype(int)
+    )
     since = means.known[means.edges[begins]]
     terms = column[:, None] * (fitted.rows.point[:, None] >= since)
     null = unknown.null or 0.0
@@ -145,8 +136,8 @@ def _likely(trial: Trial, each: float) -> float:
     assert course is not None
     first = int(np.flatnonzero(course.segment >= 0)[0])
     begins = first > 0 and course.periods[0].since > 0.0
-    price = each * (PERIOD_PRICE * len(course.periods) + course.levels)
-    return trial.gain * (1.0 if begins else PASSING) - price
+    price = each * (limits.PERIOD_PRICE * len(course.periods) + course.levels)
+    return trial.gain * (1.0 if begins else limits.PASSING) - price
 
 
 @dataclass(frozen=True)
@@ -178,7 +169,7 @@ def _trial(
     for first, last in runs_of(segments, on):
         level = float(np.average(means.value[first:last], weights=means.weight[first:last])) - rest
         level = float(np.clip(null + level, unknown.lowest, unknown.highest))
-        if level != null and last - first >= SHORTEST:
+        if level != null and last - first >= limits.SHORTEST:
             runs.append((first, last))
             levels.append(level)
     if not runs:
@@ -205,7 +196,7 @@ def _joined(
     """Runs with the number of their level; what is between two of a level may be nothing."""
     first, last, level = *runs[0], int(number[0])
     for (begin, end), i in zip(runs[1:], number[1:].tolist(), strict=True):
-        if begin - last < SHORTEST and i == level:
+        if begin - last < limits.SHORTEST and i == level:
             last = end
             continue
         yield first, last, level
@@ -228,7 +219,7 @@ def degree_course(fitted: Fitted, column: Array) -> tuple[Array, Array]:
         # Whether a point speaks of the degree is no matter of how far out it lies.
         spoken = np.bincount(rows.point, column**2, minlength=n).astype(float)
         # Of points that speak at all: where a module moves, only rounding is left of others.
-        least = FAINT * float(np.sum(spoken**2) / max(np.sum(spoken), 1e-300))
+        least = limits.FAINT * float(np.sum(spoken**2) / max(np.sum(spoken), 1e-300))
         degree: Array = np.where(spoken > least, -moment / weight, np.nan)
     return degree, weight
 

@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.limits import (
-    COMMON,
-    FLICKERING,
-    HEALED,
-    PERIOD_PRICE,
-    RARITY,
-)
 
 
 def price_of_fit(fitted: Fitted) -> float:
@@ -25,18 +19,24 @@ def price_of_fit(fitted: Fitted) -> float:
     setting = fitted.setting
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     hidden = {u.id for c in setting.joined if c.sort == HIDDEN for u in c.unknowns}
-    steps = sum(PERIOD_PRICE * len(c.periods) for c in setting.courses if c.unknown not in hidden)
+    steps = sum(
+        limits.PERIOD_PRICE * len(c.periods) for c in setting.courses if c.unknown not in hidden
+    )
     levels = sum(c.levels for c in setting.courses)
     signals = fitted.rows.system.ruleset.signal_by_id
-    rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in setting.joined)
+    rare = sum(
+        limits.RARITY[c.sort] + (limits.COMMON if c.members else 0.0) for c in setting.joined
+    )
     coming = {course.unknown for course in setting.courses}
     for candidate in setting.joined:
         if coming & {u.id for u in candidate.unknowns}:
             of_sensor = f"{candidate.module}.{candidate.place}" in signals
             # What follows a driver that nobody recorded is a law sooner than a reading.
-            sort = RARITY["sensor"] if candidate.sort == HIDDEN else 0.0
-            rare += (FLICKERING + sort) * of_sensor
-    rare += HEALED * sum(_ends(c, fitted) for c in setting.courses if c.unknown not in hidden)
+            sort = limits.RARITY["sensor"] if candidate.sort == HIDDEN else 0.0
+            rare += (limits.FLICKERING + sort) * of_sensor
+    rare += limits.HEALED * sum(
+        _ends(c, fitted) for c in setting.courses if c.unknown not in hidden
+    )
     shapes = sum(_shapes(c) for c in setting.joined)
     return each * (steps + levels + shapes) + rare + _freed(fitted, each)
 

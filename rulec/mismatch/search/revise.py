@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, temper_of
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.limits import NEEDED
 from rulec.mismatch.search.compete import Contestant, contest, entered
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.rivals import at_an_end
@@ -57,7 +57,7 @@ def needless(now: Contestant, names: list[str]) -> tuple[Contestant, list[str]]:
         )
         # What is left must not make up for it by running to an end: a reading of which nothing is
         # left, say, contradicts no law any more.
-        if net_gain(now, less) < NEEDED and not at_an_end(less, *setting.joined):
+        if net_gain(now, less) < limits.NEEDED and not at_an_end(less, *setting.joined):
             now = less
             gone.append(name)
     return now, gone

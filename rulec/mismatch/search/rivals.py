@@ -8,10 +8,10 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, student_weights
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.limits import NEEDED, SAME_CHANGE, SEED, SHUFFLES, SOMETHING, SURE
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.compete import (
     Contestant,
@@ -46,7 +46,7 @@ def beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
     assert contestant.trial is not None
     lead = net_gain(contestant, now) - net_gain(easing, now)
     physics = contestant.trial.candidate.sort in ("physics", "ageing")
-    return lead > (needed(now, 1) if physics else -NEEDED)
+    return lead > (needed(now, 1) if physics else -limits.NEEDED)
 
 
 def defeated(
@@ -54,7 +54,7 @@ def defeated(
 ) -> tuple[Rival, ...] | None:
     """The rivals with their gains; None where one of them does as well."""
     net = net_gain(contestant, now)
-    if net < needed(now, tried) or contestant.sureness_over(now) < SURE:
+    if net < needed(now, tried) or contestant.sureness_over(now) < limits.SURE:
         return None
     trial = contestant.trial
     assert trial is not None
@@ -62,7 +62,9 @@ def defeated(
         return None
     if not _is_there(contestant.fitted, trial):
         return None
-    shuffled = shuffled_gains(_let_go(now, contestant), contestant.fitted, SHUFFLES, SEED)
+    shuffled = shuffled_gains(
+        _let_go(now, contestant), contestant.fitted, limits.SHUFFLES, limits.SEED
+    )
     placebo = _placebo(now.fitted, trial)
     # A term without a driver of its own has no course that could be shuffled.
     imitated = bool(trial.candidate.drivers) and shuffled.is_imitated
@@ -92,7 +94,7 @@ def _is_there(fitted: Fitted, trial: Trial) -> bool:
     if len(free) > 1 or any(u.null is None or u.id not in fitted.setting.values for u in free):
         return True
     return all(
-        abs(fitted.setting.values[u.id] - (u.null or 0.0)) > SOMETHING * fitted.u(u.id)
+        abs(fitted.setting.values[u.id] - (u.null or 0.0)) > limits.SOMETHING * fitted.u(u.id)
         for u in free
     )
 
@@ -130,7 +132,7 @@ def _placebo(fitted: Fitted, trial: Trial) -> float:
     columns = _columns(fitted, trial)
     if not columns or trial.course is not None:
         return 0.0
-    return float(placebo_gains(fitted, trial, columns, SEED).max())
+    return float(placebo_gains(fitted, trial, columns, limits.SEED).max())
 
 
 def _columns(fitted: Fitted, trial: Trial) -> list[Array]:
@@ -158,6 +160,6 @@ def instead_of(
     for other in ranked:
         course = change(other)
         size = float(np.sqrt(np.sum(weight * own**2) * np.sum(weight * course**2)))
-        if other is not winner and float(np.sum(weight * own * course)) > SAME_CHANGE * size:
+        if other is not winner and float(np.sum(weight * own * course)) > limits.SAME_CHANGE * size:
             found.append(other)
     return found

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import Trial, screen, with_open_references
-from rulec.mismatch.limits import CLOSE, CONTESTED, FINALISTS, MANY, MOST_TERMS, NEEDED
 from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, contest, cost_of, refit
 from rulec.mismatch.search.exchange import exchanged, weighed
@@ -48,7 +48,7 @@ def search(rows: Rows, progress: Progress) -> Search:
         return named
     ahead = gain_in_sample(hidden, plain) - gain_in_sample(named.best, plain)
     one = len(named.accepted) == 1 and not _is_free(named.accepted[0])
-    if ahead < (NEEDED if one else 0.0):
+    if ahead < (limits.NEEDED if one else 0.0):
         return named
     progress("a driver that nobody recorded explains more than all names")
     first = recorded(hidden, plain, [], ())
@@ -61,12 +61,12 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
     The best single explanation of two that are left out may be neither of them. All that follows
     then mends what it does wrong, and each is needed beside the others.
     """
-    if sum(r.trial.candidate.sort != HIDDEN for r in found.accepted) < MANY:
+    if sum(r.trial.candidate.sort != HIDDEN for r in found.accepted) < limits.MANY:
         return found
     progress("looking for two explanations that say the same as all of these")
     candidates = plain.fitted.rows.system.candidates
-    singles = [refit(plain.fitted, t) for t in screen(plain.fitted, candidates)[:FINALISTS]]
-    pairs = torn_pairs(plain.fitted, contested(singles, plain), candidates, CONTESTED)
+    singles = [refit(plain.fitted, t) for t in screen(plain.fitted, candidates)[: limits.FINALISTS]]
+    pairs = torn_pairs(plain.fitted, contested(singles, plain), candidates, limits.CONTESTED)
     step = first_to_win(plain, contested(pairs, plain), None, found.tried)
     if step is None or step.winner is None or not step.records:
         return found
@@ -82,12 +82,12 @@ def _beside(now: Contestant, record: Won) -> list[Trial]:
     candidates = now.fitted.rows.system.candidates
     joined = {c.id for c in now.fitted.setting.joined}
     free = [c for c in candidates if c.id not in joined]
-    return screen(_without(now, name).fitted, free)[:FINALISTS]
+    return screen(_without(now, name).fitted, free)[: limits.FINALISTS]
 
 
 def _worth(found: Search, plain: Contestant) -> float:
     """What was gained, less what must be gained for each explanation."""
-    return net_gain(found.best, plain) - NEEDED * len(found.accepted)
+    return net_gain(found.best, plain) - limits.NEEDED * len(found.accepted)
 
 
 def _one_by_one(
@@ -101,7 +101,7 @@ def _one_by_one(
     accepted = list(begun)
     names_once_more = True
     candidates = plain.fitted.rows.system.candidates
-    while len(accepted) < MOST_TERMS and not any(_is_free(r) for r in accepted):
+    while len(accepted) < limits.MOST_TERMS and not any(_is_free(r) for r in accepted):
         progress(f"looking for explanation {len(accepted) + 1} among {len(candidates)}")
         named = sum(r.gain for r in accepted if r.trial.candidate.sort != HIDDEN)
         step = best_step(now, candidates, tried, named)
@@ -144,7 +144,7 @@ def _weighed(now: Contestant, record: Won, finalists: Sequence[Trial]) -> Won:
     """The odds of others that last, in the model as it is."""
     if record.trial.course is not None or record.trial.candidate.sort in ("free", HIDDEN):
         return record
-    lasting = [t for t in record.others if t.course is None][:FINALISTS]
+    lasting = [t for t in record.others if t.course is None][: limits.FINALISTS]
     known = {t.candidate.id for t in lasting}
     return weighed(now, record, [*lasting, *(t for t in finalists if t.candidate.id not in known)])
 
@@ -196,7 +196,7 @@ def _asked_again(now: Contestant, records: tuple[Won, ...]) -> tuple[Contestant,
     if len(records) != 1 or not now.fitted.setting.courses or records[0].trial.course is not None:
         return now, records
     record = records[0]
-    close = [t for t, o in zip(record.others, record.odds, strict=True) if o > CLOSE]
+    close = [t for t, o in zip(record.others, record.odds, strict=True) if o > limits.CLOSE]
     lasting = [t for t in close if t.course is None]
     better, name = instead(now, record.trial.candidate.id, lasting)
     if better is now:

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import Trial, screen
-from rulec.mismatch.limits import FINALISTS, HOPELESS, UNNAMED_PART
 from rulec.mismatch.search.challenge import challenged
 from rulec.mismatch.search.coincide import with_settings
 from rulec.mismatch.search.compete import Contestant, Refit, contest, refit
@@ -55,11 +55,11 @@ def best_step(
     # Of pairs whose parts hide each other all are looked at, and that is paid for.
     pairs = tried + len(trials) * (len(trials) - 1) // 2
     stages: tuple[tuple[int, Callable[[], list[Refit]]], ...] = (
-        (tried, lambda: _singles(fitted, trials, free, HOPELESS * needed(now, tried))),
+        (tried, lambda: _singles(fitted, trials, free, limits.HOPELESS * needed(now, tried))),
         (
             pairs,
             lambda: (
-                pair_trials(fitted, trials, HOPELESS * needed(now, pairs))
+                pair_trials(fitted, trials, limits.HOPELESS * needed(now, pairs))
                 if eased is None
                 else held_pairs(fitted, trials)
             ),
@@ -75,17 +75,17 @@ def best_step(
         found = first_to_win(now, apart, hidden, count)
         if found is not None and found.records:
             found = challenged(replace(found, tried=tried), now, ranked, free, hidden)
-            return replace(found, finalists=tuple(trials[:FINALISTS]))
+            return replace(found, finalists=tuple(trials[: limits.FINALISTS]))
         # A pair that loses against a calibration that is let go says nothing of a single one.
         eased = eased or (found if refits is not stages[-1][1] else None)
         torn += [c for c in ranked if net_gain(c, now) > needed(now, tried)]
     if eased is not None:
         return eased
-    worth = needed(now, tried) + UNNAMED_PART * explained
+    worth = needed(now, tried) + limits.UNNAMED_PART * explained
     unnamed = contested([refit(fitted, t) for t in free_form_trials(fitted)], now)
     best = first_to_win(now, unnamed, None, tried)
     # What names left over by a small part may be the shape of one of them.
-    if best is not None and gain_of(best, now) < UNNAMED_PART * explained:
+    if best is not None and gain_of(best, now) < limits.UNNAMED_PART * explained:
         best = None
     if hidden is not None and net_gain(hidden, now) > max(worth, gain_of(best, now)):
         return Step(hidden, recorded(hidden, now, [], ()), tried)
@@ -97,7 +97,7 @@ def _singles(
 ) -> list[Refit]:
     """Refits with one explanation, also with calibrations held that were let go."""
     ways = ((fitted, trials), *_held(fitted, free))
-    return [refit(f, t) for f, ts in ways for t in ts[:FINALISTS] if t.gain > least]
+    return [refit(f, t) for f, ts in ways for t in ts[: limits.FINALISTS] if t.gain > least]
 
 
 def _is_more(contestant: Contestant, torn: Sequence[Contestant], now: Contestant) -> bool:

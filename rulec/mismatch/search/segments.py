@@ -13,15 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.limits import (
-    AT_ONCE,
-    LEVELS_LEAVE,
-    MOST_LEVELS,
-    ONE_LEVEL,
-    SHORTEST,
-    STEP_PENALTY,
-    TWO_STATES,
-)
+from rulec.mismatch import limits
 
 
 @dataclass(frozen=True)
@@ -73,7 +65,7 @@ def apart(segments: Segments, odd: float = 0.0) -> np.ndarray:
     """
     on = np.zeros(len(segments.level), dtype=bool)
     segments = replace(segments, level=_without_odd_ones(segments, odd))
-    rest = np.flatnonzero(segments.length >= SHORTEST)
+    rest = np.flatnonzero(segments.length >= limits.SHORTEST)
     while True:
         found = _split(segments, rest)
         if found is None:
@@ -107,10 +99,10 @@ def _split(segments: Segments, lasting: NDArray[np.intp]) -> tuple[float, bool] 
     split = int(np.argmin(scatter)) + 1
     whole = _scatter(level[order], length[order])
     low, high = order[:split], order[split:]
-    if whole <= 0 or 1.0 - scatter[split - 1] / whole < TWO_STATES:
+    if whole <= 0 or 1.0 - scatter[split - 1] / whole < limits.TWO_STATES:
         return None
     # Levels at rest that others separate differ by noise: two states must pay for themselves.
-    if whole - scatter[split - 1] < STEP_PENALTY * float(np.log(length.sum())):
+    if whole - scatter[split - 1] < limits.STEP_PENALTY * float(np.log(length.sum())):
         return None
     middle = 0.5 * float(level[low].max() + level[high].min())
     if not _changes_at_once(level, lasting, level > middle):
@@ -126,7 +118,7 @@ def _changes_at_once(level: Array, lasting: NDArray[np.intp], above: np.ndarray)
         return False
     steps = np.abs(level[after] - level[before])[changed]
     distance = float(level[lasting][above[lasting]].mean() - level[lasting][~above[lasting]].mean())
-    return float(np.median(steps)) > AT_ONCE * distance
+    return float(np.median(steps)) > limits.AT_ONCE * distance
 
 
 def _one_sided(level: Array) -> bool:
@@ -147,7 +139,11 @@ def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
     rest = float(np.average(segments.level[~on], weights=segments.length[~on]))
     for i in np.flatnonzero(on):
         level = float(segments.level[i]) - rest
-        if runs and runs[-1][1] == first[i] and abs(level - runs[-1][2]) < ONE_LEVEL * abs(level):
+        if (
+            runs
+            and runs[-1][1] == first[i]
+            and abs(level - runs[-1][2]) < limits.ONE_LEVEL * abs(level)
+        ):
             begin, _, known = runs[-1]
             share = (last[i] - first[i]) / (last[i] - begin)
             runs[-1] = (begin, int(last[i]), known + share * (level - known))
@@ -157,7 +153,7 @@ def runs_of(segments: Segments, on: np.ndarray) -> list[tuple[int, int]]:
 
 
 def few_levels(
-    levels: Array, lengths: NDArray[np.intp], most: int = MOST_LEVELS
+    levels: Array, lengths: NDArray[np.intp], most: int = limits.MOST_LEVELS
 ) -> tuple[NDArray[np.intp], Array]:
     """Number of the level of each period, and the levels: as few as tell most, at most three.
 
@@ -177,7 +173,7 @@ def few_levels(
         chosen = parts[int(np.argmin(scatters))]
         for i, part in enumerate(chosen):
             best[part] = i
-        if min(scatters) <= LEVELS_LEAVE * whole or whole <= 0:
+        if min(scatters) <= limits.LEVELS_LEAVE * whole or whole <= 0:
             break
     centres = [
         float(np.average(levels[best == i], weights=lengths[best == i]))

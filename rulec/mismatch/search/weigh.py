@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.fit import temper_of
-from rulec.mismatch.limits import NEEDED, SAYS_THE_SAME, WORTH
 from rulec.mismatch.search.compete import Contestant
 from rulec.mismatch.search.price import price_of_fit
 
@@ -33,7 +33,7 @@ def gain_in_sample(contestant: Contestant, now: Contestant) -> float:
 
 def needed(now: Contestant, tried: int) -> float:
     """Gain that is worth naming."""
-    return NEEDED + float(np.log(max(tried, 1))) + WORTH * now.fitted.rows.groups
+    return limits.NEEDED + float(np.log(max(tried, 1))) + limits.WORTH * now.fitted.rows.groups
 
 
 def _said(setting: Setting) -> tuple[int, int]:
@@ -53,7 +53,7 @@ def says_the_same(one: Contestant, other: Contestant) -> bool:
         return False
     fitted = one.fitted
     apart = np.sum(fitted.weights * (fitted.residual - other.fitted.residual) ** 2)
-    return 0.5 * float(apart) < SAYS_THE_SAME
+    return 0.5 * float(apart) < limits.SAYS_THE_SAME
 
 
 def odds_of(other: Contestant, winner: Contestant) -> float:

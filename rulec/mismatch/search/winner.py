@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.limits import CONTESTED, EVEN
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Won
 from rulec.mismatch.search.compete import Contestant, Refit, contest, cost_of
@@ -36,7 +36,7 @@ def gain_of(step: Step | None, now: Contestant) -> float:
 def contested(refitted: Sequence[Refit], now: Contestant) -> list[Contestant]:
     """Those that fit best in the sample, judged on blocks they were not fitted to, best first."""
     by_fit = sorted(refitted, key=lambda f: cost_of(f[0]))
-    chosen = [contest(fitted, trial) for fitted, trial in by_fit[:CONTESTED]]
+    chosen = [contest(fitted, trial) for fitted, trial in by_fit[: limits.CONTESTED]]
     return sorted(chosen, key=lambda c: -net_gain(c, now))
 
 
@@ -60,7 +60,7 @@ def first_to_win(
         # Of those that explain the same, the most probable: the first may lead by next to nothing.
         for other in instead_of(contestant, ranked, now):
             lost = defeated(other, now, easing, tried)
-            if lost is not None and odds_of(other, contestant) > EVEN:
+            if lost is not None and odds_of(other, contestant) > limits.EVEN:
                 contestant, rivals = other, lost
         return Step(contestant, recorded(contestant, now, ranked, rivals), tried)
     return None

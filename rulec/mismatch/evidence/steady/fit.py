@@ -17,22 +17,10 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.rows import Maps, Rows
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.limits import (
-    BATCHES,
-    CONVERGED,
-    DRIFTED,
-    EASIER,
-    FIT_STEPS,
-    FREEDOM,
-    HARDEST,
-    ODD_RESIDUAL,
-    RELEASE,
-    SHEET_HOLDS,
-    SOFTEST,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +60,7 @@ def prior_of(
             # A calibration that strained its sheet widened it; one that broke with it says nothing.
             u[at] = stated_u if module in setting.trusted else max(stated_u, u[at])
         elif free:
-            u[at] = RELEASE * u[at]
+            u[at] = limits.RELEASE * u[at]
     errors = [ERROR + name for name in system.shared]
     unknowns = setting.free_unknowns()
     size = len(names) + len(errors) + len(unknowns)
@@ -91,11 +79,11 @@ def prior_of(
         precision[:k, :k] = inverse / np.outer(u[base], u[base])
     adrift = _adrift(setting)
     for i, name in enumerate(errors, start=k):
-        precision[i, i] = DRIFTED**-2 if name in adrift else 1.0
+        precision[i, i] = limits.DRIFTED**-2 if name in adrift else 1.0
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
-    limits = setting.limits()
+    bounds = setting.limits()
     for i, name in enumerate(unknowns, start=k + len(errors)):
-        lowest[i], highest[i] = limits[name]
+        lowest[i], highest[i] = bounds[name]
         width = highest[i] - lowest[i]
         scale[i] = max(abs(setting.values[name]), 1e-3 * width if np.isfinite(width) else 1e-12)
         if anchors and name in anchors:
@@ -208,7 +196,7 @@ class Fitted:
         between = prior.precision[np.ix_(stated, stated)] / np.outer(size[stated], size[stated])
         parts, ways = np.linalg.eigh(between)
         far = np.sqrt(np.maximum(parts, 0.0)) * (ways.T @ off[stated])
-        tails = 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
+        tails = 0.5 * (limits.FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / limits.FREEDOM)))
         broken = {f"{ERROR}{c.module}.{c.place}" for c in self.setting.joined if c.sort == "sensor"}
         keeps = of_sensors & np.array([name not in broken for name in prior.names], dtype=bool)
         return tails + 0.5 * float(np.sum(off[keeps] ** 2)) + self.contradiction
@@ -218,12 +206,12 @@ class Fitted:
         """The strain on data sheets that calibrations contradict, where these are not trusted."""
         parameters = self.rows.system.builder.parameters
         far = self._off_sheet(parameters.contradicted - self.setting.trusted)
-        return 0.5 * (FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / FREEDOM)))
+        return 0.5 * (limits.FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / limits.FREEDOM)))
 
     @property
     def keeps_trust(self) -> bool:
         """Do the data sheets hold that are trusted? Only that excuses what a calibration says."""
-        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= SHEET_HOLDS))
+        return bool(np.all(np.abs(self._off_sheet(self.setting.trusted)) <= limits.SHEET_HOLDS))
 
     def _off_sheet(self, modules: AbstractSet[str]) -> Array:
         """How far values are off the data sheets of modules, in uncertainties of these."""
@@ -241,7 +229,7 @@ def fit(
     rows: Rows,
     setting: Setting,
     used: np.ndarray,
-    steps: int = FIT_STEPS,
+    steps: int = limits.FIT_STEPS,
     held: Mapping[str, float] | None = None,
     temper: float = 1.0,
     anchors: Mapping[str, tuple[float, float]] | None = None,
@@ -273,15 +261,15 @@ def fit(
         gain = current.objective - trial.objective
         if not np.isfinite(trial.objective) or gain < 0:
             damping, harder = damping * harder, 2.0 * harder
-            if damping > HARDEST:
+            if damping > limits.HARDEST:
                 break
             continue
         # A valley that bends wants short steps: damping falls only as far as the last was foreseen.
         foreseen = gain / max(_promised(current, prior, at, trial_at - at), 1e-300)
-        easier = max(1.0 - (2.0 * min(foreseen, 1.0) - 1.0) ** 3, 1.0 / EASIER)
-        damping, harder = max(damping * easier, SOFTEST), 2.0
+        easier = max(1.0 - (2.0 * min(foreseen, 1.0) - 1.0) ** 3, 1.0 / limits.EASIER)
+        damping, harder = max(damping * easier, limits.SOFTEST), 2.0
         at, current = trial_at, trial
-        if gain < CONVERGED * max(int(use.sum()), 1) * 0.01:
+        if gain < limits.CONVERGED * max(int(use.sum()), 1) * 0.01:
             break
     return current
 
@@ -349,18 +337,20 @@ def temper_of(fitted: Fitted) -> float:
     factors = []
     for cell in rows.cells:
         table = cell.table(fitted.residual).T / fitted.scale
-        table = np.clip(table[fitted.used[cell.points]], -ODD_RESIDUAL, ODD_RESIDUAL)
-        count = len(table) // BATCHES
+        table = np.clip(table[fitted.used[cell.points]], -limits.ODD_RESIDUAL, limits.ODD_RESIDUAL)
+        count = len(table) // limits.BATCHES
         if count < 2:
             continue
-        means = table[: count * BATCHES].reshape(BATCHES, count, cell.rank).mean(axis=1)
+        means = (
+            table[: count * limits.BATCHES].reshape(limits.BATCHES, count, cell.rank).mean(axis=1)
+        )
         spread = np.var(table, axis=0)
         ratio = count * np.var(means, axis=0, ddof=1) / np.maximum(spread, 1e-300)
         factors.append((len(table), float(np.max(ratio))))
     if not factors:
         return 1.0
     counts, sizes = np.array(factors).T
-    return float(np.clip(np.average(sizes, weights=counts), 1.0, rows.groups / BATCHES))
+    return float(np.clip(np.average(sizes, weights=counts), 1.0, rows.groups / limits.BATCHES))
 
 
 def _sound(residual: Array) -> Array:
@@ -379,15 +369,15 @@ def _distance(rows: Rows, residual: Array) -> Array:
 def student_weights(rows: Rows, residual: Array, scale: float) -> Array:
     """Weight of every row by the Student distribution."""
     rank = rows.group_rank
-    weight = (FREEDOM + rank) / (FREEDOM + _distance(rows, residual) / scale**2)
+    weight = (limits.FREEDOM + rank) / (limits.FREEDOM + _distance(rows, residual) / scale**2)
     spread: Array = weight[rows.group]
     return spread
 
 
 def _likelihood(rows: Rows, residual: Array, scale: float) -> Array:
     rank = rows.group_rank
-    distance = _distance(rows, residual) / (FREEDOM * scale**2)
-    value: Array = -rank * np.log(scale) - 0.5 * (FREEDOM + rank) * np.log1p(distance)
+    distance = _distance(rows, residual) / (limits.FREEDOM * scale**2)
+    value: Array = -rank * np.log(scale) - 0.5 * (limits.FREEDOM + rank) * np.log1p(distance)
     return value
 
 
@@ -400,6 +390,6 @@ def _scale(rows: Rows, residual: Array, use: np.ndarray, start: float | None) ->
         return 1.0
     square = start**2 if start else max(float(np.median(distance / rank)), 1e-12)
     for _ in range(8 if start else 30):
-        weight = (FREEDOM + rank) / (FREEDOM + distance / square)
+        weight = (limits.FREEDOM + rank) / (limits.FREEDOM + distance / square)
         square = max(float(np.sum(weight * distance) / np.sum(rank)), 1e-12)
     return float(np.sqrt(square))

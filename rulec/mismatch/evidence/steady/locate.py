@@ -16,10 +16,10 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import white_noise
 
 from rulec.effects.candidate import Spot
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.limits import SAME_PATTERN, SLOW_VALUES
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def suspects(fitted: Fitted) -> list[Suspect]:
         known = np.flatnonzero((suspect.weight > 0) & fitted.used)
         course, weight = suspect.course[known], suspect.weight[known]
         gain = max(
-            _explained(-course * weight, weight, noise, k) for k in (len(known), SLOW_VALUES)
+            _explained(-course * weight, weight, noise, k) for k in (len(known), limits.SLOW_VALUES)
         )
         found.append((suspect, gain))
     most = max((gain for _, gain in found), default=0.0)
@@ -125,7 +125,7 @@ def alike(first: Suspect, second: Suspect) -> bool:
     """Do errors at two places look the same in all residuals?"""
     cosine = np.abs(first.column @ second.column)
     cosine /= np.linalg.norm(first.column) * np.linalg.norm(second.column)
-    return bool(cosine > SAME_PATTERN)
+    return bool(cosine > limits.SAME_PATTERN)
 
 
 def variables_of(system: System, module: str) -> dict[str, Array]:

@@ -11,12 +11,12 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import variables_of
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.limits import HELD_STEPS, STEADY_PACE
 from rulec.mismatch.result import Estimate, Period
 
 
@@ -61,7 +61,9 @@ class SteadyModel:
 
         def fall(step: float) -> float:
             held: Mapping[str, float] = {name: value + step}
-            there = fit(fitted.rows, fitted.setting, fitted.used, HELD_STEPS, held, fitted.temper)
+            there = fit(
+                fitted.rows, fitted.setting, fitted.used, limits.HELD_STEPS, held, fitted.temper
+            )
             return there.objective - fitted.objective
 
         return Line(
@@ -71,7 +73,7 @@ class SteadyModel:
             lowest=float(prior.lowest[i]),
             highest=float(prior.highest[i]),
             fall=fall,
-            pace=Pace(*STEADY_PACE),
+            pace=Pace(*limits.STEADY_PACE),
         )
 
     def periods(

@@ -15,9 +15,9 @@ from rulec_runtime.contract.tangent import run_with_slopes
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.simulation.shut_off import is_flow
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.limits import PREDICTOR_STEPS
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Predictor:
             float(np.nanstd(measured[self.points])), 1e-6 * float(np.nanmax(np.abs(measured)))
         )
         settled = np.full(len(at), np.inf)
-        for _ in range(PREDICTOR_STEPS):
+        for _ in range(limits.PREDICTOR_STEPS):
             value, slope = self._value(setting, at)
             with np.errstate(all="ignore"):
                 step = np.clip(-value / slope, -10.0 * size, 10.0 * size)

@@ -26,14 +26,7 @@ from rulec_runtime.recordings.stationary import (
     systematic_u,
 )
 
-from rulec.mismatch.limits import (
-    BLOCK_POINTS,
-    BLOCKS,
-    BRIDGED,
-    FLOOR_SHARE,
-    POINT_BUDGET,
-    STATISTICAL_SHARE,
-)
+from rulec.mismatch import limits
 
 ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
 
@@ -111,10 +104,10 @@ def prepare(
     statistical = {}
     for signal in ruleset.signals:
         if signal.id in points.values:
-            floor = STATISTICAL_SHARE * systematic_u(signal, points.values[signal.id])
+            floor = limits.STATISTICAL_SHARE * systematic_u(signal, points.values[signal.id])
             own = points.statistical(signal.id)
             # A reading that is constant by quantisation or filtering is not therefore exact.
-            smallest = floor if of_rows else FLOOR_SHARE * floor / np.sqrt(stretches.lengths)
+            smallest = floor if of_rows else limits.FLOOR_SHARE * floor / np.sqrt(stretches.lengths)
             statistical[signal.id] = np.maximum(own, smallest)
     block, part = _split(time, heldout)
     text = _told(time, part, block, heldout)
@@ -180,14 +173,14 @@ def _bridged(points: Points, read: set[str]) -> Points:
     values = dict(points.values)
     for name, course in points.values.items():
         known = np.isfinite(course)
-        if name not in read and not known.all() and known.mean() > BRIDGED:
+        if name not in read and not known.all() and known.mean() > limits.BRIDGED:
             values[name] = np.interp(points.time, points.time[known], course[known])
     return replace(points, values=values)
 
 
 def _pieces(stretches: Stretches, observers: int) -> Stretches:
     """Stretches cut, so that there are as many points as the budget allows, and no more."""
-    budget = POINT_BUDGET // max(observers, 1)
+    budget = limits.POINT_BUDGET // max(observers, 1)
     length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST_STRETCH)
     first, last = [], []
     for low, high in zip(stretches.first, stretches.last, strict=True):
@@ -210,7 +203,7 @@ def _split(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Number of the block of each point, and what it serves for."""
     n = len(time)
-    blocks = int(np.clip(n // BLOCK_POINTS, 1, BLOCKS))
+    blocks = int(np.clip(n // limits.BLOCK_POINTS, 1, limits.BLOCKS))
     block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)
     part = np.array(PATTERN)[block % len(PATTERN)]
     if heldout:
@@ -219,10 +212,10 @@ def _split(
             inside |= (time >= low) & (time <= high)
         rest = np.cumsum(~inside) - 1
         count = max(int((~inside).sum()), 1)
-        blocks = int(np.clip(count // BLOCK_POINTS, 1, BLOCKS))
+        blocks = int(np.clip(count // limits.BLOCK_POINTS, 1, limits.BLOCKS))
         open_ = np.clip(rest * blocks // count, 0, blocks - 1)
         part = np.where(inside, HELDOUT, open_ % 2)
-        block = np.where(inside, blocks + np.arange(n) * BLOCKS // max(n, 1), open_)
+        block = np.where(inside, blocks + np.arange(n) * limits.BLOCKS // max(n, 1), open_)
         block = np.unique(block, return_inverse=True)[1]
     return block, part
 

@@ -17,18 +17,11 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of, patterns_of, residual_basis
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.cell import Cell, Linear
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.small_systems import inverses, inverses_of
 from rulec.mismatch.evidence.steady.system import Flows, System
-from rulec.mismatch.limits import (
-    LEAST_NOISE,
-    MOST_AWAY_FROM_ZERO,
-    MOST_TOWARDS_ZERO,
-    NO_SLOPE,
-    RARE_PATTERN,
-    RECONCILED,
-)
 
 Maps = tuple[Array, ...]
 """Per cell the map from changes of estimates to whitened errors, (observers, rank, points)."""
@@ -68,7 +61,7 @@ class Rows:
             weight = _product(inverse[len(self.cells) + number], part.combined)
             shifts = np.einsum("nrm,nr->nm", part.scaled, weight)
             shifts *= self._noise(cell, part.names)
-            large = np.einsum("nr,nr->n", whitened, whitened) > RECONCILED**2 * cell.rank
+            large = np.einsum("nr,nr->n", whitened, whitened) > limits.RECONCILED**2 * cell.rank
             alone = np.zeros_like(shifts)
             alone[:, [part.names.index(name) for name in cell.outputs]] = off
             self._move(obeying, cell, part.names, np.where(large[:, None], alone, shifts))
@@ -83,7 +76,8 @@ class Rows:
         sign, size = np.sign(measured), np.abs(measured)
         towards_zero = sign * np.nan_to_num(shifts)
         kept = sign * np.minimum(
-            np.maximum(towards_zero, -MOST_AWAY_FROM_ZERO * size), MOST_TOWARDS_ZERO * size
+            np.maximum(towards_zero, -limits.MOST_AWAY_FROM_ZERO * size),
+            limits.MOST_TOWARDS_ZERO * size,
         )
         for name, shift in zip(names, kept.T, strict=True):
             if name not in obeying:
@@ -96,7 +90,7 @@ class Rows:
         slopes = cell.slopes(flows.by_reading, names)
         scaled = slopes * self._noise(cell, names)[:, None, :]
         size = np.abs(scaled.reshape(len(scaled), -1)).max(axis=1, initial=0.0)
-        size = np.where(size < NO_SLOPE, size, 0.0)[:, None, None]
+        size = np.where(size < limits.NO_SLOPE, size, 0.0)[:, None, None]
         normal = scaled @ np.swapaxes(scaled, 1, 2) + (1e-6 * size) ** 2 * np.eye(cell.rank)
         return Linear(names, cell.combined(flows.values), slopes, scaled, normal)
 
@@ -174,7 +168,7 @@ def rows_of(system: System, setting: Setting) -> Rows:
     for members in _blocks(system):
         for flags, points in patterns_of(system.valid[members]):
             observers = members[flags]
-            if len(points) < max(RARE_PATTERN * len(system.data), 2) or len(observers) < 2:
+            if len(points) < max(limits.RARE_PATTERN * len(system.data), 2) or len(observers) < 2:
                 continue
             basis = _basis(system, observers)
             cell = _cell(system, flows, observers, basis, points, start) if len(basis) else None
@@ -212,7 +206,7 @@ def _cell(
     covariance = noise @ np.swapaxes(noise, 1, 2)
     size = np.stack([np.abs(system.data.values[name][points]) for name in outputs], axis=1)
     diagonal = np.arange(len(basis))
-    covariance[:, diagonal, diagonal] += (LEAST_NOISE * (size + size.mean(axis=0))) ** 2
+    covariance[:, diagonal, diagonal] += (limits.LEAST_NOISE * (size + size.mean(axis=0))) ** 2
     sound = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))
     factor = np.linalg.cholesky(covariance[sound])
     whitener = np.linalg.inv(factor)

@@ -17,10 +17,10 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import MEDIAN, TIME, Candidate, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior, prior_of, student_weights
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.limits import BENT, DRIVER_VARIES, HUBER, MOST_STARTS, NEAR_ZERO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +106,7 @@ def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
     rows, scale = fitted.rows, fitted.scale
     use = fitted.used[rows.point]
     size = np.sqrt(rows.per_group(fitted.residual**2) / rows.group_rank)[rows.group]
-    huber = np.minimum(1.0, HUBER * scale / np.maximum(size, 1e-300))
+    huber = np.minimum(1.0, limits.HUBER * scale / np.maximum(size, 1e-300))
     robust = student_weights(rows, fitted.residual, scale)
     known = prior or fitted.prior
     return _look(fitted, robust * use, known), _look(fitted, huber * use, known)
@@ -208,7 +208,7 @@ def _bends(
     yield null
     for unknown in amplitudes:
         sizes = [abs(start - null[unknown.id]) for start in unknown.starts]
-        if len(sizes) > 1 and max(sizes) > BENT * min(sizes):
+        if len(sizes) > 1 and max(sizes) > limits.BENT * min(sizes):
             yield {**null, unknown.id: max(unknown.starts, key=abs)}
 
 
@@ -239,7 +239,7 @@ def _has_drivers(system: System, candidate: Candidate) -> bool:
         values = data.values.get(name)
         if values is None or not np.isfinite(values[data.open]).any():
             return False
-        if np.nanstd(values[data.open]) < DRIVER_VARIES * np.nanmedian(data.noise[name]):
+        if np.nanstd(values[data.open]) < limits.DRIVER_VARIES * np.nanmedian(data.noise[name]):
             return False
     return any(o in system.number for o in candidate.observers)
 
@@ -281,7 +281,7 @@ def _opened(system: System, unknown: Unknown) -> Unknown:
     low, middle, high = _readings(system, unknown, (0.0, 0.5, 1.0))
     beyond = 0.5 * (high - low)
     # What is positive by its nature stays so.
-    lowest = max(low - beyond, NEAR_ZERO * middle) if low > 0.0 else low - beyond
+    lowest = max(low - beyond, limits.NEAR_ZERO * middle) if low > 0.0 else low - beyond
     opened = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
     signal = system.ruleset.signal_by_id.get(unknown.driver or "")
     if signal is None:
@@ -293,7 +293,7 @@ def starts(system: System, candidate: Candidate) -> Iterator[dict[str, float]]:
     """Combinations of values for the parameters that only shape a term."""
     shapes = [u for u in candidate.unknowns if u.null is None and not u.fixed]
     grids = [_grid(system, u) for u in shapes]
-    for combination in itertools.islice(itertools.product(*grids), MOST_STARTS):
+    for combination in itertools.islice(itertools.product(*grids), limits.MOST_STARTS):
         yield {u.id: v for u, v in zip(shapes, combination, strict=True)}
 
 

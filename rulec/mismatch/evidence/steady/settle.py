@@ -10,9 +10,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.limits import NORMAL_SPREAD
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.limits import MISFIT_FAR
 from rulec.mismatch.result import Changed, Repair
 
 
@@ -132,7 +132,7 @@ def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
 def _near(off: Array) -> np.ndarray:
     """Which of some errors are not far off."""
     far = np.abs(off - np.median(off))
-    flags: np.ndarray = far <= MISFIT_FAR * max(NORMAL_SPREAD * float(np.median(far)), 1e-300)
+    flags: np.ndarray = far <= limits.MISFIT_FAR * max(NORMAL_SPREAD * float(np.median(far)), 1e-300)
     return flags
 
 

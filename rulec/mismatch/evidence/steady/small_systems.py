@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.limits import SINGULAR
+from rulec.mismatch import limits
 
 
 def inverses_of(tables: Sequence[Array]) -> list[Array]:
@@ -46,7 +46,7 @@ def inverses(matrices: Array) -> Array:
     scaled /= columns
     if matrices.shape[1] == 2:
         inverse, condition = _of_two(scaled)
-        sound &= condition < SINGULAR
+        sound &= condition < limits.SINGULAR
     else:
         inverse = _of_many(scaled, sound)
     inverse /= np.swapaxes(columns, 1, 2)
@@ -87,14 +87,14 @@ def _of_many(matrices: Array, sound: np.ndarray) -> Array:
     try:
         inverse = np.asarray(np.linalg.inv(matrices), dtype=float)
     except np.linalg.LinAlgError:
-        sound &= np.linalg.cond(matrices) < SINGULAR
+        sound &= np.linalg.cond(matrices) < limits.SINGULAR
         matrices = np.where(sound[:, None, None], matrices, np.eye(matrices.shape[1]))
         return np.asarray(np.linalg.inv(matrices), dtype=float)
     # The product of Frobenius norms is at least the condition, and at most r times as much.
     bound = np.sqrt(_square(matrices)) * np.sqrt(_square(inverse))
-    doubtful = ~(bound < SINGULAR)
+    doubtful = ~(bound < limits.SINGULAR)
     if doubtful.any():
-        sound[doubtful] &= np.linalg.cond(matrices[doubtful]) < SINGULAR
+        sound[doubtful] &= np.linalg.cond(matrices[doubtful]) < limits.SINGULAR
     return inverse
 
 

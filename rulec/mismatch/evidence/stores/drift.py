@@ -14,8 +14,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.limits import DRIFT_KNOTS, LARGE_DRIFT, NOTABLE_DRIFT
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,9 @@ def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float])
         u = np.broadcast_to(u, course.shape)
         moved = _stacked(bench, joined, values, {**record.inputs, name: course + u})
         size = float(np.max(np.abs(moved - plain) / np.maximum(spread, 1e-300)))
-        if size < NOTABLE_DRIFT:
+        if size < limits.NOTABLE_DRIFT:
             continue
-        for shape in _hats(bench.time) if size > LARGE_DRIFT else [np.ones(len(bench.time))]:
+        for shape in _hats(bench.time) if size > limits.LARGE_DRIFT else [np.ones(len(bench.time))]:
             changed = {**record.inputs, name: course + u * shape}
             columns.append(_stacked(bench, joined, values, changed) - plain)
             shapes.append((name, u * shape))
@@ -116,5 +116,5 @@ def _stacked(
 
 def _hats(time: Array) -> list[Array]:
     """Piecewise linear shapes that add up to one."""
-    knots = np.linspace(time[0], time[-1], DRIFT_KNOTS)
-    return [np.interp(time, knots, row) for row in np.eye(DRIFT_KNOTS)]
+    knots = np.linspace(time[0], time[-1], limits.DRIFT_KNOTS)
+    return [np.interp(time, knots, row) for row in np.eye(limits.DRIFT_KNOTS)]

@@ -16,22 +16,10 @@ from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import TIME, RanAway
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import Drift
 from rulec.mismatch.evidence.stores.noise import Noise, noise_of
 from rulec.mismatch.evidence.stores.simulation_problem import Bench, Simulated, unknowns_of
-from rulec.mismatch.limits import (
-    AT_END,
-    DROP,
-    EDGE,
-    GENTLE,
-    HELD_EVALUATIONS,
-    INWARD,
-    PRESSING,
-    RUNAWAY,
-    SAME_SIGN,
-    SPREAD_OUT,
-    WIDEST,
-)
 
 
 @dataclass(frozen=True)
@@ -124,9 +112,9 @@ class Fitter:
         self._low, self._high = self._bounds()
 
     def _bounds(self) -> tuple[Array, Array]:
-        low, high = self._mean - WIDEST * self._u, self._mean + WIDEST * self._u
-        low = np.where(self._mean > 0, np.maximum(low, SAME_SIGN * self._mean), low)
-        high = np.where(self._mean < 0, np.minimum(high, SAME_SIGN * self._mean), high)
+        low, high = self._mean - limits.WIDEST * self._u, self._mean + limits.WIDEST * self._u
+        low = np.where(self._mean > 0, np.maximum(low, limits.SAME_SIGN * self._mean), low)
+        high = np.where(self._mean < 0, np.minimum(high, limits.SAME_SIGN * self._mean), high)
         ends = [self._ends(u) for u in self._unknowns]
         return (
             np.concatenate([low, [end[0] for end in ends]]),
@@ -139,7 +127,7 @@ class Fitter:
         if unknown.driver != TIME:
             return unknown.lowest, unknown.highest
         duration = float(self.bench.time[-1])
-        return EDGE * duration, (1.0 - EDGE) * duration
+        return limits.EDGE * duration, (1.0 - limits.EDGE) * duration
 
     def vector(self, values: Mapping[str, float]) -> Array:
         """Values of the free parameters, SI, within bounds; plain ones where none is given."""
@@ -162,7 +150,7 @@ class Fitter:
         value = at[i] + step
         with self._held({i: value}):
             starts = [np.clip(at + step * a, self._low, self._high) for a in (0.0, along)]
-            near = [self.descend(start, judged, basis, HELD_EVALUATIONS) for start in starts]
+            near = [self.descend(start, judged, basis, limits.HELD_EVALUATIONS) for start in starts]
             return min(self.cost(point, judged, basis) for point in near)
 
     @contextlib.contextmanager
@@ -236,7 +224,7 @@ class Fitter:
         near = at.copy()
         for i, unknown in enumerate(self._unknowns, self._count):
             if unknown.null is not None and unknown.id not in known:
-                near[i] = unknown.null + GENTLE * self._scale[i]
+                near[i] = unknown.null + limits.GENTLE * self._scale[i]
         return np.asarray(np.clip(near, self._low, self._high))
 
     def ahead(self, at: Array, judged: Judged, basis: Array) -> Array:
@@ -277,7 +265,7 @@ class Fitter:
                     kept[key] = _compressed(*self.residual(z * self._scale, judged, basis))
                 except RanAway:
                     count = len(z) + 1
-                    kept[key] = (np.full(count, RUNAWAY), np.zeros((count, len(z))))
+                    kept[key] = (np.full(count, limits.RUNAWAY), np.zeros((count, len(z))))
             return kept[key]
 
         low, high = self._low / self._scale, self._high / self._scale
@@ -354,7 +342,7 @@ class Fitter:
             for i, unknown in enumerate(self._unknowns)
             for end in (unknown.lowest, unknown.highest)
             if unknown.null is not None and end != unknown.null
-            if abs(at[self._count + i] - end) < AT_END * (unknown.highest - unknown.lowest)
+            if abs(at[self._count + i] - end) < limits.AT_END * (unknown.highest - unknown.lowest)
         ]
         for i, unknown in enumerate(self._unknowns):
             low, high = self._ends(unknown)
@@ -366,9 +354,9 @@ class Fitter:
         open_ = np.diag(np.linalg.pinv(slopes.T @ slopes))
         found = []
         for i, unknown, end in at_end:
-            back = INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
+            back = limits.INWARD * abs(end - (unknown.null or 0.0)) / self._scale[i]
             steep = abs(float(slopes[:, i] @ residual))
-            if steep * back > PRESSING and 0.5 * steep**2 * open_[i] > DROP:
+            if steep * back > limits.PRESSING and 0.5 * steep**2 * open_[i] > limits.DROP:
                 found.append(unknown.id)
         return tuple(found)
 
@@ -382,7 +370,7 @@ class Fitter:
         judged = replace(judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
         _, slopes = self.residual(self.vector(fitted.values), judged, judged.basis())
         # What the data leave open is uniform between its bounds, and no more uncertain than that.
-        span = np.minimum(self._high - self._low, SPREAD_OUT * self._scale) / self._scale
+        span = np.minimum(self._high - self._low, limits.SPREAD_OUT * self._scale) / self._scale
         scaled = np.linalg.inv(slopes.T @ slopes + np.diag(12.0 / span**2))
         covariance = np.asarray(scaled * np.outer(self._scale, self._scale))
         return replace(fitted, covariance=covariance)
@@ -415,7 +403,7 @@ def _projected(columns: Array, basis: Array, slow: Array) -> Array:
 def _size(unknown: Unknown, duration: float) -> float:
     """A step that matters for an unknown."""
     if unknown.driver == TIME:
-        return EDGE * duration
+        return limits.EDGE * duration
     null = unknown.null or 0.0
     sizes = [abs(s - null) for s in unknown.starts if s != null]
     span = unknown.highest - unknown.lowest

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.autocorrelation_time import Flags
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Spot
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.limits import COURSE_KNOTS, COURSE_SIZES, SMOOTH_ENOUGH
 
 STORED = ("balance", "reading")
 
@@ -39,21 +40,16 @@ class Suspect:
 def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
     found: list[Suspect] = []
-    for knots in COURSE_KNOTS:
+    for knots in limits.COURSE_KNOTS:
         found = _suspects(bench, fitted, judged, knots)
         # The smoother a course that will do, the more its place is worth.
-        if found and found[0].share > SMOOTH_ENOUGH:
+        if found and found[0].share > limits.SMOOTH_ENOUGH:
             break
     return found
 
 
 def _suspects(bench: Bench, fitted: Fitted, judged: Judged, knots: int) -> list[Suspect]:
-    weights = np.concatenate(
-        [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
-    )
-    flags = judged.flags()
-    error = np.concatenate([fitted.errors[n] for n in bench.signals])
-    left = np.where(flags, error, 0.0)[flags] / weights[flags]
+    flags, weights, left = _left(bench, fitted, judged)
     found = []
     for spot in bench.builder.spots:
         if spot.kind not in STORED:
@@ -62,7 +58,7 @@ def _suspects(bench: Bench, fitted: Fitted, judged: Judged, knots: int) -> list[
         if response is None:
             continue
         columns, shapes, size = response
-        found.append(_suspect(spot, columns[flags] / weights[flags, None], shapes, size, left))
+        found.append(_suspect(spot, columns[flags] / weights[:, None], shapes, size, left))
     return sorted(found, key=lambda s: -s.gain)
 
 
@@ -74,16 +70,21 @@ def smooth_gain(bench: Bench, fitted: Fitted, judged: Judged, spot: Spot, count:
     response = _response(bench, fitted, spot, count)
     if response is None:
         return 0.0
-    weights = np.concatenate(
-        [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
-    )
-    flags = judged.flags()
-    error = np.concatenate([fitted.errors[n] for n in bench.signals])
-    left = np.where(flags, error, 0.0)[flags] / weights[flags]
-    columns = response[0][flags] / weights[flags, None]
+    flags, weights, left = _left(bench, fitted, judged)
+    columns = response[0][flags] / weights[:, None]
     found = np.linalg.lstsq(columns, left, rcond=None)[0]
     before, after = float(np.sum(left**2)), float(np.sum((left - columns @ found) ** 2))
     return 0.5 * before * float(np.log(before / max(after, 1e-300)))
+
+
+def _left(bench: Bench, fitted: Fitted, judged: Judged) -> tuple[Flags, Array, Array]:
+    """Samples that count, all signals stacked; what errors there are divided by, and those errors
+    over that, shape (counting samples,)."""
+    flags = judged.flags()
+    weights = [np.full(len(bench.time), fitted.noise[n].weight) for n in bench.signals]
+    weight: Array = np.concatenate(weights)[flags]
+    error = np.concatenate([fitted.errors[n] for n in bench.signals])[flags]
+    return flags, weight, error / weight
 
 
 def _response(
@@ -126,7 +127,7 @@ def _suspect(spot: Spot, columns: Array, shapes: list[Array], size: float, left:
     basis, lengths, turned = np.linalg.svd(columns, full_matrices=False)
     inside = basis.T @ left
     best: tuple[float, float] = (0.0, 0.0)
-    for scale in np.logspace(*COURSE_SIZES):
+    for scale in np.logspace(*limits.COURSE_SIZES):
         spread = 1.0 + (scale * lengths) ** 2
         gain = 0.5 * float(np.sum(inside**2 * (1.0 - 1.0 / spread)) - np.sum(np.log(spread)))
         if gain > best[0]:

@@ -12,11 +12,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.record import Record
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Bench
-from rulec.mismatch.limits import STORES_PACE
 from rulec.mismatch.result import Estimate, Period
 
 
@@ -71,7 +71,7 @@ class StoresModel:
             lowest=lowest,
             highest=highest,
             fall=lambda step: fitter.fall(at, i, step, along, judged, basis) - bottom,
-            pace=Pace(*STORES_PACE),
+            pace=Pace(*limits.STORES_PACE),
         )
 
     def periods(

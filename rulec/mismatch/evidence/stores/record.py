@@ -17,8 +17,8 @@ from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
-from rulec.mismatch.limits import BLOCKS, SAMPLE_BUDGET
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,12 +80,12 @@ def record_of(
         glitches[name] = int(strange[name].sum())
     rows, whole = np.arange(len(recording.time)), measured
     inputs = {n: v for n, v in recording.values.items() if n in given}
-    factor = -(-len(recording.time) // SAMPLE_BUDGET)
+    factor = -(-len(recording.time) // limits.SAMPLE_BUDGET)
     time, inputs, measured = thinned(recording.time, inputs, measured, factor)
     inputs = {n: filled(v) for n, v in inputs.items() if np.isfinite(v).any()}
-    if any(n not in inputs for n in dynamics.inputs) or len(time) < BLOCKS:
+    if any(n not in inputs for n in dynamics.inputs) or len(time) < limits.BLOCKS:
         return None
-    measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > BLOCKS}
+    measured = {n: v for n, v in measured.items() if np.isfinite(v).sum() > limits.BLOCKS}
     if not measured:
         return None
     part = _split(time, inputs, heldout)
@@ -139,7 +139,7 @@ def lacking(recording: Recording, ruleset: Ruleset) -> str:
         return f"{', '.join(given)} drives the plant and is not in the recording"
     if len(absent(dynamics.outputs)) == len(dynamics.outputs):
         return f"it needs a reading of {' or '.join(dynamics.outputs)}; the recording has none"
-    return f"{len(recording)} samples; more than {BLOCKS} with readings are needed"
+    return f"{len(recording)} samples; more than {limits.BLOCKS} with readings are needed"
 
 
 def _split(
@@ -152,7 +152,7 @@ def _split(
     of them: what was stored at the beginning shows there alone.
     """
     n = len(time)
-    block = np.arange(n) * BLOCKS // n
+    block = np.arange(n) * limits.BLOCKS // n
     if heldout:
         inside = np.zeros(n, dtype=bool)
         for low, high in heldout:
@@ -160,7 +160,7 @@ def _split(
         return np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
     turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
     parts = [turn[block % len(PATTERN)] for turn in turns if turn[0] != HELDOUT]
-    return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // BLOCKS))
+    return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // limits.BLOCKS))
 
 
 def _unlike(inputs: Mapping[str, Array], flags: NDArray[np.bool_], length: int) -> float:
@@ -179,6 +179,6 @@ def _told(time: Array, part: NDArray[np.intp], heldout: Sequence[object]) -> str
     counts = [int((part == p).sum()) for p in (ESTIMATION, SELECTION, HELDOUT)]
     chosen = "as asked" if heldout else "every fifth block, by the inputs"
     return (
-        f"{len(time)} samples in {BLOCKS} blocks of time: {counts[0] + counts[1]} to search and "
-        f"fit, {counts[2]} held out ({chosen}); simulation runs through all of them"
+        f"{len(time)} samples in {limits.BLOCKS} blocks of time: {counts[0] + counts[1]} to search "
+        f"and fit, {counts[2]} held out ({chosen}); simulation runs through all of them"
     )

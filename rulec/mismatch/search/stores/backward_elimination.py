@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.evidence.stores.locate import STORED, smooth_gain
-from rulec.mismatch.limits import DISTANT, EXCHANGE_WORTH, EXCHANGES, WEIGHED
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted, Odds
 from rulec.mismatch.search.stores.beam import are_twins, in_place_of
@@ -22,7 +22,7 @@ from rulec.mismatch.search.stores.searcher import Searcher
 def doubted(searcher: Searcher, found: Found) -> tuple[Fitted, tuple[Accepted, ...]]:
     """Leave out what is not needed, exchange what another explains better, and weigh the rest."""
     best = found.best
-    for left in range(EXCHANGES, -1, -1):
+    for left in range(limits.EXCHANGES, -1, -1):
         best, without = _needed_alone(searcher, best, found)
         if not best.joined:
             return best, ()
@@ -97,7 +97,7 @@ def _better(searcher: Searcher, best: Fitted, others: list[Fitted]) -> Fitted | 
     polished = searcher.polished(ahead)
     return (
         polished
-        if searcher.gain(polished, best) > EXCHANGE_WORTH and not polished.pressed
+        if searcher.gain(polished, best) > limits.EXCHANGE_WORTH and not polished.pressed
         else None
     )
 
@@ -111,10 +111,12 @@ def _odds(
     sensors do in its model. The same effect that does the very same elsewhere, as what delays the
     way from one module to the next, is no other; a fault elsewhere is, as it is mended there.
     """
-    near = sorted(others, key=lambda f: -searcher.gain(f, best))[:WEIGHED]
+    near = sorted(others, key=lambda f: -searcher.gain(f, best))[: limits.WEIGHED]
     least = needed(found.tried)
     hopeful = [
-        f for f in near if searcher.gain(f, best) > -DISTANT or searcher.gain(f, bare) > least
+        f
+        for f in near
+        if searcher.gain(f, best) > -limits.DISTANT or searcher.gain(f, bare) > least
     ]
     exact = [searcher.polished(f) for f in hopeful]
     ahead = [

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.limits import BEAM, EQUIVALENT, SHARING
 
 Task = tuple[Fitted, tuple[Candidate, ...]]
 """A fitted model, and what is joined instead."""
@@ -66,11 +66,11 @@ def distinct(ranked: Sequence[Fitted]) -> list[Fitted]:
     kept: list[Fitted] = []
     count: Counter[str] = Counter()
     for fitted in ranked:
-        if len(kept) == BEAM:
+        if len(kept) == limits.BEAM:
             break
         if any(are_twins(fitted, other) for other in kept):
             continue
-        if max((count[i] for i in fitted.ids), default=0) < SHARING:
+        if max((count[i] for i in fitted.ids), default=0) < limits.SHARING:
             kept.append(fitted)
             count.update(fitted.ids)
     return kept
@@ -81,4 +81,6 @@ def are_twins(one: Fitted, other: Fitted) -> bool:
     if len(one.joined) != len(other.joined):
         return False
     pairs = ((one.errors[n], other.errors[n], noise.spread) for n, noise in one.noise.items())
-    return all(np.sqrt(np.nanmean((a - b) ** 2)) < EQUIVALENT * spread for a, b, spread in pairs)
+    return all(
+        np.sqrt(np.nanmean((a - b) ** 2)) < limits.EQUIVALENT * spread for a, b, spread in pairs
+    )

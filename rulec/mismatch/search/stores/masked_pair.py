@@ -14,9 +14,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.screen import Look
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.limits import PAIR_GAINS_MORE, PAIRS_REFITTED
 from rulec.mismatch.search.pair_gains import pair_gains
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.searcher import Searcher
@@ -61,12 +61,14 @@ def hiding_pairs(
     best: dict[tuple[str, str], tuple[float, Task]] = {}
     for (i, j), gain in pair_gains([look], names, columns, low, high).items():
         one, other = terms[i].candidate, terms[j].candidate
-        enough = max(least, *alone.values(), PAIR_GAINS_MORE * (alone[one.id] + alone[other.id]))
+        enough = max(
+            least, *alone.values(), limits.PAIR_GAINS_MORE * (alone[one.id] + alone[other.id])
+        )
         known = best.get((one.id, other.id))
         if gain > enough and (known is None or gain > known[0]):
             best[one.id, other.id] = gain, (plain, (one, other))
     ranked = sorted(best.items(), key=lambda found: (-found[1][0], found[0]))
-    return [task for _, (_, task) in ranked[:PAIRS_REFITTED]]
+    return [task for _, (_, task) in ranked[: limits.PAIRS_REFITTED]]
 
 
 def _terms(

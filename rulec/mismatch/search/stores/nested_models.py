@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.limits import ALIGNED
 from rulec.mismatch.search.stores.searcher import Searcher
 
 
@@ -56,7 +56,7 @@ def begun_alike(
         return max((searcher.polished(later), there), key=lambda f: searcher.gain(f, plain))
 
     with ThreadPoolExecutor(searcher.workers) as pool:
-        for found in pool.map(moved, faults[:ALIGNED]):
+        for found in pool.map(moved, faults[: limits.ALIGNED]):
             before = known.get(found.ids, plain)
             if not found.pressed and searcher.gain(found, plain) > searcher.gain(before, plain):
                 known[found.ids] = found

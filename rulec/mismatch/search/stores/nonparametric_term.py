@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rulec.effects.candidate import Spot
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.limits import DRAWN, FOLLOWED, PIECE_WIDTH, PIECES, SURPASSED
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.searcher import Searcher
@@ -23,10 +23,10 @@ def or_nameless(searcher: Searcher, named: Fitted, bare: Sequence[Fitted], tried
     """
     plain = bare[0]
     tasks = curves(searcher, bare, searcher.bench.builder.spots)
-    drawn = searcher.refined(searcher.ranked(tasks, plain)[:DRAWN], plain)
+    drawn = searcher.refined(searcher.ranked(tasks, plain)[: limits.DRAWN], plain)
     best = max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
     known = searcher.gain(named, plain)
-    enough = needed(len(tasks)) + (SURPASSED * known if known > needed(tried) else 0.0)
+    enough = needed(len(tasks)) + (limits.SURPASSED * known if known > needed(tried) else 0.0)
     return best if best is not None and searcher.gain(best, plain) > enough else named
 
 
@@ -35,7 +35,7 @@ def curves(searcher: Searcher, bare: Sequence[Fitted], spots: Sequence[Spot]) ->
     bench = searcher.bench
     assert bench.ruleset.dynamics is not None
     states = (s.id for s in bench.ruleset.dynamics.states)
-    drivers = (*states, *bench.balances(()).inputs)[:FOLLOWED]
+    drivers = (*states, *bench.balances(()).inputs)[: limits.FOLLOWED]
     pieces = {driver: _pieces(searcher, bare[0], driver) for driver in drivers}
     return [
         (model, (bench.builder.free_form(spot.id, tuple(f"{d}~{i}/{n}" for i in range(n + 1))),))
@@ -51,8 +51,8 @@ def _pieces(searcher: Searcher, plain: Fitted, driver: str) -> int:
     """Pieces of a curve over a state or an input; 0 where it stays as it is."""
     course = searcher.bench.trajectory(plain.ids, plain.values, driver, plain.inputs)
     span = float(np.nanmax(course) - np.nanmin(course))
-    for count in PIECES:
+    for count in limits.PIECES:
         knots = np.nanquantile(course, np.linspace(0.0, 1.0, count + 1))
-        if span > 0.0 and float(np.min(np.diff(knots))) > PIECE_WIDTH * span:
+        if span > 0.0 and float(np.min(np.diff(knots))) > limits.PIECE_WIDTH * span:
             return count
     return 0

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from rulec_runtime.simulation.balances import TIME
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.limits import SUDDEN
 from rulec.mismatch.search.stores.searcher import Searcher
 
 
@@ -19,7 +19,7 @@ def sharpened(searcher: Searcher, best: Fitted, plain: Fitted) -> Fitted:
     """The model with onsets that take less than a sample, where that fits as well."""
     # The fixed time of an entry with an onset is what its rise is a share of.
     lengths = {
-        u.id: best.values[u.id] * min(SUDDEN / len(searcher.bench.time), 1.0)
+        u.id: best.values[u.id] * min(limits.SUDDEN / len(searcher.bench.time), 1.0)
         for c in best.joined
         if c.onset is not None
         for u in c.unknowns

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted
-from rulec.mismatch.limits import COMMON, NEEDED_OVER_TIME, RARITY
 
 
 def price_of(fitted: Fitted, news: float) -> float:
@@ -15,10 +15,10 @@ def price_of(fitted: Fitted, news: float) -> float:
     """
     each = 0.5 * float(np.log(max(news, 2.0)))
     count = sum(not u.fixed for c in fitted.joined for u in c.unknowns)
-    rare = sum(RARITY[c.sort] + (COMMON if c.members else 0.0) for c in fitted.joined)
+    rare = sum(limits.RARITY[c.sort] + (limits.COMMON if c.members else 0.0) for c in fitted.joined)
     return each * count + rare
 
 
 def needed(tried: int) -> float:
     """Gain that is worth naming."""
-    return NEEDED_OVER_TIME + float(np.log(max(tried, 1)))
+    return limits.NEEDED_OVER_TIME + float(np.log(max(tried, 1)))

@@ -13,20 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.limits import (
-    BEAM,
-    DEEPEST,
-    HOPELESS,
-    LEAST_STEP,
-    LED,
-    NARROWED,
-    SWAPPED,
-    WHITE,
-    WHITEST,
-)
 from rulec.mismatch.search.stores.beam import distinct, swaps_of, tasks_of
 from rulec.mismatch.search.stores.masked_pair import hiding_pairs
 from rulec.mismatch.search.stores.nested_models import begun_alike, with_kin
@@ -101,7 +91,7 @@ def _grown(
 ) -> tuple[list[tuple[Fitted, ...]], list[Fitted]]:
     """Models of ever more explanations, each level from the last; single ones, fitted further."""
     levels: list[tuple[Fitted, ...]] = [(plain,)]
-    for depth in range(1, DEEPEST + 1):
+    for depth in range(1, limits.DEEPEST + 1):
         ranked = singles
         if depth > 1:
             tell(
@@ -118,13 +108,15 @@ def _grown(
         beam = _carried(searcher, refined, plain)
         if depth > 1 and beam and not _is_white(beam[0]):
             tell("exchanging single explanations")
-            swapped = [t for model in beam[:SWAPPED] for t in swaps_of(model, candidates)]
-            more = distinct(searcher.ranked(swapped, plain))[:SWAPPED]
+            swapped = [t for model in beam[: limits.SWAPPED] for t in swaps_of(model, candidates)]
+            more = distinct(searcher.ranked(swapped, plain))[: limits.SWAPPED]
             every = _ordered(searcher, [*beam, *searcher.refined(more, plain)], plain)
             beam = _carried(searcher, every, plain)
         if not beam:
             break
-        levels.append(tuple(beam if depth == 1 else _carried(searcher, beam, plain, NARROWED)))
+        levels.append(
+            tuple(beam if depth == 1 else _carried(searcher, beam, plain, limits.NARROWED))
+        )
         if _is_white(beam[0]) or (depth > 1 and _stands_still(searcher, levels, plain)):
             break
     return levels, singles
@@ -136,20 +128,20 @@ def _hiding(
     """Pairs whose parts hide each other, which gain more than any single one; all pairs are looked
     at, and that is paid for."""
     pairs = needed(len(candidates) * (len(candidates) - 1) // 2)
-    tasks = hiding_pairs(searcher, plain, candidates, HOPELESS * pairs)
+    tasks = hiding_pairs(searcher, plain, candidates, limits.HOPELESS * pairs)
     found = searcher.refined(searcher.ranked(tasks, plain), plain)
     least = max((searcher.gain(f, plain) for f in singles), default=0.0) + pairs
     return [f for f in found if searcher.gain(f, plain) > least]
 
 
 def _carried(
-    searcher: Searcher, ranked: Sequence[Fitted], plain: Fitted, most: int = BEAM
+    searcher: Searcher, ranked: Sequence[Fitted], plain: Fitted, most: int = limits.BEAM
 ) -> list[Fitted]:
     """Of ranked models those that are carried along: the first ones, and the whitest."""
     kept = distinct(ranked)[:most]
     by_gain = distinct(sorted(ranked, key=lambda f: -searcher.gain(f, plain)))
     ids = {f.ids for f in kept}
-    return [*kept, *(f for f in by_gain[:WHITEST] if f.ids not in ids)]
+    return [*kept, *(f for f in by_gain[: limits.WHITEST] if f.ids not in ids)]
 
 
 def _ordered(searcher: Searcher, models: Iterable[Fitted], plain: Fitted) -> list[Fitted]:
@@ -176,20 +168,20 @@ def _where_they_led(searcher: Searcher, plain: Fitted, singles: Sequence[Fitted]
     What looks like a gain of theirs may be that of another optimum of the plain model.
     """
     known = plain.values.keys()
-    for near in singles[:LED]:
+    for near in singles[: limits.LED]:
         values = {n: v for n, v in near.values.items() if n in known}
         found = searcher.polished(replace(plain, values=values))
-        if searcher.gain(found, plain) > LEAST_STEP:
+        if searcher.gain(found, plain) > limits.LEAST_STEP:
             return found
     return None
 
 
 def _is_white(fitted: Fitted) -> bool:
     """Nothing is left to explain."""
-    return all(noise.memory < WHITE for noise in fitted.noise.values())
+    return all(noise.memory < limits.WHITE for noise in fitted.noise.values())
 
 
 def _stands_still(searcher: Searcher, levels: Sequence[Sequence[Fitted]], plain: Fitted) -> bool:
     """The last explanation was not worth its price; of two, both may be needed at once."""
     now, before = (searcher.standing(level[0], plain) for level in (levels[-1], levels[-2]))
-    return now < LEAST_STEP or (len(levels) > 3 and now < before + LEAST_STEP)
+    return now < limits.LEAST_STEP or (len(levels) > 3 and now < before + limits.LEAST_STEP)

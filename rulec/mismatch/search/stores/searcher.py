@@ -13,22 +13,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import MEDIAN, Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import moved_again
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
-from rulec.mismatch.limits import (
-    BEAM,
-    DESCENDED,
-    HOPELESS,
-    POLISHES,
-    PROMISING,
-    SCATTER,
-    SCATTERED,
-    STEP_SHARES,
-    THOROUGH,
-    TRIAL_EVALUATIONS,
-)
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed, price_of
 
@@ -42,7 +31,9 @@ class Searcher:
 
     def plain(self) -> Fitted:
         """The model without anything joined, recalibrated from many starts."""
-        best = self.polished(self.trial(None, (), 4 * SCATTERED, THOROUGH, 2 * DESCENDED))
+        best = self.polished(
+            self.trial(None, (), 4 * limits.SCATTERED, limits.THOROUGH, 2 * limits.DESCENDED)
+        )
         # Two tanks in a row look nearly alike the other way round.
         for first, second in self._alike(best):
             found = self.polished(self._turned(best, {first: second, second: first}))
@@ -90,9 +81,9 @@ class Searcher:
         self,
         on: Fitted | None,
         joined: tuple[Candidate, ...],
-        scattered: int = SCATTERED,
-        evaluations: int = TRIAL_EVALUATIONS,
-        descended: int = DESCENDED,
+        scattered: int = limits.SCATTERED,
+        evaluations: int = limits.TRIAL_EVALUATIONS,
+        descended: int = limits.DESCENDED,
     ) -> Fitted:
         """Fit a model; what `on` knows is where starts are near."""
         fitter, judged, starts = self._begun(on, joined)
@@ -102,7 +93,7 @@ class Searcher:
         starts += [fitter.ahead(at, judged, basis) for at in _near_null(fitter, on, starts)]
         base = list(starts)
         for i in range(scattered):
-            starts.append(fitter.scattered(base[i % len(base)], random, SCATTER))
+            starts.append(fitter.scattered(base[i % len(base)], random, limits.SCATTER))
         groups = ((starts, descended), (stated, 1))
         begun = [a for g, most in groups for a in _cheapest(fitter, g, most, judged, basis)]
         near = [fitter.descend(at, judged, basis, evaluations) for at in begun]
@@ -162,7 +153,7 @@ class Searcher:
         fitter, judged, _ = self._begun(on, on.joined)
         before = -fitter.cost(fitter.vector(on.values), judged, judged.basis())
         before -= price_of(on, self.news(on))
-        least = before + HOPELESS * needed(len(candidates))
+        least = before + limits.HOPELESS * needed(len(candidates))
         with ThreadPoolExecutor(self.workers) as pool:
             seen = pool.map(lambda c: self.glance(on, (*on.joined, c)), candidates)
             return any(glance > least for glance in seen)
@@ -171,14 +162,14 @@ class Searcher:
         """The same, fitted to the end, or as far as the model does not run away."""
         fitter = Fitter(self.bench, fitted.joined, self.kept(fitted))
         judged = replace(self.judged, noise=fitted.noise, slow=fitted.slow, drift=fitted.drift)
-        for _ in range(POLISHES):
+        for _ in range(limits.POLISHES):
             with contextlib.suppress(RanAway):
                 drift = moved_again(
                     judged.drift, self.bench, fitted.ids, fitted.values, fitted.inputs
                 )
                 judged = replace(judged, drift=drift)
             try:
-                fitted = fitter.finish(fitter.vector(fitted.values), judged, THOROUGH, 2)
+                fitted = fitter.finish(fitter.vector(fitted.values), judged, limits.THOROUGH, 2)
             except RanAway:
                 return fitted
             judged = replace(judged, noise=fitted.noise, slow=fitted.slow)
@@ -195,7 +186,7 @@ class Searcher:
                 if ids:
                     seen = list(pool.map(lambda t: self.glance(*t), members))
                     order = sorted(range(len(members)), key=lambda i: -seen[i])
-                    promising += [members[i] for i in order[:PROMISING]]
+                    promising += [members[i] for i in order[: limits.PROMISING]]
                 else:
                     promising += members
             return list(pool.map(lambda t: self.trial(*t), promising))
@@ -206,8 +197,8 @@ class Searcher:
         Unless for want of steps: the best of those are fitted to the end before they are dropped.
         """
         tried = sorted(self.trials(tasks, plain), key=lambda f: -self.standing(f, plain))
-        ended = [self.polished(f) if f.pressed else f for f in tried[:BEAM]]
-        free = [f for f in (*ended, *tried[BEAM:]) if not f.pressed]
+        ended = [self.polished(f) if f.pressed else f for f in tried[: limits.BEAM]]
+        free = [f for f in (*ended, *tried[limits.BEAM :]) if not f.pressed]
         return sorted(free, key=lambda f: -self.standing(f, plain))
 
     def refined(self, models: Sequence[Fitted], plain: Fitted) -> list[Fitted]:
@@ -307,7 +298,7 @@ def _cheapest(
 def _stepped(fitter: Fitter, at: Array, judged: Judged, basis: Array) -> tuple[float, Array]:
     """A cheaper point on the way to the optimum of the model made linear, with its cost."""
     far, here = fitter.ahead(at, judged, basis), fitter.cost(at, judged, basis)
-    for share in STEP_SHARES:
+    for share in limits.STEP_SHARES:
         point = at + share * (far - at)
         cost = fitter.cost(point, judged, basis)
         if cost < here:
