@@ -20,17 +20,18 @@ from rulec_runtime.simulation.predict import predict
 from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Blind, Reading, Refits
+from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
 from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.answer.tell import location_of_spot, shares_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
+from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.steady.configuration import ERROR, HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import alike, noise_scale, suspects
-from rulec.mismatch.evidence.steady.model import SteadyModel
+from rulec.mismatch.evidence.steady.model import SteadyModel, model_of
 from rulec.mismatch.evidence.steady.predict import Predictor, predictor_of, predictors_for
-from rulec.mismatch.evidence.steady.prepare import HELDOUT, prepare
+from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.rows_used import evidence_of
 from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sensors_as_they_are
@@ -38,7 +39,6 @@ from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
-from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.search import Search, search
@@ -75,7 +75,51 @@ def explain(
             samples=data,
             evidence=evidence_of(recording, data, rows),
         )
-    return Explanation(recording, search(rows, tell))
+    return _explained(recording, search(rows, tell))
+
+
+def _explained(recording: Recording, found: Search) -> Explanation:
+    """What a search found."""
+    fitted = found.best.fitted
+    system, accepted = fitted.rows.system, tuple(won.accepted for won in found.accepted)
+    of_rows = system.data.of_rows
+    # Places that follow a driver that nobody recorded, the first that was found first.
+    latent = tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
+    model = model_of(fitted)
+    return Explanation(
+        recording=recording,
+        model=model,
+        accepted=accepted,
+        failing=(*impossible(recording, system.ruleset), *stuck(recording, system.ruleset)),
+        places=tuple(_place(model, own.spot, shares_of(accepted)[own.spot.id]) for own in latent),
+        hidden=_driver(system, latent) if latent else None,
+        tried=found.tried,
+        noise=_noise_told(fitted),
+        untimed="operating points" if of_rows else "files, each with a clock of its own,",
+        fitted=fitted,
+        latent=latent,
+    )
+
+
+def _place(model: SteadyModel, spot: Spot, share: float) -> Location:
+    """A place that follows what is not recorded: its course says when."""
+    term = model.term(next(c for c in model.joined if c.id == spot.id))
+    also = _also(model.fitted, spot)
+    return replace(location_of_spot(model, spot, share, term, also), periods=())
+
+
+def _noise_told(fitted: Fitted) -> str:
+    """Where the size of the noise comes from, and how large what is left is against it."""
+    source = (
+        "rows are settled points of their own; noise by the classes of the sensors"
+        if fitted.rows.system.data.of_rows
+        else "noise by the scatter of neighbouring samples"
+    )
+    local = noise_scale(fitted.rows, fitted.residual)
+    return (
+        f"{source}; neighbouring residuals scatter {local:.2g} times that, "
+        f"all residuals of the repaired model {fitted.scale:.2g} times"
+    )
 
 
 def _to_be_read(recording: Recording) -> str:
@@ -103,94 +147,23 @@ class Models:
     faulty: np.ndarray
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """See `rulec.mismatch.answer.explained.Explained`."""
+@dataclass(frozen=True, kw_only=True)
+class Explanation(Explained[Fitted]):
+    """By errors in variables; `fitted` is the model with all that was accepted.
 
-    recording: Recording
-    found: Search
+    `latent` are courses of what nobody recorded.
+    """
 
-    @cached_property
-    def model(self) -> SteadyModel:
-        """The model with all that was accepted."""
-        return SteadyModel(self.found.best.fitted)
-
-    @property
-    def accepted(self) -> tuple[Accepted, ...]:
-        return tuple(won.accepted for won in self.found.accepted)
-
-    @property
-    def tried(self) -> int:
-        return self.found.tried
-
-    @property
-    def untimed(self) -> str:
-        of_rows = self._system.data.of_rows
-        return "operating points" if of_rows else "files, each with a clock of its own,"
-
-    @property
-    def _fitted(self) -> Fitted:
-        return self.found.best.fitted
-
-    @property
-    def _rows(self) -> Rows:
-        return self._fitted.rows
+    fitted: Fitted
+    latent: tuple[Reconstruction, ...]
 
     @property
     def _system(self) -> System:
-        return self._rows.system
-
-    @cached_property
-    def failing(self) -> tuple[Finding, ...]:
-        """Sensors that fail to read."""
-        ruleset = self._system.ruleset
-        return (*impossible(self.recording, ruleset), *stuck(self.recording, ruleset))
-
-    @cached_property
-    def _hidden(self) -> tuple[Reconstruction, ...]:
-        """Places that follow a driver that nobody recorded, the first that was found first."""
-        fitted = self._fitted
-        return tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)
-
-    @cached_property
-    def places(self) -> tuple[Location, ...]:
-        """Places that follow what is not recorded: their course says when."""
-        shares = shares_of(self.accepted)
-        joined = {c.id: c for c in self.model.joined}
-        found = (
-            location_of_spot(
-                self.model,
-                spot,
-                shares[spot.id],
-                self.model.term(joined[spot.id]),
-                _also(self._fitted, spot),
-            )
-            for spot in (h.spot for h in self._hidden)
-        )
-        return tuple(replace(place, periods=()) for place in found)
-
-    @property
-    def hidden(self) -> HiddenDriver | None:
-        """What nobody recorded, with its course."""
-        return _driver(self._system, self._hidden) if self._hidden else None
-
-    @property
-    def noise(self) -> str:
-        """Where the size of the noise comes from, and how large what is left is against it."""
-        source = (
-            "rows are settled points of their own; noise by the classes of the sensors"
-            if self._system.data.of_rows
-            else "noise by the scatter of neighbouring samples"
-        )
-        local = noise_scale(self._rows, self._fitted.residual)
-        return (
-            f"{source}; neighbouring residuals scatter {local:.2g} times that, "
-            f"all residuals of the repaired model {self._fitted.scale:.2g} times"
-        )
+        return self.fitted.rows.system
 
     @cached_property
     def _models(self) -> Models:
-        return models_of(with_sensors_as_they_are(self._fitted))
+        return models_of(with_sensors_as_they_are(self.fitted))
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per reading in whose units errors are told, flows first."""
@@ -211,7 +184,7 @@ class Explanation:
                 spot = spots.get((finding.module, finding.place))
                 drivers = frozenset(candidate.drivers.values())
                 places.append((candidate.observers, drivers, spot.unit if spot else ""))
-        places += [(h.spot.observers, frozenset(), h.spot.unit) for h in self._hidden]
+        places += [(h.spot.observers, frozenset(), h.spot.unit) for h in self.latent]
         places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
         found: dict[str, Predictor] = {}
         for place in places:
@@ -297,7 +270,7 @@ class Explanation:
         """What settled points served for, and why other rows did not."""
         judged = np.any([proof.judged for proof in proofs], axis=0) if proofs else None
         data = self._system.data
-        return evidence_of(self.recording, data, self._rows, judged, self._models.faulty)
+        return evidence_of(self.recording, data, self.fitted.rows, judged, self._models.faulty)
 
     def notes(
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
@@ -315,7 +288,7 @@ class Explanation:
             )
         if proofs and not proofs[0].fit.heldout.points:
             behind.append("no held-out point is free of faults: nothing is proved")
-        return (*before, *_moved(self._fitted)), tuple(behind)
+        return (*before, *_moved(self.fitted)), tuple(behind)
 
 
 def _driver(system: System, found: Sequence[Reconstruction]) -> HiddenDriver:

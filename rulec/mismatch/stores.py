@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -19,22 +18,23 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.answer.explained import Blind, Reading, Refits
+from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
 from rulec.mismatch.answer.public import Plants
 from rulec.mismatch.answer.tell import location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
+from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.locate import Suspect, suspects
-from rulec.mismatch.evidence.stores.model import StoresModel
+from rulec.mismatch.evidence.stores.model import StoresModel, model_of
 from rulec.mismatch.evidence.stores.noise import Noise
-from rulec.mismatch.evidence.stores.record import Record, lacking, record_of, without_odd
+from rulec.mismatch.evidence.stores.record import lacking, record_of, without_odd
 from rulec.mismatch.evidence.stores.rows_used import stored_evidence
 from rulec.mismatch.evidence.stores.simulation_problem import Bench
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
-from rulec.mismatch.result import Changed, Evidence, Finding, Fit, HiddenDriver, Location, Repair
+from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.onset_refinement import sharpened
@@ -75,67 +75,55 @@ def explain(
         best = Fitter(bench, (), {}).with_covariance(best, found.judged)
     tell("looking for places where something is wrong")
     left = suspects(bench, _sharp(bench, best), found.judged)
-    model = StoresModel(bench, best, found.judged, searcher.kept(best))
+    model = model_of(bench, best, found.judged, searcher.kept(best))
     nameless = nameless_places(model, left, len(bench.candidates))
-    return Explanation(recording, model, found, accepted, nameless, dropped)
+    return explanation(recording, model, found, accepted, nameless, dropped)
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """See `rulec.mismatch.answer.explained.Explained`.
+def explanation(
+    recording: Recording,
+    model: StoresModel,
+    found: Found,
+    accepted: tuple[Accepted, ...] = (),
+    nameless: tuple[Location, ...] = (),
+    dropped: tuple[str, ...] = (),
+) -> Explanation:
+    """What a search found; what nobody recorded is not looked for, but told as a place."""
+    ruleset, noise = model.ruleset, model.fitted.noise
+    alike = ", ".join(f"{n} for {own.memory:.0f} samples" for n, own in noise.items())
+    return Explanation(
+        recording=recording,
+        model=model,
+        accepted=accepted,
+        failing=(*failing(recording, ruleset), *impossible(recording, ruleset)),
+        places=() if model.joined else nameless,
+        hidden=None,
+        tried=found.tried,
+        noise="noise by third differences of the readings; errors of the repaired model stay alike "
+        f"({alike}), and count once in that time",
+        untimed="files, each with a clock of its own,",
+        found=found,
+        nameless=nameless,
+        dropped=dropped,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation(Explained[Fitted]):
+    """By simulation errors.
 
     `nameless` are places where the model is still wrong, `dropped` titles of what held-out blocks
     took away.
     """
 
-    recording: Recording
     model: StoresModel
     found: Found
-    accepted: tuple[Accepted, ...]
     nameless: tuple[Location, ...]
     dropped: tuple[str, ...]
 
     @property
     def _bench(self) -> Bench:
         return self.model.bench
-
-    @property
-    def _record(self) -> Record:
-        return self.model.bench.record
-
-    @cached_property
-    def failing(self) -> tuple[Finding, ...]:
-        """Sensors that fail to read."""
-        ruleset = self._bench.ruleset
-        return (*failing(self.recording, ruleset), *impossible(self.recording, ruleset))
-
-    @property
-    def places(self) -> tuple[Location, ...]:
-        """Places without a name, where nothing has one."""
-        return () if self.model.joined else self.nameless
-
-    @property
-    def hidden(self) -> HiddenDriver | None:
-        """Not looked for: what nobody recorded is told as a place."""
-        return None
-
-    @property
-    def tried(self) -> int:
-        return self.found.tried
-
-    @property
-    def untimed(self) -> str:
-        return "files, each with a clock of its own,"
-
-    @property
-    def noise(self) -> str:
-        """Where the size of the noise comes from, and for how long errors stay alike."""
-        noise = self.model.fitted.noise
-        parts = [f"{n} for {own.memory:.0f} samples" for n, own in noise.items()]
-        return (
-            "noise by third differences of the readings; errors of the repaired model stay alike "
-            f"({', '.join(parts)}), and count once in that time"
-        )
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """One proof per measured signal, that with the largest error first."""
@@ -162,7 +150,7 @@ class Explanation:
 
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
         """What rows served for."""
-        return stored_evidence(self.recording, self._record)
+        return stored_evidence(self.recording, self._bench.record)
 
     def notes(
         self, refits: Refits[Fitted], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
@@ -171,7 +159,7 @@ class Explanation:
         before = [*self._took_part(), *self._hiding(), *self._still()]
         behind = [
             f"{count} single readings of {name} that no neighbour bears out left out"
-            for name, count in self._record.glitches.items()
+            for name, count in self._bench.record.glitches.items()
             if count
         ]
         if not any(fit.simulated for fit in fits):
@@ -415,9 +403,9 @@ def readings(
     recording: Recording, bench: Bench, plants: Plants | None, proofs: Sequence[Proof]
 ) -> list[Reading]:
     """Errors of simulated plants over all rows; those of the analysis where none is simulated."""
-    record, time = bench.record, recording.time
+    record = bench.record
     spans = heldout_spans(record.time, ~record.open)
-    held = np.any([(time >= low) & (time <= high) for low, high in spans] or [time < time], 0)
+    held = inside_of(recording.time, spans)
     found = []
     for proof in proofs if plants is not None else ():
         name = proof.fit.signal

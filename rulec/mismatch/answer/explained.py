@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -12,7 +13,8 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.answer.public import Plants
-from rulec.mismatch.evidence.model import Model, Samples
+from rulec.mismatch.evidence.model import Model
+from rulec.mismatch.evidence.samples import Samples
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
@@ -54,51 +56,49 @@ class Reading:
     predicted: Predicted
 
 
-class Explained(Protocol[F]):
+@dataclass(frozen=True, kw_only=True)
+class Explained(ABC, Generic[F]):
     """A recording explained as far as the search goes.
 
-    `places` have no name for what is wrong there; `failing` are sensors that fail to read.
-    `untimed` says what has no common time, where that is so.
+    `places` have no name for what is wrong there; `failing` are sensors that fail to read. `noise`
+    says how large noise is, `untimed` what has no common time, where that is so.
     """
 
-    @property
-    def recording(self) -> Recording: ...
-    @property
-    def model(self) -> Model: ...
-    @property
-    def accepted(self) -> tuple[Accepted, ...]: ...
-    @property
-    def failing(self) -> tuple[Finding, ...]: ...
-    @property
-    def places(self) -> tuple[Location, ...]: ...
-    @property
-    def hidden(self) -> HiddenDriver | None: ...
-    @property
-    def tried(self) -> int: ...
-    @property
-    def untimed(self) -> str: ...
-    @property
-    def noise(self) -> str: ...
+    recording: Recording
+    model: Model
+    accepted: tuple[Accepted, ...]
+    failing: tuple[Finding, ...]
+    places: tuple[Location, ...]
+    hidden: HiddenDriver | None
+    tried: int
+    noise: str
+    untimed: str
 
+    @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
         """Open the held-out blocks, once; one proof per reading, the most telling first."""
 
+    @abstractmethod
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[F]:
         """Fit what may be written, and the plain model, with sensors as they are."""
 
+    @abstractmethod
     def repair_of(self, fitted: F) -> Repair:
         """What to write of a refitted model."""
 
+    @abstractmethod
     def readings(
         self, plants: Plants | None, refits: Refits[F], proofs: Sequence[Proof]
     ) -> list[Reading]:
         """Errors by simulation, else by the relations of the analysis."""
 
+    @abstractmethod
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
         """What each row of the recording served for."""
 
+    @abstractmethod
     def notes(
         self, refits: Refits[F], proofs: Sequence[Proof], fits: Sequence[Fit], why: str
     ) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -26,6 +26,7 @@ from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.verdict import is_spoiled
+from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.inference.prove import rms
 from rulec.mismatch.result import Check, Fit, Repair
 
@@ -146,8 +147,7 @@ def row_errors(
     Rows count that have a reading and a prediction; not those in which the reading is below its
     minimum, as the equations do not hold there.
     """
-    time = recording.time
-    inside = np.any([(time >= low) & (time <= high) for low, high in spans] or [time < time], 0)
+    inside = inside_of(recording.time, spans)
     found = {}
     for name, course in predicted.items():
         if name in recording.values:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -12,6 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch.evidence.samples import Samples
 from rulec.mismatch.result import Estimate, Period
 
 
@@ -60,55 +61,39 @@ class Line:
     pace: Pace
 
 
-class Samples(Protocol):
-    """Samples of a recording in order of time, and which of them are held out.
+@dataclass(frozen=True, kw_only=True)
+class Model(ABC):
+    """A fitted model; values in SI by id.
 
-    `time` in s and `open` have shape (n,). `split` says in words which blocks served for what,
-    `digest` is its hash. `timed` tells that samples lie on one clock: else nothing can follow time.
+    `joined` are its explanations. `free` names the values in `covariance`, shape (free, free).
     """
 
-    @property
-    def time(self) -> Array: ...
-    @property
-    def open(self) -> np.ndarray: ...
-    @property
-    def split(self) -> str: ...
-    @property
-    def digest(self) -> str: ...
-    @property
-    def timed(self) -> bool: ...
+    ruleset: Ruleset
+    builder: ModelBuilder
+    samples: Samples
+    joined: tuple[Candidate, ...]
+    free: tuple[str, ...]
+    covariance: Array
 
-
-class Model(Protocol):
-    """A fitted model; values in SI by id. `free` names those in `covariance`, (free, free)."""
-
-    @property
-    def ruleset(self) -> Ruleset: ...
-    @property
-    def builder(self) -> ModelBuilder: ...
-    @property
-    def samples(self) -> Samples: ...
-    @property
-    def joined(self) -> tuple[Candidate, ...]: ...
-    @property
-    def free(self) -> tuple[str, ...]: ...
-    @property
-    def covariance(self) -> Array: ...
-
+    @abstractmethod
     def line(self, name: str) -> Line:
         """The likelihood along a free value."""
 
+    @abstractmethod
     def periods(
         self, candidate: Candidate, estimates: Mapping[str, Estimate]
     ) -> tuple[Period, ...]:
         """When a fault was there, and its degree; none for what lasts."""
 
+    @abstractmethod
     def term(self, candidate: Candidate) -> Array:
         """What a candidate changes, squared, per sample, shape (n,); NaN: not fitted to."""
 
+    @abstractmethod
     def variables(self, module: str) -> Mapping[str, Variable]:
         """Courses in which a region can be told, those of the module first."""
 
+    @abstractmethod
     def variable(self, name: str) -> Variable | None:
         """One course; None where it is not recorded."""
 

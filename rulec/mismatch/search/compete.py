@@ -15,9 +15,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.robust import spread_about
 
 from rulec.mismatch import limits
+from rulec.mismatch.evidence.samples import ESTIMATION, SELECTION
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.prepare import ESTIMATION, SELECTION
 from rulec.mismatch.evidence.steady.screen import Trial, looks_at, with_open_references
 from rulec.mismatch.search.price import price_of_fit
 

@@ -13,7 +13,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
-from rulec.mismatch.evidence.steady.model import SteadyModel
+from rulec.mismatch.evidence.steady.model import model_of
 from rulec.mismatch.inference.interval import profile
 from rulec.mismatch.limits import RELEASE
 from tests.runtime.mismatch.made import (
@@ -152,7 +152,7 @@ def test_the_profile_is_about_two_standard_uncertainties_wide() -> None:
     """For a value in which the model is nearly linear; the best value lies inside."""
     found = fitted(recording(TRUE), joined(SLIP, {"b": 0.01}, {"T0": USUAL}))
     name = f"{SLIP}.b"
-    low, high = profile(SteadyModel(found).line(name))
+    low, high = profile(model_of(found).line(name))
     assert low < found.setting.values[name] < high
     assert 3.92 * found.u(name) == pytest.approx(high - low, rel=0.25)
 

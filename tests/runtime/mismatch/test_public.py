@@ -21,11 +21,11 @@ from rulec.mismatch.answer.writable import told, writable
 from rulec.mismatch.evidence.steady.settle import _ranges
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
-from rulec.mismatch.evidence.stores.model import StoresModel
+from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.search.stores.search import Found
 from rulec.mismatch.search.stores.searcher import Searcher
-from rulec.mismatch.stores import Explanation
+from rulec.mismatch.stores import explanation
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import write_csv
 from tests.conftest import ROOT
@@ -197,13 +197,10 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
     place, (rules, builder) = bench(recording), tanks()
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 1)
     plain = searcher.plain()
-    explained = Explanation(
+    explained = explanation(
         recording,
-        StoresModel(place, plain, searcher.judged, {}),
+        model_of(place, plain, searcher.judged, {}),
         Found(plain, plain, searcher.judged, 0, {}),
-        (),
-        (),
-        (),
     )
     refits = writable(explained)
     repairs = explained.repair_of(refits.plain), explained.repair_of(refits.repaired)

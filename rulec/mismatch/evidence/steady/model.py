@@ -7,52 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate
-from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import variables_of
-from rulec.mismatch.evidence.steady.prepare import Data
-from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.result import Estimate, Period
 
 
-@dataclass(frozen=True)
-class SteadyModel:
-    """See `rulec.mismatch.evidence.model.Model`."""
+@dataclass(frozen=True, kw_only=True)
+class SteadyModel(Model):
+    """Errors in variables at settled points."""
 
     fitted: Fitted
-
-    @property
-    def system(self) -> System:
-        return self.fitted.rows.system
-
-    @property
-    def ruleset(self) -> Ruleset:
-        return self.system.ruleset
-
-    @property
-    def builder(self) -> ModelBuilder:
-        return self.system.builder
-
-    @property
-    def samples(self) -> Data:
-        return self.system.data
-
-    @property
-    def joined(self) -> tuple[Candidate, ...]:
-        return self.fitted.setting.joined
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        return self.fitted.prior.names
-
-    @property
-    def covariance(self) -> Array:
-        return self.fitted.covariance
 
     def line(self, name: str) -> Line:
         """All other values refitted; neighbours count as what they are worth (`temper`)."""
@@ -94,7 +62,7 @@ class SteadyModel:
 
     def term(self, candidate: Candidate) -> Array:
         """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""
-        fitted, system = self.fitted, self.system
+        fitted, system = self.fitted, self.fitted.rows.system
         without = fitted.setting.leaving(candidate.id)
         modules, at = system.reached(candidate.observers), fitted.predicted
         with_it = system.flows(fitted.setting, modules=modules, at=at).values
@@ -110,12 +78,31 @@ class SteadyModel:
 
     def variables(self, module: str) -> dict[str, Variable]:
         """Readings of the module, and those that no estimate needs."""
-        found = {name: self.variable(name) for name in variables_of(self.system, module)}
+        found = {
+            name: self.variable(name) for name in variables_of(self.fitted.rows.system, module)
+        }
         return {name: variable for name, variable in found.items() if variable is not None}
 
     def variable(self, name: str) -> Variable | None:
         """A reading at the settled points."""
-        signal, values = self.ruleset.signal_by_id.get(name), self.samples.values.get(name)
+        signal, values = (
+            self.ruleset.signal_by_id.get(name),
+            self.fitted.rows.system.data.values.get(name),
+        )
         if signal is None or values is None:
             return None
         return Variable(values, signal.factor, signal.offset, signal.unit)
+
+
+def model_of(fitted: Fitted) -> SteadyModel:
+    """What an answer asks of a fit."""
+    system = fitted.rows.system
+    return SteadyModel(
+        ruleset=system.ruleset,
+        builder=system.builder,
+        samples=system.data,
+        joined=fitted.setting.joined,
+        free=fitted.prior.names,
+        covariance=fitted.covariance,
+        fitted=fitted,
+    )

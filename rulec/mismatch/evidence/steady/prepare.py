@@ -1,12 +1,7 @@
-"""Step 0: settled points of a recording, and which of them serve for what.
-
-Points are split by blocks of time, never singly: neighbours are alike, and a point between two
-others is no test of anything.
-"""
+"""Settled points of a recording, and which of them serve for what."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,11 +22,15 @@ from rulec_runtime.recordings.stationary import (
 )
 
 from rulec.mismatch import limits
-
-ESTIMATION, SELECTION, HELDOUT = 0, 1, 2
-
-PATTERN = (ESTIMATION, SELECTION, HELDOUT, SELECTION, ESTIMATION)
-"""What the blocks of a recording serve for, in turn."""
+from rulec.mismatch.evidence.samples import (
+    ESTIMATION,
+    HELDOUT,
+    PATTERN,
+    SELECTION,
+    Samples,
+    digest_of,
+    inside_of,
+)
 
 UNSETTLED, SPARED = -1, -2
 """In the place of the number of its point: a sample that is not settled, and one that is and was
@@ -39,30 +38,24 @@ not taken, as a few of so many stretches say the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Data:
+class Data(Samples):
     """Settled points.
 
-    `time` shape (n,), s; `part` and `block` shape (n,). `noise` is the statistical standard
+    `block`, shape (n,), is the number of the block of each. `noise` is the statistical standard
     uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
     `of_rows` tells that each row of the recording is a settled point of its own, `stretches` which
     rows are behind each point. `moving` are flags per module, shape (n,): while one ramps, the
     others may be judged. `sample`, shape (samples,), has the number of the point of each sample of
-    the recording, or `UNSETTLED` or `SPARED`. `timed` tells that points lie on one clock: else
-    nothing can follow time.
+    the recording, or `UNSETTLED` or `SPARED`.
     """
 
     points: Points
-    time: Array
     noise: Mapping[str, Array]
     block: NDArray[np.intp]
-    part: NDArray[np.intp]
     of_rows: bool
-    split: str
-    digest: str
     moving: Mapping[str, np.ndarray]
     stretches: Stretches
     sample: NDArray[np.intp]
-    timed: bool = True
 
     def __len__(self) -> int:
         return len(self.time)
@@ -70,12 +63,6 @@ class Data:
     @property
     def values(self) -> Mapping[str, Array]:
         return self.points.values
-
-    @property
-    def open(self) -> np.ndarray:
-        """Points that may be looked at before the end."""
-        flags: np.ndarray = self.part != HELDOUT
-        return flags
 
 
 def prepare(
@@ -111,9 +98,6 @@ def prepare(
             statistical[signal.id] = np.maximum(own, smallest)
     block, part = _split(time, heldout)
     text = _told(time, part, block, heldout)
-    digest = hashlib.sha256(
-        np.ascontiguousarray(points.time).tobytes() + part.astype("i1").tobytes()
-    ).hexdigest()[:16]
     sample = _points_of_samples(stretches, rests)
     timed = recording.one_clock and (not of_rows or follows_a_course(recording, ruleset))
     return Data(
@@ -124,7 +108,7 @@ def prepare(
         part=part,
         of_rows=of_rows,
         split=text,
-        digest=digest,
+        digest=digest_of(time, part),
         moving=moving,
         stretches=stretches,
         sample=sample,
@@ -207,9 +191,7 @@ def _split(
     block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)
     part = np.array(PATTERN)[block % len(PATTERN)]
     if heldout:
-        inside = np.zeros(n, dtype=bool)
-        for low, high in heldout:
-            inside |= (time >= low) & (time <= high)
+        inside = inside_of(time, heldout)
         rest = np.cumsum(~inside) - 1
         count = max(int((~inside).sum()), 1)
         blocks = int(np.clip(count // limits.BLOCK_POINTS, 1, limits.BLOCKS))

@@ -7,7 +7,8 @@ from rulec_runtime.diagnosis.steady.observe import reason
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.evidence.rows_used import HELD_OUT, SEARCHED, counted_rows, unread
-from rulec.mismatch.evidence.steady.prepare import HELDOUT, SPARED, Data
+from rulec.mismatch.evidence.samples import HELDOUT
+from rulec.mismatch.evidence.steady.prepare import SPARED, Data
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import Evidence
 

@@ -8,53 +8,23 @@ from functools import cached_property
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate
-from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.model import Line, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
-from rulec.mismatch.evidence.stores.record import Record
 from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Bench
 from rulec.mismatch.result import Estimate, Period
 
 
-@dataclass(frozen=True)
-class StoresModel:
-    """See `rulec.mismatch.evidence.model.Model`; `fitted` has its covariance.
-
-    `kept` are values that stay, SI by id.
-    """
+@dataclass(frozen=True, kw_only=True)
+class StoresModel(Model):
+    """Output error of a simulation; `kept` are values that stay, SI by id."""
 
     bench: Bench
     fitted: Fitted
     judged: Judged
     kept: Mapping[str, float]
-
-    @property
-    def ruleset(self) -> Ruleset:
-        return self.bench.ruleset
-
-    @property
-    def builder(self) -> ModelBuilder:
-        return self.bench.builder
-
-    @property
-    def samples(self) -> Record:
-        return self.bench.record
-
-    @property
-    def joined(self) -> tuple[Candidate, ...]:
-        return self.fitted.joined
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        return self.fitted.free
-
-    @property
-    def covariance(self) -> Array:
-        return self.fitted.covariance
 
     def line(self, name: str) -> Line:
         """All other values fitted anew, from where they stand and from where they lead."""
@@ -137,6 +107,24 @@ class StoresModel:
     def variable(self, name: str) -> Variable | None:
         """A state or what is given."""
         return self._courses.get(name)
+
+
+def model_of(
+    bench: Bench, fitted: Fitted, judged: Judged, kept: Mapping[str, float]
+) -> StoresModel:
+    """What an answer asks of a fit; `kept` are values that stay, SI by id."""
+    return StoresModel(
+        ruleset=bench.ruleset,
+        builder=bench.builder,
+        samples=bench.record,
+        joined=fitted.joined,
+        free=fitted.free,
+        covariance=fitted.covariance,
+        bench=bench,
+        fitted=fitted,
+        judged=judged,
+        kept=kept,
+    )
 
 
 def period_of(

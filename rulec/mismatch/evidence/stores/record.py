@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,11 +17,19 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.prepare import ESTIMATION, HELDOUT, PATTERN, SELECTION
+from rulec.mismatch.evidence.samples import (
+    ESTIMATION,
+    HELDOUT,
+    PATTERN,
+    SELECTION,
+    Samples,
+    digest_of,
+    inside_of,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record:
+class Record(Samples):
     """Samples in order of time.
 
     `inputs` holds what is given, all finite, `measured` what sensors showed, NaN where they show
@@ -33,24 +40,13 @@ class Record:
     that was set aside. `timed` tells that samples lie on one clock: else nothing can follow time.
     """
 
-    time: Array
     inputs: Mapping[str, Array]
     measured: Mapping[str, Array]
     resolution: Mapping[str, float]
     glitches: Mapping[str, int]
-    part: NDArray[np.intp]
-    split: str
-    digest: str
     sample: NDArray[np.intp]
     read: Flags
     odd: Flags
-    timed: bool = True
-
-    @property
-    def open(self) -> Flags:
-        """Samples that may be looked at before the end."""
-        flags: Flags = self.part != HELDOUT
-        return flags
 
 
 def record_of(
@@ -89,7 +85,6 @@ def record_of(
     if not measured:
         return None
     part = _split(time, inputs, heldout)
-    digest = hashlib.sha256(time.tobytes() + part.astype("i1").tobytes()).hexdigest()[:16]
     steps = {n: _resolution(recording.values[n], ruleset.signal_by_id[n]) for n in measured}
     text = _told(time, part, heldout)
     sample = np.where(rows < len(time) * factor, rows // factor, -1)
@@ -104,7 +99,7 @@ def record_of(
         glitches=glitches,
         part=part,
         split=text,
-        digest=digest,
+        digest=digest_of(time, part),
         sample=sample,
         read=read,
         odd=odd,
@@ -154,10 +149,9 @@ def _split(
     n = len(time)
     block = np.arange(n) * limits.BLOCKS // n
     if heldout:
-        inside = np.zeros(n, dtype=bool)
-        for low, high in heldout:
-            inside |= (time >= low) & (time <= high)
-        return np.where(inside, HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2])
+        return np.where(
+            inside_of(time, heldout), HELDOUT, np.array([ESTIMATION, SELECTION])[block % 2]
+        )
     turns = [np.roll(PATTERN, shift) for shift in range(len(PATTERN))]
     parts = [turn[block % len(PATTERN)] for turn in turns if turn[0] != HELDOUT]
     return min(parts, key=lambda part: _unlike(inputs, part == HELDOUT, n // limits.BLOCKS))

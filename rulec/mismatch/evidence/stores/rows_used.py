@@ -5,7 +5,7 @@ from __future__ import annotations
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.evidence.rows_used import HELD_OUT, SEARCHED, counted_rows, unread
-from rulec.mismatch.evidence.steady.prepare import HELDOUT
+from rulec.mismatch.evidence.samples import HELDOUT
 from rulec.mismatch.evidence.stores.record import Record
 from rulec.mismatch.result import Evidence
 

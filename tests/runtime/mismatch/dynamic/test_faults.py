@@ -11,14 +11,14 @@ from rulec.mismatch.answer.tell import findings_of, location_of
 from rulec.mismatch.answer.writable import writable
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
-from rulec.mismatch.evidence.stores.model import StoresModel, period_of
+from rulec.mismatch.evidence.stores.model import model_of, period_of
 from rulec.mismatch.result import Estimate
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike
 from rulec.mismatch.search.stores.onset_refinement import sharpened
 from rulec.mismatch.search.stores.search import Found, search
 from rulec.mismatch.search.stores.searcher import Searcher
-from rulec.mismatch.stores import Explanation, until_of
+from rulec.mismatch.stores import explanation, until_of
 from tests.runtime.mismatch.dynamic.benches import NOISE, TRUE, bench, made, tanks
 
 SINCE, DEGREE = 900.0, 0.15
@@ -96,13 +96,10 @@ def test_what_is_adopted_knows_the_fault_but_does_not_hold_it() -> None:
     searcher = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
     found = searcher.trial(searcher.plain(), (place.candidate(fault),))
     plain, judged = searcher.plain(), searcher.judged
-    explained = Explanation(
+    explained = explanation(
         recording,
-        StoresModel(place, found, judged, searcher.kept(found)),
+        model_of(place, found, judged, searcher.kept(found)),
         Found(plain, found, judged, 1, {}),
-        (),
-        (),
-        (),
     )
     model = writable(explained)
     adopted = model.repaired
@@ -152,7 +149,7 @@ def test_a_fault_that_does_the_same_is_told_beside() -> None:
     told = {c.id for own in accepted for c in (own.candidate, *(c for c, _ in own.others))}
     assert {fault, "pump.leakage", "pump.u.high"} <= told
     best = Fitter(place, best.joined, searcher.kept(best)).with_covariance(best, found.judged)
-    model = StoresModel(place, best, found.judged, searcher.kept(best))
+    model = model_of(place, best, found.judged, searcher.kept(best))
     (finding,) = findings_of(model, accepted)
     spots = {"upper.inflow", "pump.pump", "pump.u"}
     assert spots - {f"{finding.module}.{finding.place}"} == {*location_of(model, finding).also}

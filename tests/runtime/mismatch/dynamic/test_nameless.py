@@ -10,7 +10,7 @@ import pytest
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
 from rulec.mismatch.evidence.stores.locate import Suspect
-from rulec.mismatch.evidence.stores.model import StoresModel
+from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.search.stores.nonparametric_term import or_nameless
 from rulec.mismatch.search.stores.searcher import Searcher
@@ -32,7 +32,7 @@ def test_a_model_that_is_far_off_has_a_place(share: float, times: float, places:
     plain = replace(searcher.plain(), noise={"lower.y": Noise(times * NOISE, 5.0)})
     spot = next(s for s in place.builder.spots if s.id == "balance:upper.h")
     left = [Suspect(spot, np.ones(len(place.time)), 100.0, share)]
-    model = StoresModel(place, plain, searcher.judged, {})
+    model = model_of(place, plain, searcher.judged, {})
     found = nameless_places(model, left, len(place.candidates))
     assert places == [f"{p.module}.{p.place}" for p in found]
 

@@ -8,7 +8,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
-from rulec.mismatch.evidence.stores.model import StoresModel
+from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference.interval import profile
 from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import (
@@ -49,7 +49,7 @@ def test_what_only_a_prior_tells_is_as_uncertain_as_the_prior() -> None:
     found = searcher.polished(searcher.trial(searcher.plain(), (place.candidate(OVERFLOW),)))
     fitter = Fitter(place, found.joined, searcher.kept(found))
     found = fitter.with_covariance(found, searcher.judged)
-    model = StoresModel(place, found, searcher.judged, searcher.kept(found))
+    model = model_of(place, found, searcher.judged, searcher.kept(found))
     low, high = profile(model.line(f"{OVERFLOW}.l_o"))
     assert low < RIM[f"{OVERFLOW}.l_o"] < high
     assert high - low > 0.3 * RIM[f"{OVERFLOW}.l_o"]
