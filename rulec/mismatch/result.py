@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -247,6 +247,10 @@ class Series:
     courses: tuple[Course, ...] = ()
 
 
+UNWRITTEN = Repair((), (), np.zeros((0, 0)), {}, {}, {})
+"""Nothing that could be written."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Mismatch:
     """The whole answer.
@@ -254,14 +258,12 @@ class Mismatch:
     `verdict` is ``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or
     ``cannot judge``. `fits` has one for each predicted signal, `fit` is the first. `split` says in
     words which blocks served for what, `digest` is its hash. `noise` says where the size of the
-    noise comes from. `parameters` and `covariance` (SI) are those of the plant that `rulec adopt`
-    writes, `joined` the ids of the candidates in it, in order. `fixed` holds their parameters that
-    are no unknowns, `misfit` the scatter of each observer about its repaired law, `ranges` the
-    readings at which it was tested, all SI by id. `left_out` are explanations that no model may
-    hold, with the reason, `refused` says why nothing is to be written, empty where it may be;
-    `plain` is the recalibrated plant, which can be written at any time. `checks` are for whoever
-    writes a plant. `series` holds the courses of all `fits`; None where nothing was split.
-    `evidence` counts every row of the recording once.
+    noise comes from, `tried` how many explanations were tried. `repair` is the plant that `rulec
+    adopt` writes, `plain` the recalibrated one, which can be written at any time. `left_out` are
+    explanations that no model may hold, with the reason, `refused` says why nothing is to be
+    written, empty where it may be. `checks` are for whoever writes a plant. `series` holds the
+    courses of all `fits`; None where nothing was split. `evidence` counts every row of the
+    recording once. `seconds` is how long it took.
     """
 
     plant: str
@@ -269,30 +271,25 @@ class Mismatch:
     recording: str
     verdict: str
     headline: str
-    locations: tuple[Location, ...]
-    findings: tuple[Finding, ...]
-    fit: Fit | None
-    fits: tuple[Fit, ...]
-    confounded: tuple[Confounded, ...]
-    hidden: HiddenDriver | None
-    untested: tuple[str, ...]
     next: str
-    split: str
-    digest: str
-    noise: str
-    tried: int
-    notes: tuple[str, ...]
-    joined: tuple[str, ...]
-    parameters: tuple[Changed, ...]
-    covariance: Array
-    curves: Curves | None
     seconds: float
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    misfit: Mapping[str, float] = field(default_factory=dict)
-    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    series: Series | None = None
-    evidence: tuple[Evidence, ...] = ()
+    locations: tuple[Location, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    fit: Fit | None = None
+    fits: tuple[Fit, ...] = ()
+    confounded: tuple[Confounded, ...] = ()
+    hidden: HiddenDriver | None = None
+    untested: tuple[str, ...] = ()
+    split: str = ""
+    digest: str = ""
+    noise: str = ""
+    tried: int = 0
+    notes: tuple[str, ...] = ()
+    repair: Repair = UNWRITTEN
+    plain: Repair | None = None
     left_out: tuple[tuple[str, str], ...] = ()
     refused: str = ""
-    plain: Repair | None = None
     checks: tuple[Check, ...] = ()
+    curves: Curves | None = None
+    series: Series | None = None
+    evidence: tuple[Evidence, ...] = ()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rulec.mismatch.result import (
+    UNWRITTEN,
     Alternative,
     Changed,
     Confounded,
@@ -21,6 +22,7 @@ from rulec.mismatch.result import (
     Mismatch,
     Period,
     Region,
+    Repair,
     Rival,
 )
 
@@ -124,13 +126,19 @@ NAMED = Mismatch(
     noise="noise from the scatter of the recording, 0.9 l/h, within the sensors' class",
     tried=37,
     notes=("warm.csv: 3 samples are not settled",),
-    joined=("A.warm-gap@Q_gap",),
-    parameters=(Changed("A.C2", 5.6e-17, 1e-18), Changed("A.warm-gap@Q_gap.b", 0.0231, 0.0011)),
-    covariance=np.array([[1e-36, -9e-22], [-9e-22, 1.2e-6]]),
+    repair=Repair(
+        joined=("A.warm-gap@Q_gap",),
+        parameters=(
+            Changed("A.C2", 5.6e-17, 1e-18),
+            Changed("A.warm-gap@Q_gap.b", 0.0231, 0.0011),
+        ),
+        covariance=np.array([[1e-36, -9e-22], [-9e-22, 1.2e-6]]),
+        fixed={"A.warm-gap@Q_gap.T0": 318.35},
+        misfit={"A.pump": 2.5e-7},
+        ranges={},
+    ),
     curves=curves(),
     seconds=4.31,
-    fixed={"A.warm-gap@Q_gap.T0": 318.35},
-    misfit={"A.pump": 2.5e-7},
     evidence=(
         Evidence(300, True, "searched and fitted"),
         Evidence(100, True, "held out for the proof"),
@@ -178,7 +186,7 @@ FAULT = replace(
         ),
     ),
     locations=(replace(PLACE, region=(), periods=((0.0, 25.0), (200.0, 225.0))),),
-    joined=(),
+    repair=replace(NAMED.repair, joined=()),
     confounded=(),
 )
 
@@ -206,7 +214,7 @@ UNNAMED = replace(
     verdict="unnamed",
     headline="The gap flow of A changes, and nothing known explains how.",
     findings=(),
-    joined=(),
+    repair=replace(NAMED.repair, joined=()),
     hidden=HiddenDriver(
         module="A",
         place="Q_gap",
@@ -240,7 +248,7 @@ NONE = replace(
     confounded=(),
     untested=(),
     next="",
-    joined=(),
+    repair=replace(NAMED.repair, joined=()),
 )
 
 CANNOT_JUDGE = replace(
@@ -250,8 +258,7 @@ CANNOT_JUDGE = replace(
     fit=None,
     fits=(),
     curves=None,
-    parameters=(),
-    covariance=np.zeros((0, 0)),
+    repair=UNWRITTEN,
     next="Record at least three samples at each operating point.",
     tried=0,
     seconds=0.02,
@@ -313,7 +320,7 @@ def broken(mismatch: Mismatch) -> Mismatch:
         fits=tuple(replace(f, estimation=nothing, heldout=nothing) for f in mismatch.fits),
         confounded=tuple(replace(c, correlation=NAN) for c in mismatch.confounded),
         hidden=replace(hidden, course=np.full(len(hidden.time), NAN)) if hidden else None,
-        covariance=np.full_like(mismatch.covariance, NAN),
+        repair=replace(mismatch.repair, covariance=np.full_like(mismatch.repair.covariance, NAN)),
         curves=_unknown(mismatch.curves) if mismatch.curves else None,
         seconds=NAN,
     )

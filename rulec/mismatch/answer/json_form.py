@@ -153,10 +153,10 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
     The id of an unknown is that of its candidate, a dot and its name. `recalibrated` holds the
     plain plant with other values alone, which can be written at any time.
     """
-    plain = mismatch.plain
+    plain, repair = mismatch.plain, mismatch.repair
     found = {finding.id: finding for finding in mismatch.findings}
     joined = []
-    for name in mismatch.joined:
+    for name in repair.joined:
         finding, mark = found.get(name), f"{name}."
         joined.append(
             {
@@ -164,14 +164,14 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
                 "effect": finding.name if finding else None,
                 "module": finding.module if finding else None,
                 "place": finding.place if finding else None,
-                "unknowns": {p.id: p.value for p in mismatch.parameters if p.id.startswith(mark)},
-                "fixed": {k: v for k, v in mismatch.fixed.items() if k.startswith(mark)},
+                "unknowns": {p.id: p.value for p in repair.parameters if p.id.startswith(mark)},
+                "fixed": {k: v for k, v in repair.fixed.items() if k.startswith(mark)},
             }
         )
     return {
         "plant": plant_file,
         "joined": joined,
-        **_values(mismatch),
+        **_values(repair),
         "left_out": [{"id": name, "reason": reason} for name, reason in mismatch.left_out],
         "refused": mismatch.refused or None,
         "checks": [vars(check) for check in mismatch.checks],
@@ -179,7 +179,7 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
     }
 
 
-def _values(found: Mismatch | Repair) -> dict[str, Any]:
+def _values(found: Repair) -> dict[str, Any]:
     """Values of a plant that can be written, SI."""
     return {
         "parameters": [p.id for p in found.parameters],

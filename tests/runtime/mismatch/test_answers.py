@@ -162,7 +162,7 @@ def test_a_healthy_plant_is_healthy() -> None:
     found = example("healthy.csv")
     assert "none" == found.verdict
     assert () == found.findings
-    assert () == found.joined
+    assert () == found.repair.joined
     assert "Nothing to do." == found.next
 
 
