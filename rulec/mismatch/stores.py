@@ -134,9 +134,28 @@ class Explanation(Explained[Fitted]):
     def refitted(
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[Fitted]:
-        """Refits without slow errors of what is given, to what lies before the first fault."""
-        model = self.model
-        return refitted(self._bench, self.found.plain, model.fitted, model.kept, taken, left_out)
+        """Refits to what lies before the first fault: what that does stays in what is stored.
+
+        Neither a slow error of what is given nor a zero that floats belongs to the plant that is
+        simulated later, so neither is in the fit.
+        """
+        bench, plain, best = self._bench, self.found.plain, self.model.fitted
+        before = bench.record.time < until_of(bench, best, [c for c, _ in left_out])
+        known = {n: flags & before for n, flags in bench.known.items()}
+        judged = Judged(known, best.noise, no_drift(bench), np.zeros(0))
+        first = repaired = _refitted(bench, (), {}, [plain.values, {}], judged)
+        if taken:
+            own = {u.id for c in taken for u in c.unknowns}
+            kept = {n: v for n, v in self.model.kept.items() if n in own}
+            beside = {n: v for n, v in best.values.items() if n in own}
+            starts = [best.values, {**first.values, **beside}]
+            repaired = _refitted(bench, tuple(taken), kept, starts, judged)
+        return Refits(
+            plain=first,
+            repaired=repaired,
+            left_out=tuple((c.id, why) for c, why in left_out),
+            judged=np.ones(len(bench.time), dtype=bool),
+        )
 
     def repair_of(self, fitted: Fitted) -> Repair:
         """Values with covariance; nothing is said of misfits and ranges."""
@@ -145,8 +164,33 @@ class Explanation(Explained[Fitted]):
     def readings(
         self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
     ) -> list[Reading]:
-        """Errors over all rows of the recording: a fault may be none."""
-        return readings(self.recording, self._bench, plants, proofs)
+        """Errors over all rows of the recording, as a fault may be none; those of the analysis
+        where nothing is simulated."""
+        bench, record, recording = self._bench, self._bench.record, self.recording
+        held = inside_of(recording.time, heldout_spans(record.time, ~record.open))
+        found = []
+        for proof in proofs if plants is not None else ():
+            name = proof.fit.signal
+            if plants is None or name not in plants.signals:
+                continue
+            signal = bench.ruleset.signal_by_id[name]
+            measured = without_odd(signal, recording.values[name])
+            tables = [t[name] for t in (plants.shipped, plants.recalibrated, plants.last)]
+            noise = noise_floor(measured[np.isfinite(measured)])
+            fit = fit_of(
+                signal,
+                [course - measured for course in tables],
+                (noise, noise),
+                (~held, held),
+                (proof.fit.estimation.repaired, proof.fit.heldout.repaired),
+            )
+            predicted = Predicted(*(_thin(bench, recording, course) for course in tables))
+            fit = replace(fit, simulated=True)
+            found.append(Reading(fit=fit, measured=record.measured[name], predicted=predicted))
+        return found or [
+            Reading(fit=p.fit, measured=record.measured[p.fit.signal], predicted=p.predicted)
+            for p in proofs
+        ]
 
     def rows_used(self, proofs: Sequence[Proof]) -> tuple[Evidence, ...]:
         """What rows served for."""
@@ -320,36 +364,6 @@ def nameless_places(
     )
 
 
-def refitted(
-    bench: Bench,
-    plain: Fitted,
-    best: Fitted,
-    kept: Mapping[str, float],
-    taken: Sequence[Candidate],
-    left_out: Sequence[tuple[Candidate, str]],
-) -> Refits[Fitted]:
-    """Refit what may be written, and the plain model; `kept` are values that stay, SI by id.
-
-    Neither a slow error of what is given nor a zero that floats belongs to the plant that is
-    simulated later, so neither is in the fit. What a fault does stays in what is stored: samples
-    behind its onset are set aside.
-    """
-    left = tuple((c.id, why) for c, why in left_out)
-    before = bench.record.time < until_of(bench, best, [c for c, _ in left_out])
-    known = {n: flags & before for n, flags in bench.known.items()}
-    every = np.ones(len(bench.time), dtype=bool)
-    judged = Judged(known, best.noise, no_drift(bench), np.zeros(0))
-    first = _refitted(bench, (), {}, [plain.values, {}], judged)
-    if not taken:
-        return Refits(plain=first, repaired=first, left_out=left, judged=every)
-    own = {u.id for c in taken for u in c.unknowns}
-    kept = {n: v for n, v in kept.items() if n in own}
-    beside = {n: v for n, v in best.values.items() if n in own}
-    starts = [best.values, {**first.values, **beside}]
-    repaired = _refitted(bench, tuple(taken), kept, starts, judged)
-    return Refits(plain=first, repaired=repaired, left_out=left, judged=every)
-
-
 def until_of(bench: Bench, best: Fitted, left: Sequence[Candidate]) -> float:
     """When the first of what no model holds begins, s; never where that leaves too little."""
     record = bench.record
@@ -397,43 +411,6 @@ def repair_of(fitted: Fitted) -> Repair:
         {},
         {},
     )
-
-
-def readings(
-    recording: Recording, bench: Bench, plants: Plants | None, proofs: Sequence[Proof]
-) -> list[Reading]:
-    """Errors of simulated plants over all rows; those of the analysis where none is simulated."""
-    record = bench.record
-    spans = heldout_spans(record.time, ~record.open)
-    held = inside_of(recording.time, spans)
-    found = []
-    for proof in proofs if plants is not None else ():
-        name = proof.fit.signal
-        if plants is None or name not in plants.signals:
-            continue
-        signal = bench.ruleset.signal_by_id[name]
-        measured = without_odd(signal, recording.values[name])
-        tables = [t[name] for t in (plants.shipped, plants.recalibrated, plants.last)]
-        noise = noise_floor(measured[np.isfinite(measured)])
-        fit = fit_of(
-            signal,
-            [course - measured for course in tables],
-            (noise, noise),
-            (~held, held),
-            (proof.fit.estimation.repaired, proof.fit.heldout.repaired),
-        )
-        predicted = Predicted(*(_thin(bench, recording, course) for course in tables))
-        found.append(
-            Reading(
-                fit=replace(fit, simulated=True),
-                measured=record.measured[name],
-                predicted=predicted,
-            )
-        )
-    return found or [
-        Reading(fit=p.fit, measured=record.measured[p.fit.signal], predicted=p.predicted)
-        for p in proofs
-    ]
 
 
 def _thin(bench: Bench, recording: Recording, course: Array) -> Array:

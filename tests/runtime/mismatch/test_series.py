@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer.writable import writable
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.evidence.stores.model import model_of
 from rulec.mismatch.inference import series as module
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
 from rulec.mismatch.result import Course, Mismatch, Series
+from rulec.mismatch.search.stores.search import Found
 from rulec.mismatch.search.stores.searcher import Searcher
-from rulec.mismatch.stores import prove, readings
+from rulec.mismatch.stores import explanation
 from tests.runtime.mismatch.dynamic.benches import bench, made
 from tests.runtime.mismatch.test_answers import CASES, answer, plant
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
@@ -86,8 +89,9 @@ def test_plants_that_store_have_the_same_table() -> None:
     place = bench(recording)
     judged = Judged(place.known, {}, no_drift(place), np.zeros(0))
     plain = Searcher(place, judged, 1).plain()
-    proofs = prove(place, plain, plain, judged)
-    (reading,) = readings(recording, place, None, proofs)
+    model = model_of(place, plain, judged, {})
+    explained = explanation(recording, model, Found(plain, plain, judged, 0, {}))
+    (reading,) = explained.readings(None, writable(explained), explained.proofs(()))
     signal = place.ruleset.signal_by_id[reading.fit.signal]
     course = course_of(signal, reading.measured, reading.predicted)
     series = Series(place.record.time, ~place.record.open, (course,))
