@@ -60,8 +60,7 @@ def analyse(
     proofs = found.proofs(named)
     tell("writing the plants and simulating them")
     refits = writable(found)
-    repairs = found.repair_of(refits.plain), found.repair_of(refits.repaired)
-    shown = told(found, refits, repairs, proofs)
+    shown = told(found, refits, proofs)
     findings = (*named, *found.failing)
     locations = (
         *(location_of(model, f) for f in named),
@@ -69,7 +68,7 @@ def analyse(
         *found.places,
     )
     verdict = verdict_of(findings, bool(found.places))
-    plain, repair = repairs
+    plain, repair = refits.repairs
     plants, fits, samples = shown.plants, shown.fits, model.samples
     spans = heldout_spans(samples.time, ~samples.open)
     checks = checks_of(plants, recording, spans) if plants else ()

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.observe import check_readings
-from rulec_runtime.recordings.header import Header
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.report.text import counted, fixed, listed
 from rulec_runtime.simulation.predict import predict
 
@@ -21,7 +18,7 @@ from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
-from rulec.mismatch.answer.public import Plants
+from rulec.mismatch.answer.public import Plants, file_of
 from rulec.mismatch.answer.tell import location_of_spot, shares_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
@@ -38,15 +35,13 @@ from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sens
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
+from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.search import Search, search
 
 SHOWN = 4
 """Readings that are named where many have no number."""
-
-_NOWHERE = Path("settled points")
 
 
 def explain(
@@ -134,13 +129,12 @@ def _to_be_read(recording: Recording) -> str:
 
 @dataclass(frozen=True)
 class Models:
-    """The three models to compare, fitted to all points that are not held out.
+    """Models to compare with the shipped one, fitted to all points that are not held out.
 
     `faulty`, shape (n,), flags points in periods of faults; in held-out blocks these are found by
     the finished model.
     """
 
-    shipped: Setting
     recalibrated: Setting
     repaired: Setting
     fitted: Fitted
@@ -217,11 +211,8 @@ class Explanation(Explained[Fitted]):
             moved = replace(setting, values={**setting.values, **plain.setting.values})
             repaired = _refitted(settled, [setting, moved], used)
         left = tuple((c.id, why) for c, why in left_out if c in settled.setting.joined)
-        return Refits(plain=plain, repaired=repaired, left_out=left, judged=clear)
-
-    def repair_of(self, fitted: Fitted) -> Repair:
-        """Values with covariance, misfits and ranges."""
-        return repair_of(fitted)
+        repairs = repair_of(plain), repair_of(repaired)
+        return Refits(plain=plain, repaired=repaired, repairs=repairs, left_out=left, judged=clear)
 
     def readings(
         self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
@@ -359,7 +350,6 @@ def models_of(repaired: Fitted) -> Models:
         plain = plain.leaving(spot)
     recalibrated = with_sensors_as_they_are(repaired, plain)
     return Models(
-        Setting(),
         _without_periods(recalibrated.setting),
         _without_periods(repaired.setting),
         repaired,
@@ -384,7 +374,7 @@ def gain_shown(predictor: Predictor, models: Models) -> float:
 def prove(predictor: Predictor, models: Models) -> Proof:
     """Open the held-out blocks, once."""
     rows, data = models.fitted.rows, models.fitted.rows.system.data
-    settings = (models.shipped, models.recalibrated, models.repaired)
+    settings = (Setting(), models.recalibrated, models.repaired)
     predicted = Predicted(*(predictor.predicted(setting) for setting in settings))
     measured = data.values[predictor.signal.id]
     judged = np.isfinite(measured) & predictor.points & ~models.faulty
@@ -470,9 +460,7 @@ def _noise(ruleset: Ruleset, system: System, name: str) -> float:
     """Standard uncertainty of measured less simulated by the noise of all readings, SI."""
     data = system.data
     table = dict(data.values)
-    file = RecordingFile(
-        path=_NOWHERE, header=Header(), time=data.time, values=table, zones=None, comma=False
-    )
+    file = file_of("settled points", data.time, table)
     plain = predict(ruleset, [file])
     variance = data.noise[name] ** 2
     for given in plain.given:

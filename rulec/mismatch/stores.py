@@ -153,13 +153,10 @@ class Explanation(Explained[Fitted]):
         return Refits(
             plain=first,
             repaired=repaired,
+            repairs=(_repair_of(first), _repair_of(repaired)),
             left_out=tuple((c.id, why) for c, why in left_out),
             judged=np.ones(len(bench.time), dtype=bool),
         )
-
-    def repair_of(self, fitted: Fitted) -> Repair:
-        """Values with covariance; nothing is said of misfits and ranges."""
-        return repair_of(fitted)
 
     def readings(
         self, plants: Plants | None, refits: Refits[Fitted], proofs: Sequence[Proof]
@@ -401,8 +398,8 @@ def _squares(fitted: Fitted, judged: Judged) -> float:
     return 0.5 * float(weighted @ weighted) + fitted.strain
 
 
-def repair_of(fitted: Fitted) -> Repair:
-    """What to write of a refitted model."""
+def _repair_of(fitted: Fitted) -> Repair:
+    """What to write of a refitted model; nothing is said of misfits and ranges."""
     return Repair(
         fitted.ids,
         tuple(Changed(n, float(fitted.values[n]), fitted.u(n)) for n in fitted.free),

@@ -37,11 +37,13 @@ class Blind:
 class Refits(Generic[F]):
     """The recalibrated and the repaired model as they are written, and what was left out.
 
-    `left_out` has ids with reasons. `judged`, shape (n,), flags samples whose errors count.
+    `repairs` say what to write of each. `left_out` has ids with reasons. `judged`, shape (n,),
+    flags samples whose errors count.
     """
 
     plain: F
     repaired: F
+    repairs: tuple[Repair, Repair]
     left_out: tuple[tuple[str, str], ...]
     judged: np.ndarray
 
@@ -83,10 +85,6 @@ class Explained(ABC, Generic[F]):
         self, taken: Sequence[Candidate], left_out: Sequence[tuple[Candidate, str]]
     ) -> Refits[F]:
         """Fit what may be written, and the plain model, with sensors as they are."""
-
-    @abstractmethod
-    def repair_of(self, fitted: F) -> Repair:
-        """What to write of a refitted model."""
 
     @abstractmethod
     def readings(

@@ -165,15 +165,12 @@ def _files(recording: Recording) -> list[RecordingFile]:
     for segment in dict.fromkeys(recording.segment.tolist()):
         rows = recording.segment == segment
         values = {name: v[rows] for name, v in recording.values.items()}
-        path = Path(f"file {int(segment) + 1}")
-        found.append(
-            RecordingFile(
-                path=path,
-                header=Header(),
-                time=recording.time[rows],
-                values=values,
-                zones=None,
-                comma=False,
-            )
-        )
+        found.append(file_of(f"file {int(segment) + 1}", recording.time[rows], values))
     return found
+
+
+def file_of(name: str, time: Array, values: dict[str, Array]) -> RecordingFile:
+    """Readings, SI, at times, s, as a file of that name would hold them."""
+    return RecordingFile(
+        path=Path(name), header=Header(), time=time, values=values, zones=None, comma=False
+    )

@@ -21,7 +21,7 @@ from rulec.mismatch.answer.public import Plants, plants_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import Predicted, course_of
-from rulec.mismatch.result import Fit, Repair, Series
+from rulec.mismatch.result import Fit, Series
 
 UNDRIVEN = "what drives it is not recorded"
 
@@ -54,17 +54,16 @@ class Told:
     why: str
 
 
-def told(
-    found: Explained[F], refits: Refits[F], repairs: tuple[Repair, Repair], proofs: Sequence[Proof]
-) -> Told:
+def told(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> Told:
     """Simulate the plants over the recording, and compare."""
-    model, recording, why = found.model, found.recording, ""
+    model, why = found.model, ""
+    ruleset, builder, recording = model.ruleset, model.builder, found.recording
     try:
-        plants: Plants | None = plants_of(model.ruleset, model.builder, recording, *repairs)
+        plants: Plants | None = plants_of(ruleset, builder, recording, *refits.repairs)
     except (SimulationRefused, Unwritable) as error:
         plants, why = None, str(error)
     readings = found.readings(plants, refits, proofs)
-    signals = model.ruleset.signal_by_id
+    signals = ruleset.signal_by_id
     courses = (course_of(signals[r.fit.signal], r.measured, r.predicted) for r in readings)
     samples = model.samples
     return Told(

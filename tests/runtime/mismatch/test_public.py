@@ -203,14 +203,13 @@ def test_a_zero_beyond_its_class_does_not_flatter_the_shipped_plant() -> None:
         Found(plain, plain, searcher.judged, 0, {}),
     )
     refits = writable(explained)
-    repairs = explained.repair_of(refits.plain), explained.repair_of(refits.repaired)
-    shown = told(explained, refits, repairs, explained.proofs(()))
+    shown = told(explained, refits, explained.proofs(()))
     assert shown.plants is not None
     held = shown.fits[0].heldout
     spans = heldout_spans(place.record.time, ~place.record.open)
     for ruleset, error in (
         (rules, held.shipped),
-        (trial(builder, repairs[0]), held.recalibrated),
+        (trial(builder, refits.repairs[0]), held.recalibrated),
     ):
         found = row_errors(ruleset, simulated(ruleset, recording), recording, spans)
         assert found["lower.y"][0] == pytest.approx(error, rel=1e-9)
