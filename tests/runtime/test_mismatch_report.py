@@ -304,4 +304,4 @@ def test_what_fits_equally_is_named_in_the_card() -> None:
     """An ambiguity set is no footnote."""
     text = plain(report(AMBIGUOUS))
     assert "Could also be Gap flow that grows with time (45 %)" in text
-    assert "Not told apart from A.P_law and A.loss" in text
+    assert "not told apart from A.P_law and A.loss" in text

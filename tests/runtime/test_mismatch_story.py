@@ -115,8 +115,8 @@ def test_named_effect_is_told_in_words_and_numbers() -> None:
     text = words(NAMED)
     for expected in (
         "the gap flow grows by 0.0231 1/K with A.T",
-        "sure 93 %, physics that the model leaves out",
-        "or Gap flow that grows with time (5 %)",
+        "probability 93 %, physics that the model leaves out",
+        "could also be Gap flow that grows with time (5 %)",
         "gap flow of the dosing pump (A.Q_gap): 83 % of the mismatch",
         "A.T above 45 degC (97 % of it)",
         "A: b, rise of the gap flow per kelvin 0.0231 0.0011 0.0209 to 0.0253 1/K",

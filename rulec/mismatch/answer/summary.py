@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from rulec_runtime.report.html_story import badge
-from rulec_runtime.report.text import listed, safe
+from rulec_runtime.report.text import safe
 
 from rulec.mismatch.answer.wording import (
-    SORTS,
-    degree_words,
+    finding_facts,
+    hidden_facts,
     letter,
     meaning,
-    periods_words,
-    plausible,
-    region_words,
-    share,
-    where,
+    place_facts,
 )
-from rulec.mismatch.result import Finding, HiddenDriver, Location, Mismatch
+from rulec.mismatch.result import Finding, Mismatch
 
 
 def told_first(mismatch: Mismatch) -> str:
@@ -31,49 +27,23 @@ def told_first(mismatch: Mismatch) -> str:
     ]
     parts += [_card(style, f.text, _about(f)) for f in mismatch.findings]
     if mismatch.locations:
-        rows = [row for location in mismatch.locations for row in _place(location)]
+        rows = [row for location in mismatch.locations for row in place_facts(location)]
         parts.append(_card(style, "Where the mismatch sits", rows))
     if mismatch.hidden is not None:
-        parts.append(_card(style, "What drives it is not recorded", _hidden(mismatch.hidden)))
+        parts.append(_card(style, "What drives it is not recorded", hidden_facts(mismatch.hidden)))
     if mismatch.next:
-        parts.append(_card(style, "Next", [("What to do", mismatch.next)]))
+        parts.append(_card(style, "Next", [("do", mismatch.next)]))
     return "".join(parts)
 
 
 def _card(style: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
-    body = "".join(f"<dt>{term}</dt><dd>{safe(text)}</dd>" for term, text in rows)
+    body = "".join(f"<dt>{term.capitalize()}</dt><dd>{safe(text)}</dd>" for term, text in rows)
     return f'<section class="finding is-{style}"><h3>{safe(title)}</h3><dl>{body}</dl></section>'
 
 
 def _about(finding: Finding) -> Iterator[tuple[str, str]]:
-    yield "What", f"{finding.title}: {SORTS.get(finding.sort, finding.sort)}"
-    yield "Where", f"{finding.module}.{finding.place}"
-    yield "How sure", share(finding.probability)
-    others = [f"{a.title} ({share(a.probability)})" for a in plausible(finding)]
-    if others:
-        yield "Could also be", listed(others)
-    for i, words in enumerate(degree_words(finding.periods)):
-        yield "" if i else "When", words
+    yield "what", finding.title
+    yield "where", f"{finding.module}.{finding.place}"
+    yield from finding_facts(finding)
     if finding.equation:
-        yield "Equation", finding.equation
-    if finding.action:
-        yield "What to do", finding.action
-
-
-def _place(location: Location) -> Iterator[tuple[str, str]]:
-    yield "Place", where(location)
-    if location.region:
-        yield "Region", "; ".join(region_words(region) for region in location.region)
-    if location.periods:
-        yield "When", periods_words(location.periods)
-    if location.also:
-        yield "Not told apart from", listed(location.also)
-
-
-def _hidden(hidden: HiddenDriver) -> Iterator[tuple[str, str]]:
-    yield "Its course", hidden.text
-    yield "It moves", f"{hidden.module}.{hidden.place}"
-    if hidden.candidates:
-        yield "Could be", listed(hidden.candidates)
-    if hidden.sensor:
-        yield "Sensor to add", hidden.sensor
+        yield "equation", finding.equation

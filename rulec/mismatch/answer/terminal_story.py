@@ -11,34 +11,30 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.text import counted, listed, number, period
+from rulec_runtime.report.text import counted, number, period
 
 from rulec.mismatch.answer.sparkline import sparkline
 from rulec.mismatch.answer.wording import (
-    SORTS,
     confounded_words,
-    degree_words,
     errors_of,
     evidence_rows,
     evidence_words,
     explained_words,
+    finding_facts,
     fit_words,
+    hidden_facts,
     interval,
     labelled,
     letter,
     meaning,
     other_fits,
-    periods_words,
-    plausible,
+    place_facts,
     proof,
-    region_words,
     rivals_words,
-    share,
     symbol,
     value_and_u,
-    where,
 )
-from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Mismatch
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Mismatch
 
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
 
@@ -60,7 +56,7 @@ def tell(out: Console, mismatch: Mismatch) -> None:
     _facts(out, _findings(mismatch))
     if mismatch.hidden is not None:
         _heading(out, "What drives it is not recorded")
-        _facts(out, _hidden(mismatch.hidden))
+        _facts(out, hidden_facts(mismatch.hidden, tuple(_drawn(mismatch.hidden))))
     if mismatch.fit is not None:
         _evidence(out, mismatch, mismatch.fit)
     _numbers(out, mismatch)
@@ -97,53 +93,26 @@ def _findings(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
         here = [p for p in places if (p.module, p.place) == (finding.module, finding.place)]
         for location in here:
             places.remove(location)
-            yield from _place(location)
-        yield from _about(finding)
+            yield from place_facts(location)
+        yield from finding_facts(finding, SHOWN)
     if len(mismatch.findings) > SHOWN:
         left = len(mismatch.findings) - SHOWN
         yield "", f"and {counted(left, 'other finding')} (--json has all)"
         return
     for location in places[:SHOWN]:
-        yield from _place(location)
+        yield from place_facts(location)
     if len(places) > SHOWN:
         yield "", f"and {counted(len(places) - SHOWN, 'other place')}"
 
 
-def _about(finding: Finding) -> Iterator[tuple[str, str]]:
-    others = [f"{a.title} ({share(a.probability)})" for a in plausible(finding)]
-    sure = f"{share(finding.probability)}, {SORTS.get(finding.sort, finding.sort)}"
-    yield "sure", sure
-    if others:
-        more = f" and {counted(len(others) - SHOWN, 'other')}" if len(others) > SHOWN else ""
-        yield "or", listed(others[:SHOWN]) + more
-    for words in degree_words(finding.periods):
-        yield "when", words
-    if finding.action:
-        yield "do", finding.action
-
-
-def _place(location: Location) -> Iterator[tuple[str, str]]:
-    yield "where", where(location)
-    if location.region:
-        yield "", "; ".join(region_words(region) for region in location.region)
-    if location.periods:
-        yield "", periods_words(location.periods)
-    if location.also:
-        yield "", f"not told apart from {listed(location.also)}"
-
-
-def _hidden(hidden: HiddenDriver) -> Iterator[tuple[str, str]]:
-    yield "course", hidden.text
+def _drawn(hidden: HiddenDriver) -> Iterator[str]:
+    """The course of a hidden driver as one row of characters, and its ends."""
     drawn = sparkline(hidden.course, COURSE)
     if drawn:
         seen = hidden.course[np.isfinite(hidden.course)]
-        yield "", drawn
+        yield drawn
         ends = f"{number(float(seen.min()))} to {number(float(seen.max()))} {hidden.unit}"
-        yield "", f"{ends} {period(float(hidden.time[0]), float(hidden.time[-1]))}"
-    if hidden.candidates:
-        yield "could be", listed(hidden.candidates)
-    if hidden.sensor:
-        yield "sensor", hidden.sensor
+        yield f"{ends} {period(float(hidden.time[0]), float(hidden.time[-1]))}"
 
 
 def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:

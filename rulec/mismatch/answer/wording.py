@@ -16,6 +16,7 @@ from rulec.mismatch.result import (
     Evidence,
     Finding,
     Fit,
+    HiddenDriver,
     Location,
     Mismatch,
     Period,
@@ -143,6 +144,41 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
         yield f"{span}: degree {degree(p.degree, p.unit)} ± {degree(p.u, p.unit)}"
     if len(periods) > SPANS:
         yield f"and {counted(len(periods) - SPANS, 'other period')}, none larger"
+
+
+def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[str, str]]:
+    """Terms and what is to be said of a finding; so many alternatives at `most`."""
+    yield "probability", f"{share(finding.probability)}, {SORTS.get(finding.sort, finding.sort)}"
+    others = [f"{a.title} ({share(a.probability)})" for a in plausible(finding)]
+    if others:
+        left = len(others[most:]) if most else 0
+        more = f" and {counted(left, 'other')}" if left else ""
+        yield "could also be", listed(others[:most]) + more
+    for words in degree_words(finding.periods):
+        yield "when", words
+    if finding.action:
+        yield "do", finding.action
+
+
+def place_facts(location: Location) -> Iterator[tuple[str, str]]:
+    """Terms and what is to be said of a place."""
+    yield "where", where(location)
+    if location.region:
+        yield "", "; ".join(region_words(region) for region in location.region)
+    if location.periods:
+        yield "", periods_words(location.periods)
+    if location.also:
+        yield "", f"not told apart from {listed(location.also)}"
+
+
+def hidden_facts(hidden: HiddenDriver, drawn: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
+    """Terms and what is to be said of a hidden driver; `drawn` are rows below its course."""
+    yield "course", hidden.text
+    yield from (("", row) for row in drawn)
+    if hidden.candidates:
+        yield "could be", listed(hidden.candidates)
+    if hidden.sensor:
+        yield "sensor", hidden.sensor
 
 
 def errors_of(fit: Fit, repaired: bool) -> tuple[tuple[str, float, float], ...]:
