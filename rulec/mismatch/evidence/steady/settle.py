@@ -132,7 +132,9 @@ def _tested(settled: Fitted) -> dict[tuple[str, ...], np.ndarray]:
 def _near(off: Array) -> np.ndarray:
     """Which of some errors are not far off."""
     far = np.abs(off - np.median(off))
-    flags: np.ndarray = far <= limits.MISFIT_FAR * max(NORMAL_SPREAD * float(np.median(far)), 1e-300)
+    flags: np.ndarray = far <= limits.MISFIT_FAR * max(
+        NORMAL_SPREAD * float(np.median(far)), 1e-300
+    )
     return flags
 
 
