@@ -119,15 +119,19 @@ class Graph:
         return inner if name == "neg" else None
 
     def add(self, a: Node, b: Node) -> Node:
+        """The node of a + b."""
         return self.apply("add", a, b)
 
     def sub(self, a: Node, b: Node) -> Node:
+        """The node of a - b."""
         return self.apply("sub", a, b)
 
     def mul(self, a: Node, b: Node) -> Node:
+        """The node of a b."""
         return self.apply("mul", a, b)
 
     def div(self, a: Node, b: Node) -> Node:
+        """The node of a/b."""
         return self.apply("div", a, b)
 
     def sum(self, nodes: Iterable[Node]) -> Node:
@@ -146,9 +150,11 @@ class Graph:
         return total
 
     def square(self, a: Node) -> Node:
+        """The node of a**2."""
         return self.mul(a, a)
 
     def is_zero(self, node: Node) -> bool:
+        """Is this the constant 0?"""
         return node == self.zero
 
     def lower(self, expression: sympy.Expr, symbols: Mapping[sympy.Symbol, Node]) -> Node:

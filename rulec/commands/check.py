@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
@@ -10,7 +11,7 @@ from rulec_runtime.output.terminal import styled
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
-from rulec.knowledge.read import Sources, read_files, read_plant
+from rulec.knowledge.read import read_files, read_plant
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
 from rulec.passes.link import link
@@ -35,25 +36,22 @@ def collect(paths: list[Path]) -> list[Diagnostic]:
     sources, plants, found = read_files(paths)
     # A file that cannot be read may hold what others then seem to lack.
     muted = _LACKING if found else ()
-    meaning = _knowledge(sources) if sources is not None else []
+    meaning = [*_refused_by(check_knowledge, sources)] if sources is not None else []
     for plant in plants:
-        meaning += _plant(plant)
+        meaning += _refused_by(_check_plant, plant)
     return sorted({*found, *(d for d in meaning if d.code not in muted)})
 
 
-def _knowledge(sources: Sources) -> list[Diagnostic]:
+def _refused_by(step: Callable[..., object], *arguments: object) -> Sequence[Diagnostic]:
+    """Mistakes for which a step refuses its arguments."""
     try:
-        check_knowledge(sources)
+        step(*arguments)
     except Refused as refused:
-        return list(refused.diagnostics)
-    return []
+        return refused.diagnostics
+    return ()
 
 
-def _plant(document: Document) -> list[Diagnostic]:
-    try:
-        network = link(check(read_plant(Path(document.path))))
-        if network.stores:
-            dynamics_of(network, {name: [] for name in network.plant.modules})
-    except Refused as refused:
-        return list(refused.diagnostics)
-    return []
+def _check_plant(document: Document) -> None:
+    network = link(check(read_plant(Path(document.path))))
+    if network.stores:
+        dynamics_of(network, {name: [] for name in network.plant.modules})

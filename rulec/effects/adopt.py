@@ -183,12 +183,10 @@ def _given(plain: ModuleType, amended: ModuleType) -> dict[str, Signal]:
 
 def _read(kind: ModuleType) -> set[str]:
     """Signals that some observer, state, reading or flow depends on."""
-    equations = [o.expression for o in kind.observers.values()]
-    equations += [e for state in kind.states.values() for _, e in state.equations()]
-    equations += [r.expression for r in kind.readings.values()]
-    equations += [kind.definitions[end].expression for end in ENDS if end in kind.definitions]
-    parts = (part for equation in equations for part in kind.with_definitions(equation))
-    return {name for part in parts for name, _ in part.names() if name in kind.signals}
+    ends = [("definitions", end) for end in ENDS]
+    equations = [e for path, e in kind.equations_at() if path[0] != "definitions"]
+    equations += [e for path, e in kind.equations_at() if path[:2] in ends]
+    return {name for e in equations for name in kind.names_through(e) if name in kind.signals}
 
 
 def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
@@ -244,11 +242,5 @@ def fresh_type(name: str, taken: set[str]) -> str:
 
 def _shape(own: Adopted) -> object:
     """What makes two amended types of one kind the same."""
-    kind = own.type
-    equations = [(d.name, d.expression.text) for d in kind.definitions.values()]
-    equations += [(o.name, o.expression.text) for o in kind.observers.values()]
-    equations += [
-        (f"{s.name}.{key}", e.text) for s in kind.states.values() for key, e in s.equations()
-    ]
-    equations += [(r.name, r.expression.text) for r in kind.readings.values()]
-    return tuple(equations), tuple(own.brought)
+    equations = tuple((path, e.text) for path, e in own.type.equations_at())
+    return equations, tuple(own.brought)

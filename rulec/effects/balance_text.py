@@ -69,10 +69,9 @@ def _named(kind: ModuleType) -> set[str]:
 
 def _stood_on(kind: ModuleType) -> list[str]:
     """Definitions that balances and readings stand on, and laws for what flows."""
-    equations = [e for state in kind.states.values() for _, e in state.equations()]
-    equations += [r.expression for r in kind.readings.values()]
-    parts = [part for e in equations for part in kind.with_definitions(e)]
-    parts += [p for end in ENDS if end in kind.definitions
-              for p in kind.with_definitions(kind.definitions[end].expression)]  # fmt: skip
-    used = {name for part in parts for name, _ in part.names()} | ({*ENDS} if kind.flows else set())
+    laws = [("definitions", end) for end in ENDS]
+    used = {*ENDS} if kind.flows else set()
+    for path, expression in kind.equations_at():
+        if path[0] in ("states", "readings") or path[:2] in laws:
+            used |= kind.names_through(expression)
     return [name for name in kind.definitions if name in used]

@@ -55,8 +55,7 @@ def held_back(network: Network, types: Mapping[str, ModuleType]) -> dict[str, Mo
 
 def _moves(kind: ModuleType, expression: Expression) -> bool:
     """Does an equation stand on a state?"""
-    parts = kind.with_definitions(expression)
-    return any(name in kind.states for part in parts for name, _ in part.names())
+    return not kind.names_through(expression).isdisjoint(kind.states)
 
 
 def _settled(kind: ModuleType, module: str) -> ModuleType:

@@ -13,7 +13,14 @@ from functools import cached_property
 
 from rulec_runtime.contract.tangent import run_with_slopes
 
-from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, ModuleType
+from rulec.knowledge.module_type import (
+    ENDS,
+    INFLOW,
+    OUTFLOW,
+    Definition,
+    ModuleType,
+    Observer,
+)
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.dimension import dimension
 from rulec.language.expression import Expression
@@ -117,15 +124,14 @@ class _Surveyor:
     def sites(self) -> Iterator[Site]:
         kind = self._kind
         for definition in kind.definitions.values():
-            title = definition.title
-            yield self._site("definition", definition.name, title, definition.expression)
+            yield self._site("definition", definition, definition.title)
         for observer in kind.observers.values():
-            title = f"flow by the observer {observer.name}"
-            yield self._site("observer", observer.name, title, observer.expression)
+            yield self._site("observer", observer, f"flow by the observer {observer.name}")
         for signal in kind.signals.values():
-            readers = [o for o in kind.observers if signal.name in self._reads(self._of(o))]
-            reached = [*self._ids(readers), *self._elsewhere(signal.name)]
-            moves = {o: self._slopes[f"q:{self._module.name}.{o}"][signal.name] for o in readers}
+            readers = [o.name for o in kind.observers.values() if signal.name in self._names(o)]
+            elsewhere = self._around.readers.get(f"{self._module.name}.{signal.name}", ())
+            reached = [*self._ids(readers), *elsewhere]
+            moves = {o: self._moved(o, signal.name) for o in readers}
             yield Site(
                 kind="signal",
                 name=signal.name,
@@ -167,48 +173,48 @@ class _Surveyor:
     def _stored(self) -> tuple[str, ...]:
         return tuple(f"{self._module.name}.{s}" for s in self._kind.states)
 
-    def _site(self, kind: str, name: str, title: str, expression: Expression) -> Site:
-        reads = self._reads(expression)
-        observer = kind == "observer"
-        own = self._dimensions[kind, name]
-        readers = [name] if observer else [o for o in self._kind.observers if self._uses(o, name)]
-        output = f"q:{self._module.name}.{name}" if observer else f"d:{name}"
-        shift = f"shift:{kind}:{name}"
+    def _site(self, kind: str, part: Definition | Observer, title: str) -> Site:
+        names, name, observers = self._names(part), part.name, self._kind.observers
+        if kind == "observer":
+            output, readers = f"q:{self._module.name}.{name}", [name]
+        else:
+            output = f"d:{name}"
+            readers = [o.name for o in observers.values() if name in self._names(o)]
+        own, slopes = self._dimensions[kind, name], self._slopes[output]
+        read = [s for s in (*self._kind.signals, *self._kind.states) if s in names]
         return Site(
             kind=kind,
             name=name,
             title=title,
             dimension=own,
-            reads=reads,
-            uses=self._definitions(expression),
-            slopes={s: self._slopes[output][s] for s in self._read if s in reads},
-            shares={s: self._share(output, s) for s in self._read if s in reads},
-            moves={o: self._slopes[f"q:{self._module.name}.{o}"][shift] for o in readers},
+            reads=frozenset(read),
+            uses=frozenset(names & self._kind.definitions.keys()),
+            slopes={s: slopes[s] for s in read},
+            shares={s: self._share(output, s) for s in read},
+            moves={o: self._moved(o, f"shift:{kind}:{name}") for o in readers},
             observers=(*self._ids(readers), *self._moved_by(name)),
             measured=any(
-                self._kind.signals[s].unit.dimension == own for s in reads & self._signals
+                signal.unit.dimension == own
+                for signal in self._kind.signals.values()
+                if signal.name in names
             ),
         )
 
-    @property
-    def _signals(self) -> frozenset[str]:
-        return frozenset(self._kind.signals)
+    def _moved(self, observer: str, seed: str) -> float:
+        """Slope of an own observer by a signal or by a shift of a place."""
+        return self._slopes[f"q:{self._module.name}.{observer}"][seed]
 
     def _moved_by(self, definition: str) -> tuple[str, ...]:
         """States, and readings, that a definition moves; what flows out counts as the state."""
         kind, found = self._kind, list[str]()
-        if OUTFLOW in kind.definitions and definition in self._names_of(OUTFLOW):
+        law = kind.definitions.get(OUTFLOW)
+        if law is not None and definition in {OUTFLOW, *self._names(law)}:
             found += self._stored or (f"{self._module.name}.{OUTFLOW}",)
-        for state in kind.states.values():
-            if any(definition in self._names(e) for _, e in state.equations()):
-                found.append(f"{self._module.name}.{state.name}")
-        for reading in kind.readings.values():
-            if definition in self._names(reading.expression):
-                found.append(f"{self._module.name}.{reading.name}")
+        for path, expression in kind.equations_at():
+            moved = path[0] in ("states", "readings")
+            if moved and definition in kind.names_through(expression):
+                found.append(f"{self._module.name}.{path[1]}")
         return tuple(dict.fromkeys(found))
-
-    def _names_of(self, definition: str) -> set[str]:
-        return {definition, *self._names(self._kind.definitions[definition].expression)}
 
     def _share(self, output: str, signal: str) -> float:
         """Relative change of a place per relative change of a signal; 0 where it has no value."""
@@ -217,29 +223,8 @@ class _Surveyor:
         share = self._slopes[output][signal] * reading / value if value else 0.0
         return share if math.isfinite(share) else 0.0
 
-    def _elsewhere(self, signal: str) -> tuple[str, ...]:
-        return self._around.readers.get(f"{self._module.name}.{signal}", ())
-
-    def _of(self, observer: str) -> Expression:
-        return self._kind.observers[observer].expression
-
-    def _uses(self, observer: str, definition: str) -> bool:
-        return definition in self._definitions(self._of(observer))
-
-    def _definitions(self, expression: Expression) -> frozenset[str]:
-        """Definitions that an equation stands on."""
-        return frozenset(n for n in self._names(expression) if n in self._kind.definitions)
-
-    def _reads(self, expression: Expression) -> frozenset[str]:
-        """Own signals and states that an equation reads."""
-        return frozenset(n for n in self._names(expression) if n in self._read)
-
-    @cached_property
-    def _read(self) -> tuple[str, ...]:
-        return (*self._kind.signals, *self._kind.states)
-
-    def _names(self, expression: Expression) -> Iterable[str]:
-        return (n for part in self._kind.with_definitions(expression) for n, _ in part.names())
+    def _names(self, part: Definition | Observer) -> set[str]:
+        return self._kind.names_through(part.expression)
 
     def _ids(self, observers: Iterable[str]) -> tuple[str, ...]:
         return tuple(f"{self._module.name}.{o}" for o in observers)

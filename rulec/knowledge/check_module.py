@@ -219,9 +219,9 @@ class ModuleReader(Reader):
                 message = f"no equation uses the parameter '{name}'"
                 self.report_key(("parameters", name), "KB038", message, "remove it or use it")
         for observer in kind.observers.values():
-            parts = list(kind.with_definitions(observer.expression))
-            read = {name for part in parts for name, _ in part.names()}
-            if not (read & kind.signals.keys() or any(any(part.gathered()) for part in parts)):
+            parts = kind.with_definitions(observer.expression)
+            gathers = any(any(part.gathered()) for part in parts)
+            if not (gathers or kind.names_through(observer.expression) & kind.signals.keys()):
                 message = f"the observer '{observer.name}' reads no signal"
                 hint = "an estimate needs a measurement"
                 self.report_key(("observers", observer.name), "KB039", message, hint)

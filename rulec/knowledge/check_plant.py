@@ -84,6 +84,7 @@ class _PlantReader(Reader):
         self.found.append(Diagnostic(place, code, message, hint))
 
     def modules(self) -> dict[str, Module]:
+        """Modules of a known type, by name, with the values that the plant states."""
         result = {}
         for name, part in self.document.data["modules"].items():
             kind = self.knowledge.modules.get(part["type"])
@@ -157,6 +158,7 @@ class _PlantReader(Reader):
         return result
 
     def connections(self, adjacency: tuple[str, str] | None) -> tuple[tuple[str, str], ...]:
+        """Pairs (source, target), from the list or from an adjacency table (file name, text)."""
         if adjacency is not None:
             if "connections" in self.document.data:
                 second = self.document.key("connections")

@@ -78,8 +78,7 @@ class StateReader(Reader):
         """Observers hold at every moment by themselves: they stand on no state, and no flow."""
         moving = {*kind.states, *ENDS} if kind.flows else set()
         for observer in kind.observers.values():
-            parts = kind.with_definitions(observer.expression)
-            for name in dict.fromkeys(n for part in parts for n, _ in part.names() if n in moving):
+            for name in kind.names_through(observer.expression) & moving:
                 message = f"an observer knows no past, but '{observer.name}' stands on '{name}'"
                 hint = "read signals; a definition 'inflow' or 'outflow' is a law for a flow"
                 self.report(("observers", observer.name, "Q"), "KB116", message, hint)

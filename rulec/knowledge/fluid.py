@@ -49,6 +49,7 @@ def _factor(fluid: Fluid, part: Property) -> Parameter:
 
 
 def factor_name(fluid: Fluid, name: str) -> str:
+    """Name of the hidden parameter by which a property may be off, such as ``density(water)``."""
     return f"{name}({fluid.name})"
 
 

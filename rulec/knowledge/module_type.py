@@ -221,6 +221,10 @@ class ModuleType:
                     seen.add(name)
                     stack.append(self.definitions[name].expression)
 
+    def names_through(self, expression: Expression) -> set[str]:
+        """Names in an equation and in all definitions that it stands on."""
+        return {name for part in self.with_definitions(expression) for name, _ in part.names()}
+
     @property
     def cuts(self) -> bool:
         """Need what flows in not flow out: does it store, or has a flow a law of its own?"""
@@ -238,8 +242,7 @@ class ModuleType:
         moving = {*self.states, *ENDS}
 
         def still(expression: Expression) -> bool:
-            parts = self.with_definitions(expression)
-            return not any(name in moving for part in parts for name, _ in part.names())
+            return moving.isdisjoint(self.names_through(expression))
 
         definitions = {
             n: d for n, d in self.definitions.items() if n not in ENDS and still(d.expression)

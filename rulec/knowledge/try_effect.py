@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from rulec.knowledge.effect import PLAIN, Effect, Join
 from rulec.language.expression import Rejected, constant
@@ -13,13 +13,8 @@ from rulec.limits import EFFECT_TOLERANCE, EFFECT_TRIES, TRIED_READINGS
 
 def fails_at_null(effect: Effect, join: Join) -> str:
     """Why the plain law does not come back at the null of all parameters; '' if it does."""
-    draw = random.Random(0)
     undefined = 0
-    for _ in range(EFFECT_TRIES):
-        known = readings(effect, draw)
-        known |= parameters(effect, known, draw)
-        known |= {n: p.null for n, p in effect.parameters.items() if p.null is not None}
-        plain = plain_laws(join, known, draw)
+    for known, plain in _trials(effect, join, at_null=True):
         # What is stored has settled where it follows the plain law; so it starts.
         stored = dict.fromkeys(effect.states, plain[PLAIN])
         try:
@@ -27,10 +22,7 @@ def fails_at_null(effect: Effect, join: Join) -> str:
         except Rejected:
             undefined += 1
             continue
-        largest = max(map(abs, plain.values()))
-        if any(
-            v is None or not abs(v - plain[PLAIN]) <= EFFECT_TOLERANCE * largest for v in values
-        ):
+        if not all(_is_plain(value, plain) for value in values):
             return "with all parameters at their null this does not give the plain law back"
     if undefined > EFFECT_TRIES // 2:
         return "with all parameters at their null this is mostly no number"
@@ -47,23 +39,35 @@ def is_neutral(effect: Effect, name: str) -> bool:
 
 
 def _holds(effect: Effect, join: Join, name: str, at: str) -> bool:
-    draw = random.Random(0)
     judged = 0
-    for _ in range(EFFECT_TRIES):
-        known = readings(effect, draw)
-        known |= parameters(effect, known, draw)
-        plain = plain_laws(join, known, draw)
+    for known, plain in _trials(effect, join):
         known[name] = {**known, **plain}[at]
         try:
             value = constant(join.law.expression, {**known, **plain})
         except Rejected:
             continue
-        if value is None or abs(value - plain[PLAIN]) > EFFECT_TOLERANCE * max(
-            map(abs, plain.values())
-        ):
+        if not _is_plain(value, plain):
             return False
         judged += 1
     return judged > EFFECT_TRIES // 2
+
+
+def _is_plain(value: float | None, plain: Mapping[str, float]) -> bool:
+    """Is a value of a law that of the plain law, but for rounding?"""
+    largest = max(map(abs, plain.values()))
+    return value is not None and abs(value - plain[PLAIN]) <= EFFECT_TOLERANCE * largest
+
+
+def _trials(
+    effect: Effect, join: Join, at_null: bool = False
+) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
+    """Readings with parameters, and values of the plain laws there; the same at every call."""
+    draw = random.Random(0)
+    nulls = {n: p.null for n, p in effect.parameters.items() if p.null is not None}
+    for _ in range(EFFECT_TRIES):
+        known = readings(effect, draw)
+        known |= parameters(effect, known, draw) | (nulls if at_null else {})
+        yield known, plain_laws(join, known, draw)
 
 
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
@@ -91,7 +95,8 @@ def plain_laws(join: Join, known: Mapping[str, float], draw: random.Random) -> d
     bent = {name: (draw.uniform(-2.0, 2.0), abs(known[name]) or 1.0) for name in sorted(drivers)}
 
     def law(at: Mapping[str, float]) -> float:
-        return size * math.exp(sum(a * v / (abs(v) + s) for v, (a, s) in _pairs(at, bent)))
+        shapes = ((at[name], slope, scale) for name, (slope, scale) in bent.items())
+        return size * math.exp(sum(slope * v / (abs(v) + scale) for v, slope, scale in shapes))
 
     result = {PLAIN: law(known)}
     for key, replaced in join.law.substitutes.items():
@@ -103,9 +108,3 @@ def plain_laws(join: Join, known: Mapping[str, float], draw: random.Random) -> d
                 there[name] = 0.0
         result[key] = law(there)
     return result
-
-
-def _pairs(
-    at: Mapping[str, float], bent: Mapping[str, tuple[float, float]]
-) -> list[tuple[float, tuple[float, float]]]:
-    return [(at[name], shape) for name, shape in bent.items()]

@@ -211,6 +211,7 @@ class _Builder:
     found: list[Diagnostic] = field(default_factory=list)
 
     def build(self, node: Any, path: Path_) -> Any:
+        """Plain data of a node, whose place is kept under its path."""
         self.values[path] = _at(self.name, node.start_mark, _length(node))
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)

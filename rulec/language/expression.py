@@ -165,6 +165,7 @@ def _refuse_text(text: str) -> None:
 def rejected_at(
     node: ast.expr | ast.keyword, code: str, message: str, hint: str = "", length: int = 0
 ) -> Rejected:
+    """A mistake at a node: it covers `length` characters, or all of the node."""
     size = length or (node.end_col_offset or 0) - node.col_offset
     return Rejected(code, node.col_offset, message, hint, max(1, size))
 
@@ -250,6 +251,7 @@ def exponent_of(node: ast.expr) -> Fraction | None:
 
 
 def function_of(node: ast.Call) -> str | None:
+    """Name of the function that is called; None where it has none."""
     return node.func.id if isinstance(node.func, ast.Name) else None
 
 

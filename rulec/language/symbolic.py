@@ -30,6 +30,7 @@ class ClosedForm(sympy.Function):  # type: ignore[misc]
         return derivative(self.args[0])
 
     def written_out(self) -> sympy.Expr:
+        """The form at the temperature that is the argument."""
         return self.form.xreplace({TEMPERATURE: self.args[0]})
 
 

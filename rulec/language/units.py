@@ -24,6 +24,7 @@ class Dimension:
     exponents: tuple[Fraction, ...] = (Fraction(0),) * len(BASES)
 
     def fits(self, other: Dimension) -> bool:
+        """Are the two the same, or one of them unknown?"""
         return self == other or UNKNOWN in (self, other)
 
     def __mul__(self, other: Dimension) -> Dimension:
@@ -48,6 +49,7 @@ class Dimension:
 
     @staticmethod
     def of(mapping: Mapping[str, Any]) -> Dimension:
+        """From exponents by base, such as ``{"m": 3, "s": -1}``."""
         return Dimension(tuple(Fraction(mapping.get(base, 0)) for base in BASES))
 
 
@@ -73,9 +75,11 @@ class Unit:
     offset: float = 0.0
 
     def to_si(self, value: float) -> float:
+        """A value in this unit, in SI."""
         return value * self.factor + self.offset
 
     def from_si(self, value: float) -> float:
+        """A value in SI, in this unit."""
         return (value - self.offset) / self.factor
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rulec.algebra.continuity import FixedFlow
+from rulec.algebra.span import Span
 from rulec.knowledge.plant import Module
-from rulec.knowledge.span import Span
 from rulec.passes.link import Network
 
 Terms = tuple[tuple[int, str], ...]

@@ -66,7 +66,7 @@ def emit(
             for r in residuals
         ),
         faults=(
-            *(_fault(h) for h in assembly.hypotheses),
+            *(_settled(h) for h in assembly.hypotheses),
             *(_of_store(f) for f in balanced.faults if not f.settled),
         ),
         cells=tuple(
@@ -151,22 +151,22 @@ def _observers(
     return tuple(result)
 
 
-def _fault(hypothesis: Hypothesis) -> contract.FaultSpec:
-    fault = hypothesis.fault
-    return _spec(hypothesis, fault.fault, fault.variant, hypothesis.affects, hypothesis.scales)
+def _settled(h: Hypothesis) -> contract.FaultSpec:
+    """A fault that estimates of settled flows know."""
+    return _fault(h, h.fault.fault, h.fault.variant, affects=h.affects, scales=h.scales)
 
 
-def _of_store(fault: StoreFault) -> contract.FaultSpec:
-    """A fault that balances alone know; it touches no estimate of a settled flow."""
-    scales = (fault.target,) if fault.fault.acts_on == "signal" else ()
-    return _spec(fault, fault.fault, fault.variant, (), scales)
+def _of_store(f: StoreFault) -> contract.FaultSpec:
+    """A fault that balances alone know; it affects no estimate of a settled flow."""
+    return _fault(f, f.fault, f.variant, scales=(f.target,) if f.fault.acts_on == "signal" else ())
 
 
-def _spec(
+def _fault(
     where: Hypothesis | StoreFault,
     fault: FaultType,
     variant: Variant,
-    affects: tuple[str, ...],
+    *,
+    affects: tuple[str, ...] = (),
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
     return contract.FaultSpec(

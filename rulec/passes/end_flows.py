@@ -90,8 +90,7 @@ def law_of(kind: ModuleType) -> str:
     """The observer that gives the flow: the first that reads inputs alone, else the first."""
     given = {n for n, s in kind.signals.items() if not s.is_input}
     for observer in kind.observers.values():
-        parts = kind.with_definitions(observer.expression)
-        if not any(name in given for part in parts for name, _ in part.names()):
+        if given.isdisjoint(kind.names_through(observer.expression)):
             return observer.name
     return next(iter(kind.observers), "")
 

@@ -48,6 +48,7 @@ class Cell:
 
     @property
     def named(self) -> int:
+        """Recordings in which the true fault was named first."""
         return self.kinds[Kind.NAMED]
 
     @property

@@ -15,8 +15,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import AmbiguousGroup, Ruleset
 from rulec_runtime.contract.ruleset_file import parse_ruleset
 
-from rulec.commands.matrix import machine_form
-from rulec.knowledge.span import Span
+from rulec.algebra.span import Span
+from rulec.commands.matrix import json_form
 from rulec.passes.linearise import Linearised, linearise
 from rulec.passes.neighbourhood import Neighbourhood, apart
 from rulec.passes.pipeline import compile_plant, run_passes
@@ -189,7 +189,7 @@ def test_coinciding_faults_get_the_cheapest_sensors(tmp_path: Path) -> None:
     (tmp_path / "kb" / "modules" / "lone-pump.yaml").write_text(LONE_PUMP, encoding="utf-8")
     (tmp_path / "plant").mkdir()
     (tmp_path / "plant" / "plant.yaml").write_text(LONE_PLANT, encoding="utf-8")
-    matrix = machine_form(compile_plant(tmp_path / "plant"))
+    matrix = json_form(compile_plant(tmp_path / "plant"))
     three, two = matrix["advice"]
     assert ["A.leakage", "C.widening", "C.dp.low"] == three["faults"]
     assert ["C.clogging", "C.dp.high"] == two["faults"]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rulec.commands.matrix import machine_form
+from rulec.commands.matrix import json_form
 from tests.method.readings import PUMPS, data, evaluate, noise_free, row_of, ruleset, signs
 
 FIGURE = data("figure4.yaml")
@@ -53,7 +53,7 @@ def measured(plant: str, degree: float = 0.2) -> dict[str, list[str]]:
 @pytest.fixture(scope="module")
 def matrix() -> dict[str, Any]:
     """The derived matrix of the plant abc."""
-    return machine_form(ruleset("abc"))
+    return json_form(ruleset("abc"))
 
 
 def test_all_rows_and_columns_of_the_figure_are_there(matrix: dict[str, Any]) -> None:
@@ -85,7 +85,7 @@ def test_twelve_rows_are_as_printed_and_sixteen_without_power_pump() -> None:
 @pytest.mark.parametrize("plant", PUMPS)
 def test_simulated_signs_are_those_of_the_derived_matrix(plant: str) -> None:
     """What the matrix predicts at a small degree holds at 20 %, for every kind of pump."""
-    derived = machine_form(ruleset(plant))
+    derived = json_form(ruleset(plant))
     rows = measured(plant)
     if plant == "abc-centrifugal":
         del rows[HIDDEN]
@@ -97,7 +97,7 @@ def test_simulated_signs_are_those_of_the_derived_matrix(plant: str) -> None:
 )
 def test_power_pump_changes_sign_with_the_kind_of_pump(plant: str, low: str) -> None:
     """A displacement pump draws more power at more pressure, a centrifugal pump less."""
-    derived = machine_form(ruleset(plant))
+    derived = json_form(ruleset(plant))
     high = {"+": "-", "-": "+"}[low]
     column = RESIDUALS.index("A.power-pump")
     found = [row_of(derived, f"A.dp.{kind}")[column] for kind in ("low", "high")]

@@ -13,7 +13,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.isolate import isolate, residual_basis
 from rulec_runtime.diagnosis.steady.observe import observe
 
-from rulec.commands.matrix import machine_form
+from rulec.commands.matrix import json_form
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth.loops import OUTSIDE, Branch, DosingBranch, Resistance, readings
 from tests.method.readings import PLANTS, evaluate, points, row_of, ruleset, signs, to_si
@@ -108,7 +108,7 @@ def test_derived_signs_are_the_true_ones(plant: str, fault: str) -> None:
     residuals = [r.id for r in rules.residuals]
     found = evaluate(rules, values(plant, fault, 0.2))
     flow = rules.observer_by_id["A.pump"].reference
-    assert row_of(machine_form(rules), fault) == signs(found, residuals, flow)
+    assert row_of(json_form(rules), fault) == signs(found, residuals, flow)
 
 
 @pytest.mark.parametrize("plant", BRANCHES)
@@ -136,5 +136,5 @@ def test_as_adjacency_matrix(plant: str, tmp_path: Path) -> None:
         writer.writerow(["", *names])
         writer.writerows([a, *(int((a, b) in edges) for b in names)] for a in names)
     (tmp_path / "plant.yaml").write_text(yaml.dump({**data, "adjacency": "a.csv"}, sort_keys=False))
-    expected, found = machine_form(ruleset(plant)), machine_form(compile_plant(tmp_path))
+    expected, found = json_form(ruleset(plant)), json_form(compile_plant(tmp_path))
     assert expected == found

@@ -7,7 +7,7 @@ from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 
-from rulec.commands.matrix import machine_form
+from rulec.commands.matrix import json_form
 from tests.method.readings import data, noise_free, points, row_of, ruleset
 
 NESTED = data("nested.yaml")
@@ -27,7 +27,7 @@ def test_tool_finds_all_nested_pairs() -> None:
 
 def test_twelve_pairs_are_left_without_power_pump() -> None:
     """With the entries masked that hide in the noise, exactly the pairs of method.md."""
-    matrix = machine_form(ruleset("abc"))
+    matrix = json_form(ruleset("abc"))
     signatures = {}
     for fault in matrix["faults"]:
         cells = dict(zip(matrix["residuals"], row_of(matrix, fault), strict=True))
