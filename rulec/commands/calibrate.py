@@ -26,9 +26,13 @@ from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_m
 from rulec.calibration.notes import STOOD, notes_of
 from rulec.calibration.true_flow import Local, true_flows
 from rulec.knowledge.plant import Module
+from rulec.language.written import rounded
 from rulec.passes.differentiate import GATHERED
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
+
+DIGITS = 10
+"""Significant digits in the file: enough for a covariance."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -144,14 +148,15 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "type": module.type.name,
         "parameters": {
-            name: {"value": _round(u.from_si(v)), "unit": u.text, "u": _round(s)}
+            name: {"value": rounded(u.from_si(v), DIGITS), "unit": u.text, "u": rounded(s, DIGITS)}
             for name, u, v, s in zip(fit.parameters, units, fit.values, spread, strict=True)
         },
         "covariance": [
             {
                 "of": list(fit.parameters),
                 "matrix": [
-                    [_round(v) for v in row] for row in fit.covariance / np.outer(factors, factors)
+                    [rounded(v, DIGITS) for v in row]
+                    for row in fit.covariance / np.outer(factors, factors)
                 ],
             }
         ],
@@ -160,7 +165,7 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
     }
     for observer in fit.observers:
         entry["misfit"][observer.observer] = {
-            "value": _round(observer.misfit * 3.6e6),
+            "value": rounded(observer.misfit * 3.6e6, DIGITS),
             "unit": "l/h",
             "r2": round(observer.r2, 6),
             "points": observer.points,
@@ -169,17 +174,12 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
     for name, found in fit.valid.items():
         unit = module.type.signals[name].unit
         entry["range"][name] = {
-            "from": _round(unit.from_si(found.low)),
-            "to": _round(unit.from_si(found.high)),
+            "from": rounded(unit.from_si(found.low), DIGITS),
+            "to": rounded(unit.from_si(found.high), DIGITS),
             "unit": unit.text,
             **({"source": STOOD} if found.stood else {}),
         }
     return {key: value for key, value in entry.items() if value}
-
-
-def _round(value: float) -> float:
-    """Ten digits: enough for a covariance, and the same on every machine."""
-    return float(f"{value:.10g}")
 
 
 def _table(models: Compilation, fits: list[ModuleFit]) -> Table:

@@ -12,6 +12,7 @@ from rulec.effects.balance_text import balances_text, flow_text
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
 from rulec.language.diagnostics import did_you_mean
+from rulec.language.written import signed_sum
 from rulec.passes.pipeline import PASSES, run_passes
 from rulec.passes.types import Compilation
 
@@ -69,9 +70,8 @@ def _network(known: Compilation) -> Iterator[str]:
         parts = " + ".join(f"{m}.{s}" for m, s in signals) or "0"
         yield f"{module}: downstream({name}) = {parts}"
     for (module, kind), flow in known.network.sums.items():
-        terms = (f"{'+' if sign > 0 else '-'} {m}.{kind}" for m, sign in flow.terms.items())
-        text = " ".join(terms)
-        yield f"{module}.{kind} = {text.removeprefix('+ ')}"
+        terms = ((sign, f"{m}.{kind}") for m, sign in flow.terms.items())
+        yield f"{module}.{kind} = {signed_sum(terms)}"
     for module, end in known.network.ends:
         yield f"{module}.{end} = {flow_text(known.network, module, end)}"
 
@@ -138,8 +138,7 @@ def _simulation(known: Compilation) -> Iterator[str]:
 
 def _signed(terms: Mapping[str, float]) -> str:
     sizes = {name: "" if abs(c) == 1.0 else f"{abs(c):g} " for name, c in terms.items()}
-    text = " ".join(f"{'+' if c > 0 else '-'} {sizes[name]}{name}" for name, c in terms.items())
-    return text.removeprefix("+ ") or "0"
+    return signed_sum((c, f"{sizes[name]}{name}") for name, c in terms.items())
 
 
 def _balanced(known: Compilation) -> Iterator[str]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from rulec.knowledge.module_type import ENDS, ModuleType, State
 from rulec.knowledge.plant import Module
 from rulec.language.expression import Expression, constant
+from rulec.language.written import signed_sum
 from rulec.passes.end_flows import Known
 from rulec.passes.link import Network
 
@@ -59,8 +60,7 @@ def _value(state: State, expression: Expression) -> str:
 def flow_text(network: Network, module: str, end: str) -> str:
     """What flows at an end, as a sum of laws; ``0`` where nothing is connected."""
     terms = network.ends[module, end]
-    text = " ".join(f"{'+' if sign > 0 else '-'} {k.module}.{k.name}" for sign, k in terms)
-    return text.removeprefix("+ ") or "0"
+    return signed_sum((sign, f"{k.module}.{k.name}") for sign, k in terms)
 
 
 def _named(kind: ModuleType) -> set[str]:

@@ -25,6 +25,7 @@ from rulec.knowledge.plant import Module, Plant
 from rulec.language.expression import Rejected
 from rulec.language.origin import Origin
 from rulec.language.units import SECOND
+from rulec.language.written import filled
 from rulec.passes.amend import Amended, Change, amend
 from rulec.passes.differentiate import TypeFault
 from rulec.passes.fault_laws import undoing
@@ -259,9 +260,7 @@ class _Matcher:
         titles = [m.title for m in self._plant.modules.values()]
         unique = titles.count(self._module.title) == 1
         name = self._module.title if unique else self._module.name
-        for slot, value in {"module": name, **slots}.items():
-            text = text.replace(f"{{{slot}}}", value)
-        return text
+        return filled(text, {"module": name, **slots})
 
     def faults(self) -> Iterator[Matched]:
         """Faults of the module: undone by a degree, or where the plant stores, from an onset on."""
@@ -321,7 +320,7 @@ class _Matcher:
         return Candidate(
             sort="fault",
             name=kind.name,
-            title=f"{target} {variant.title}" if variant.name else kind.title,
+            title=kind.title_at(target, variant),
             module=self._module.name,
             text=self._text(kind.text, slots),
             action=kind.action,

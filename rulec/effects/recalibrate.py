@@ -12,9 +12,13 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.adopt import Adopted, Adoption
 from rulec.effects.repair import Repair
 from rulec.knowledge.module_type import Parameter
+from rulec.language.written import rounded
 from rulec.passes.lower import parameter_id
 
 FLOW_UNIT, FLOW_FACTOR = "l/h", 3.6e6
+
+FULL, U_DIGITS = 15, 10
+"""Significant digits of values and covariances, which must stay positive, and of the rest."""
 
 
 def calibration(adoption: Adoption, repair: Repair) -> dict[str, Any]:
@@ -39,7 +43,8 @@ def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
         "parameters": {name: _parameter(p) for name, p in values.items()},
         "covariance": blocks,
         "misfit": {
-            name: {"value": _ten(m * FLOW_FACTOR), "unit": FLOW_UNIT} for name, m in misfit.items()
+            name: {"value": rounded(m * FLOW_FACTOR, U_DIGITS), "unit": FLOW_UNIT}
+            for name, m in misfit.items()
         },
         "range": _ranges(own, repair),
     }
@@ -102,7 +107,7 @@ def _block(names: list[str], covariance: Array, values: Mapping[str, Parameter])
     scale = np.array([values[name].unit.factor for name in names])
     shown = covariance / np.outer(scale, scale)
     shown = (shown + shown.T) / 2.0
-    return {"of": names, "matrix": [[_full(v) for v in row] for row in shown]}
+    return {"of": names, "matrix": [[rounded(v, FULL) for v in row] for row in shown]}
 
 
 def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
@@ -115,7 +120,10 @@ def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
         if ends:
             low, high = min(e[0] for e in ends), max(e[1] for e in ends)
             unit = signal.unit
-            shown = {"from": _ten(unit.from_si(low)), "to": _ten(unit.from_si(high))}
+            shown = {
+                "from": rounded(unit.from_si(low), U_DIGITS),
+                "to": rounded(unit.from_si(high), U_DIGITS),
+            }
             result[name] = {**shown, "unit": unit.text}
     return result
 
@@ -124,13 +132,8 @@ def _parameter(parameter: Parameter) -> dict[str, Any]:
     """Value in full, so that the plant reads what was fitted; ten digits of its uncertainty."""
     unit = parameter.unit
     value = unit.from_si(parameter.value)
-    return {"value": _full(value), "unit": unit.text, "u": _ten(parameter.u / unit.factor)}
-
-
-def _full(value: float) -> float:
-    """What a double holds: a nearly singular covariance must stay positive."""
-    return float(f"{value:.15g}")
-
-
-def _ten(value: float) -> float:
-    return float(f"{value:.10g}")
+    return {
+        "value": rounded(value, FULL),
+        "unit": unit.text,
+        "u": rounded(parameter.u / unit.factor, U_DIGITS),
+    }

@@ -9,6 +9,7 @@ from typing import Any
 from rulec.knowledge.module_type import Definition, ModuleType, Parameter, State
 from rulec.language.document import Document
 from rulec.language.expression import Expression, constant
+from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
 
 HEAD = "# yaml-language-server: $schema=../schema/module.schema.json"
@@ -83,24 +84,18 @@ def _data(
 def parameter_entry(parameter: Parameter) -> dict[str, Any]:
     """A parameter as it stands in a module type; six digits, calibrations have more."""
     entry: dict[str, Any] = {
-        "value": _six(parameter.unit.from_si(parameter.value)),
+        "value": _number(parameter.unit.from_si(parameter.value), 6),
         "unit": parameter.unit.text,
-        "u": _six(parameter.u / parameter.unit.factor),
+        "u": _number(parameter.u / parameter.unit.factor, 6),
     }
     if not parameter.fit:
         entry["fit"] = False
     return {**entry, "title": parameter.title, "source": parameter.origin.source or "[assumed]"}
 
 
-def _six(value: float) -> float:
-    return _whole(float(f"{value:.6g}"))
-
-
-def _full(value: float) -> float:
-    return _whole(float(f"{value:.15g}"))
-
-
-def _whole(value: float) -> float:
+def _number(value: float, digits: int) -> float:
+    """To so many digits, and without a point where it is whole."""
+    value = rounded(value, digits)
     return int(value) if value.is_integer() else value
 
 
@@ -117,7 +112,7 @@ def _state(old: Mapping[str, Any] | None, state: State) -> dict[str, Any]:
         entry[key] = _equation(entry.get(key), expression)
         number = constant(expression, {})
         if key != "der" and number is not None:
-            entry[key] = _full(number if key == "after" else state.unit.from_si(number))
+            entry[key] = _number(number if key == "after" else state.unit.from_si(number), 15)
     if old is None:
         entry |= {"title": state.title, "source": state.origin.source or "[assumed]"}
     return entry

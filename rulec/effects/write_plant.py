@@ -15,6 +15,7 @@ from rulec.effects.write_module import write_module
 from rulec.knowledge.read import Sources, shipped, yaml_files_in
 from rulec.language.document import Document, read_document
 from rulec.language.schema import kind_of
+from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
 
 PLANT_HEAD = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
@@ -60,7 +61,7 @@ def _module(
     module = own.module
     for name, value in _typical(own, repair, adoption).items():
         if name not in module.reference:
-            reference[name] = float(f"{module.type.signals[name].unit.from_si(value):.6g}")
+            reference[name] = rounded(module.type.signals[name].unit.from_si(value), 6)
     changed = {**part, "type": own.type.name, "reference": reference}
     return {key: value for key, value in changed.items() if value}
 

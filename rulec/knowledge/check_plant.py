@@ -21,6 +21,7 @@ from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.reader import Reader
 from rulec.language.units import SECOND, VOLUME_FLOW, Unit
+from rulec.language.written import rounded
 from rulec.limits import ASYMMETRY, CORRELATION_RIDGE, LEAST_SCALE
 
 
@@ -354,7 +355,7 @@ def _block(
         reader.report(where, "KB079", "this covariance is not positive", hint)
         return None
     factor = factor * (spread * scale)[:, None]
-    return Block(names, tuple(tuple(float(f"{v:.12g}") for v in row) for row in factor))
+    return Block(names, tuple(tuple(rounded(float(v), 12) for v in row) for row in factor))
 
 
 def _conversion(reader: Reader, path: Path_, part: Mapping[str, Any]) -> tuple[float, float]:

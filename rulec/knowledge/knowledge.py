@@ -72,6 +72,10 @@ class FaultType:
     action: str
     origin: Origin
 
+    def title_at(self, target: str, variant: Variant) -> str:
+        """Title of one variant of it, which acts on `target`."""
+        return f"{target} {variant.title}" if variant.name else self.title
+
 
 @dataclass(frozen=True, kw_only=True)
 class Knowledge:

@@ -61,3 +61,13 @@ class Plant:
     knowledge: Knowledge
     digest: str
     place: Place
+
+    @property
+    def signals(self) -> list[str]:
+        """Ids of all signals, such as ``A.dp``."""
+        return [f"{m.name}.{s}" for m in self.modules.values() for s in m.type.signals]
+
+    @property
+    def observers(self) -> list[str]:
+        """Ids of all observers, such as ``A.pump``."""
+        return [f"{m.name}.{o}" for m in self.modules.values() for o in m.type.observers]

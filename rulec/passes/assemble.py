@@ -85,7 +85,7 @@ def assemble(
     [('A.pump', 'A.power')]
     """
     plant = network.plant
-    signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
+    signals = plant.signals
     graph = Graph([*signals, *(f"u:{s}" for s in signals), PARAMETERS, MODEL])
     parts = {m.name: _Instance(m, network, types, graph) for m in plant.modules.values()}
     observers: dict[str, Node] = {}

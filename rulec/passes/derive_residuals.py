@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from rulec.algebra.continuity import FixedFlow
 from rulec.algebra.span import Span
 from rulec.knowledge.plant import Module
+from rulec.language.written import signed_sum
 from rulec.passes.link import Network
 
 Terms = tuple[tuple[int, str], ...]
@@ -24,8 +25,7 @@ class Residual:
     terms: Terms
 
     def __str__(self) -> str:
-        parts = [f"{'+' if sign > 0 else '-'} {name}" for sign, name in self.terms]
-        return " ".join(parts).removeprefix("+ ")
+        return signed_sum(self.terms)
 
 
 def derive_residuals(network: Network) -> tuple[Residual, ...]:
@@ -98,8 +98,7 @@ def _without_sign(terms: Terms) -> Terms:
 def _left_out(network: Network, present: Iterable[Residual]) -> Iterator[Residual]:
     """Comparisons that do not follow from those present."""
     modules = network.plant.modules.values()
-    names = [f"{m.name}.{o}" for m in modules for o in m.type.observers]
-    number = {name: i for i, name in enumerate(names)}
+    number = {name: i for i, name in enumerate(network.plant.observers)}
     span = Span()
     for residual in present:
         span.add({number[o]: sign for sign, o in residual.terms})

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import sympy
 
 from rulec.algebra.graph import Graph, Node
+from rulec.language.written import signed_sum
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
 from rulec.passes.derive_signatures import Signature, Signatures
@@ -209,13 +210,11 @@ def _uncertainty(
 def _text(hypothesis: Hypothesis, cell: Signature) -> str:
     """The rule in words that can be read beside the paper."""
     if hypothesis.fault.fault.acts_on == "flow":
-        signed = [f"{'-' if s < 0 else '+'} {o}" for s, o in cell.faulty]
-        flow = " ".join(signed).removeprefix("+ ")
-        degree = _with(hypothesis.fault.rule.text, {"g": flow, "D": "R"})
+        flow = {"g": signed_sum(cell.faulty), "D": "R"}
+        degree = _with(hypothesis.fault.rule.text, flow)
         return f"x = {degree}, R = {cell.residual}"
     name = hypothesis.target
-    slopes = [f"{'-' if s < 0 else '+'} d({o})/d({name})" for s, o in cell.faulty]
-    mu = " ".join(slopes).removeprefix("+ ")
+    mu = signed_sum((s, f"d({o})/d({name})") for s, o in cell.faulty)
     degree = _with(hypothesis.fault.rule.text, {"g": name})
     return f"x = {degree}, D = R/mu, mu = {mu}, R = {cell.residual}"
 

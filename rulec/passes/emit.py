@@ -10,6 +10,7 @@ from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import Signal
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
+from rulec.language.written import filled, rounded
 from rulec.passes.analyse_isolability import Group, Isolability
 from rulec.passes.assemble import Assembly, Hypothesis
 from rulec.passes.derive_residuals import Residual
@@ -18,6 +19,9 @@ from rulec.passes.derive_signatures import Signatures
 from rulec.passes.link import Network
 from rulec.passes.put_balances import Balanced
 from rulec.passes.store_faults import StoreFault
+
+DIGITS = 9
+"""Significant digits of figures at the reference point."""
 
 
 def emit(
@@ -61,7 +65,7 @@ def emit(
                 r.module,
                 tuple(contract.Term(o, s) for s, o in r.terms),
                 str(r),
-                _rounded(signatures.uncertainties[r.id]),
+                rounded(signatures.uncertainties[r.id], DIGITS),
             )
             for r in residuals
         ),
@@ -74,9 +78,9 @@ def emit(
                 rule.signature.fault,
                 rule.signature.residual,
                 rule.signature.sign,
-                _rounded(rule.signature.gain),
-                _rounded(rule.signature.sensitivity),
-                _rounded(rule.signature.detectable),
+                rounded(rule.signature.gain, DIGITS),
+                rounded(rule.signature.sensitivity, DIGITS),
+                rounded(rule.signature.detectable, DIGITS),
                 rule.forms,
                 rule.equation,
             )
@@ -118,7 +122,7 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
         valid_from=low,
         valid_to=high,
         is_input=signal.is_input,
-        reference=_rounded(reference, 12) if reference == reference else 0.0,
+        reference=rounded(reference, 12) if reference == reference else 0.0,
         between=signal.between,
     )
 
@@ -126,7 +130,7 @@ def _signal(plant: Plant, module: Module, signal: Signal, reference: float) -> c
 def _observers(
     plant: Plant, assembly: Assembly, signatures: Signatures
 ) -> tuple[contract.ObserverSpec, ...]:
-    signals = {f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals}
+    signals = set(plant.signals)
     result = []
     for module in plant.modules.values():
         for observer in module.type.observers.values():
@@ -144,7 +148,7 @@ def _observers(
                         for i, (text, _) in enumerate(guards)
                     ),
                     misfit=module.misfit.get(observer.name, 0.0),
-                    reference=_rounded(signatures.flows[key]),
+                    reference=rounded(signatures.flows[key], DIGITS),
                     origin=_origin(observer.origin),
                 )
             )
@@ -169,12 +173,13 @@ def _fault(
     affects: tuple[str, ...] = (),
     scales: tuple[str, ...],
 ) -> contract.FaultSpec:
+    slots = {"module": where.module, "where": where.target, "variant": variant.title}
     return contract.FaultSpec(
         id=where.id,
         module=where.module,
         fault=fault.name,
-        title=f"{where.target} {variant.title}" if variant.name else fault.title,
-        text=_sentence(fault.text, where.module, where.target, variant),
+        title=fault.title_at(where.target, variant),
+        text=filled(fault.text, slots),
         action=fault.action,
         status=fault.status,
         lowest=float(variant.lowest),
@@ -194,7 +199,7 @@ def _ambiguous(group: Group) -> contract.AmbiguousGroup:
         group.faults,
         group.kind,
         group.advice,
-        tuple(_rounded(d, 4) if math.isfinite(d) else None for d in group.degrees),
+        tuple(rounded(d, 4) if math.isfinite(d) else None for d in group.degrees),
         tuple(contract.AdvisedSensor(s.module, s.signal, s.cost) for s in group.sensors),
     )
 
@@ -203,19 +208,6 @@ def _unobserved(names: tuple[str, ...], balanced: Balanced) -> tuple[str, ...]:
     """Modules and faults that neither estimates nor balances see."""
     seen = balanced.dynamics.faults if balanced.dynamics is not None else ()
     return tuple(name for name in names if name not in seen)
-
-
-def _rounded(value: float, digits: int = 9) -> float:
-    """Fewer digits than a solver's last ones: the same bytes on every machine."""
-    return float(f"{value:.{digits}g}")
-
-
-def _sentence(text: str, module: str, target: str, variant: Variant) -> str:
-    """The operator's sentence with all slots filled but the degree."""
-    slots = {"{module}": module, "{where}": target, "{variant}": variant.title}
-    for slot, value in slots.items():
-        text = text.replace(slot, value)
-    return text
 
 
 def _parameters(plant: Plant) -> tuple[contract.ParameterSpec, ...]:

@@ -57,13 +57,14 @@ def end_flows(plant: Plant, graph: FlowGraph) -> EndFlows:
             elif tail == head or _is_closed(split, edge):
                 result[module.name, end] = ()
             elif end in _asked(module.type):
-                message = f"what flows {_WAY[end]} '{module.name}' does not follow from any law"
+                message = f"what flows {WAY[end]} '{module.name}' does not follow from any law"
                 hint = f"give its type a definition '{end}', or connect something with a law"
                 raise Refused([Diagnostic(plant.place, "KB113", message, hint)])
     return result
 
 
-_WAY = {INFLOW: "into", OUTFLOW: "out of"}
+WAY = {INFLOW: "into", OUTFLOW: "out of"}
+"""Ends in words, before the name of a module."""
 
 
 def _edges(plant: Plant, graph: FlowGraph) -> tuple[dict[str, tuple[int, int]], dict[str, Known]]:

@@ -39,7 +39,7 @@ def _network(known: Compilation) -> Iterator[str]:
 
 def _residuals(known: Compilation) -> Iterator[str]:
     """Signed sums of observers that there are, each once, with ids of their own."""
-    observers = {f"{m.name}.{o}" for m in known.plant.modules.values() for o in m.type.observers}
+    observers = set(known.plant.observers)
     for residual in known.residuals:
         names = [o for _, o in residual.terms]
         if len(set(names)) < len(names) or not set(names) <= observers:

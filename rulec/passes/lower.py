@@ -16,12 +16,12 @@ from rulec_runtime.contract.plan import Plan
 
 from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.fluid import factor_name
-from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Fluid
+from rulec.knowledge.module_type import ENDS, Fluid
 from rulec.knowledge.plant import Module
 from rulec.language.expression import GATHER, Rejected, exponent_of, function_of
 from rulec.language.units import PROPERTIES
 from rulec.passes.amend import Amended
-from rulec.passes.end_flows import EndFlows
+from rulec.passes.end_flows import WAY, EndFlows
 from rulec.passes.link import Network
 
 Shifts = Mapping[tuple[str, str, str], str]
@@ -30,8 +30,6 @@ Shifts = Mapping[tuple[str, str, str], str]
 
 Pending = frozenset[tuple[str, str]]
 """Modules, and what of them is being lowered, in words."""
-
-_WAY = {INFLOW: "into", OUTFLOW: "out of"}
 
 
 class _Names(Protocol):
@@ -240,7 +238,7 @@ class _Scope:
             return self._graph.input(f"{self._module}.{end}")
         terms = []
         for sign, known in self._what.ends[self._module, end]:
-            other = self._within(known.module, f"what flows {_WAY[end]}")
+            other = self._within(known.module, f"what flows {WAY[end]}")
             flow = other.observer if known.kind == "observer" else other.value
             terms.append((sign, flow(known.name)))
         return self._graph.signed_sum(terms)

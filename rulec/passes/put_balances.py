@@ -58,8 +58,7 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
         plan = lower_states(Lowering(network, amended, {}, network.ends))
     except Rejected as error:
         raise Refused([Diagnostic(plant.place, error.code, error.message, error.hint)]) from None
-    signals = [f"{m.name}.{s}" for m in modules for s in m.type.signals]
-    outputs = [name for name in signals if f"shown:{name}" in plan.outputs]
+    outputs = [name for name in plant.signals if f"shown:{name}" in plan.outputs]
     parameters = {parameter_id(m, p.name): p for m in modules for p in m.parameters.values()}
     used = {n: p for n, p in parameters.items() if n in plan.used_inputs}
     moved = plan.select(n for n in plan.outputs if n.partition(":")[0] not in ENDS).used_inputs
@@ -75,7 +74,7 @@ def dynamics_of(network: Network, faults: Mapping[str, list[StoreFault]]) -> Dyn
             for m in modules
             for s in m.type.states.values()
         ),
-        inputs=tuple(name for name in signals if name in plan.used_inputs),
+        inputs=tuple(name for name in plant.signals if name in plan.used_inputs),
         outputs=tuple(outputs),
         faults=tuple(f.id for m in modules for f in faults[m.name] if f.degree in moved),
         values={name: p.value for name, p in used.items()},

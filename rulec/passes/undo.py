@@ -28,9 +28,8 @@ class _Undo:
 
     def __init__(self, network: Network, types: Types, faults: tuple[str, ...]) -> None:
         plant = network.plant
-        signals = [f"{m.name}.{s}" for m in plant.modules.values() for s in m.type.signals]
         self.network = network
-        self.graph = Graph([*signals, *(f"x:{fault}" for fault in faults)])
+        self.graph = Graph([*plant.signals, *(f"x:{fault}" for fault in faults)])
         self.models = {name: types[module.type.key] for name, module in plant.modules.items()}
         self.tables = {name: self._symbol_nodes(name) for name in plant.modules}
         for name in plant.modules:
