@@ -88,7 +88,7 @@ class Period:
     unit: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Finding:
     """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``.
 
@@ -190,7 +190,7 @@ class HiddenDriver:
     sensor: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Check:
     """What anybody finds who simulates the written plant over the recording, as shown.
 
@@ -204,7 +204,7 @@ class Check:
     plain: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Curves:
     """For pictures; arrays of shape (n,), as shown; `heldout` flags points nothing was fitted to.
 
@@ -223,7 +223,7 @@ class Curves:
     inside: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Course:
     """What the three models predict of a signal; arrays of shape (n,), in `unit`, NaN: nothing.
 

@@ -276,7 +276,16 @@ def test_empty_curves_draw_nothing() -> None:
     """No sample, or none that was measured."""
     c = curves(5)
     nothing, flags = np.zeros(0), np.zeros(0, dtype=bool)
-    none = Curves(nothing, nothing, nothing, nothing, nothing, flags, {"x": nothing}, flags)
+    none = Curves(
+        time=nothing,
+        measured=nothing,
+        shipped=nothing,
+        recalibrated=nothing,
+        repaired=nothing,
+        heldout=flags,
+        drivers={"x": nothing},
+        inside=flags,
+    )
     unmeasured = dataclasses.replace(c, measured=np.full(5, NAN))
     for empty in (none, unmeasured):
         assert curves_of(dataclasses.replace(NAMED, curves=empty)) is None

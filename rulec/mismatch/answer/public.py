@@ -133,7 +133,11 @@ def checks_of(
     plain = row_errors(ruleset, plants.recalibrated, recording, spans)
     own = row_errors(ruleset, plants.last, recording, spans)
     both = (n for n in own if n in plain)
-    return tuple(Check(n, own[n][1], own[n][0], plain[n][0]) for n in both if own[n][1])
+    return tuple(
+        Check(signal=n, rows=own[n][1], error=own[n][0], plain=plain[n][0])
+        for n in both
+        if own[n][1]
+    )
 
 
 def row_errors(

@@ -8,7 +8,7 @@ the same ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rulec_runtime.simulation.equations import SimulationRefused
@@ -20,7 +20,7 @@ from rulec.mismatch.answer.explained import Explained, F, Refits
 from rulec.mismatch.answer.public import Plants, plants_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Proof
-from rulec.mismatch.inference.series import Predicted, course_of
+from rulec.mismatch.inference.series import course_of
 from rulec.mismatch.result import Fit, Series
 
 UNDRIVEN = "what drives it is not recorded"
@@ -43,13 +43,11 @@ def _why_not(candidate: Candidate, builder: ModelBuilder) -> str:
 class Told:
     """Errors of the three plants, their courses, and what was simulated.
 
-    `predicted` has per signal arrays of shape (n,), SI. `plants` is None where the plant cannot be
-    simulated, which `why` tells.
+    `plants` is None where the plant cannot be simulated, which `why` tells.
     """
 
     fits: tuple[Fit, ...]
     series: Series
-    predicted: Mapping[str, Predicted]
     plants: Plants | None
     why: str
 
@@ -69,7 +67,6 @@ def told(found: Explained[F], refits: Refits[F], proofs: Sequence[Proof]) -> Tol
     return Told(
         fits=tuple(r.fit for r in readings),
         series=Series(samples.time, ~samples.open, tuple(courses)),
-        predicted={r.fit.signal: r.predicted for r in readings},
         plants=plants,
         why=why,
     )

@@ -26,8 +26,9 @@ class Predicted(NamedTuple):
 
 def course_of(signal: SignalSpec, measured: Array, predicted: Predicted) -> Course:
     """Reading and predictions, given in SI, in the unit of the signal."""
-    shown = ((values - signal.offset) / signal.factor for values in (measured, *predicted))
-    return Course(signal.id, signal.unit, *shown)
+    arrays = {"measured": measured, **predicted._asdict()}
+    shown = {name: (values - signal.offset) / signal.factor for name, values in arrays.items()}
+    return Course(signal=signal.id, unit=signal.unit, **shown)
 
 
 def series_csv(series: Series | None) -> str:

@@ -38,7 +38,14 @@ def columns(found: Mismatch) -> dict[str, np.ndarray]:
 
 def test_a_cell_without_value_is_empty() -> None:
     """Columns in the agreed order, each with its unit."""
-    course = Course("A.Q", "l/h", np.array([1.0, NAN, 3.0]), THREE, THREE, np.array([NAN, 1, 2]))
+    course = Course(
+        signal="A.Q",
+        unit="l/h",
+        measured=np.array([1.0, NAN, 3.0]),
+        shipped=THREE,
+        recalibrated=THREE,
+        repaired=np.array([NAN, 1, 2]),
+    )
     table = series_csv(Series(THREE, np.array([False, True, False]), (course,)))
     assert [
         "time [s],heldout [1],A.Q measured [l/h],A.Q shipped [l/h],A.Q recalibrated [l/h],"

@@ -200,7 +200,7 @@ def test_what_is_worse_than_recalibration_is_not_written() -> None:
     chance = refusal("named", [perhaps], ["A.x@Q"], "")
     assert "0.4 to 20 % (95 %) beside recalibrated values alone" in chance
     better = replace(perhaps, gain_interval=(0.02, 0.2))
-    whole = Check("A.Q", 100, 1.4, 1.3)
+    whole = Check(signal="A.Q", rows=100, error=1.4, plain=1.3)
     assert "" == refusal("named", [better], ["A.x@Q"], "", [replace(whole, error=1.2)])
     assert "off by 1.4 l/min over all held-out rows" in refusal(
         "named", [better], ["A.x@Q"], "", [whole]
