@@ -106,14 +106,14 @@ def _place(model: SteadyModel, spot: Spot, share: float) -> Location:
 def _noise_told(fitted: Fitted) -> str:
     """Where the size of the noise comes from, and how large what is left is against it."""
     source = (
-        "rows are settled points of their own; noise by the classes of the sensors"
+        "each row is a settled point; noise from the classes of the sensors"
         if fitted.rows.system.data.of_rows
-        else "noise by the scatter of neighbouring samples"
+        else "noise from the scatter of neighbouring samples"
     )
     local = noise_scale(fitted.rows, fitted.residual)
     return (
-        f"{source}; neighbouring residuals scatter {local:.2g} times that, "
-        f"all residuals of the repaired model {fitted.scale:.2g} times"
+        f"{source}; neighbouring residuals scatter {local:.2g} times as much, all residuals of the "
+        f"repaired model {fitted.scale:.2g} times"
     )
 
 

@@ -90,7 +90,7 @@ def explanation(
 ) -> Explanation:
     """What a search found; what nobody recorded is not looked for, but told as a place."""
     ruleset, noise = model.ruleset, model.fitted.noise
-    alike = ", ".join(f"{n} for {own.memory:.0f} samples" for n, own in noise.items())
+    correlated = ", ".join(f"{n} over {own.memory:.0f} samples" for n, own in noise.items())
     return Explanation(
         recording=recording,
         model=model,
@@ -99,8 +99,8 @@ def explanation(
         places=() if model.joined else nameless,
         hidden=None,
         tried=found.tried,
-        noise="noise by third differences of the readings; errors of the repaired model stay alike "
-        f"({alike}), and count once in that time",
+        noise="noise from third differences of the readings; errors of the repaired model are "
+        f"correlated ({correlated}) and count once per correlation time",
         untimed="files, each with a clock of its own,",
         found=found,
         nameless=nameless,
@@ -199,7 +199,7 @@ class Explanation(Explained[Fitted]):
         """What held-out blocks took away, what hides what and is left; what was set aside."""
         before = [*self._took_part(), *self._hiding(), *self._still()]
         behind = [
-            f"{count} single readings of {name} that no neighbour bears out left out"
+            f"{count} single readings of {name} are left out: neither neighbour supports them"
             for name, count in self._bench.record.glitches.items()
             if count
         ]
@@ -221,8 +221,8 @@ class Explanation(Explained[Fitted]):
         if not self.dropped:
             return []
         return [
-            f"{listed(self.dropped)} fitted and gained nothing on the held-out blocks, and so is "
-            "not named: these blocks took part in the answer, and prove no more than the others"
+            f"{listed(self.dropped)} fitted the other blocks but gained nothing on the held-out "
+            "ones, and so is not named: here the held-out blocks took part in the search"
         ]
 
     def _hiding(self) -> list[str]:
@@ -238,7 +238,7 @@ class Explanation(Explained[Fitted]):
             f"{alone.get(a.candidate.id, 0.0):.0f} alone and {a.gain:.0f} beside the others"
             for a in hidden
         )
-        return [f"these hide each other (gain in log likelihood): {'; '.join(told)}"]
+        return [f"these show only beside each other (gain in log likelihood): {'; '.join(told)}"]
 
     def _still(self) -> list[str]:
         """What the repaired model leaves."""

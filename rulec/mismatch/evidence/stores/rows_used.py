@@ -17,12 +17,12 @@ def stored_evidence(recording: Recording, record: Record) -> tuple[Evidence, ...
     rows = zip(record.sample.tolist(), record.read.tolist(), record.odd.tolist(), strict=True)
     for sample, there, strange in rows:
         if sample < 0:
-            unused.append("behind the last whole mean of neighbouring rows")
+            unused.append("too few rows at the end for a mean")
         elif there:
             what = HELD_OUT if record.part[sample] == HELDOUT else SEARCHED
             used.append(f"{what}; a reading is set aside" if strange else what)
         elif strange:
-            unused.append("readings stand still or jump as no neighbour does")
+            unused.append("readings stand still, or jump for one row")
         else:
-            unused.append("no reading of what the model predicts; simulated through")
+            unused.append("no reading to compare with; the simulation runs through")
     return counted_rows(used, unused)
