@@ -94,8 +94,8 @@ PREDICTOR_STEPS = 12
 # Fits to settled points.
 
 FREEDOM = 4.0
-"""Degrees of freedom of the Student distribution of residuals. Origin: source: Lange, Little,
-Taylor 1989, as is usual."""
+"""Degrees of freedom of the Student distribution of residuals. Origin: source (Lange, Little,
+Taylor 1989, as is usual)."""
 
 FIT_STEPS = 100
 """Steps after which a fit ends anyway. Of refits with a law in them a quarter is not at its end
@@ -134,8 +134,8 @@ temperature than the usual one. Origin: assumed."""
 
 SHEET_HOLDS = 4.0
 """Standard uncertainties that lie at most between a data sheet that holds and a value; by chance
-more do in one of 3000 modules of five values. Origin: distribution: normal, two-sided, 6e-5 per
-value."""
+more do in one of 3000 modules of five values. Origin: distribution (normal, two-sided, 6e-5 per
+value)."""
 
 LOOSE = 2.0
 """Standard uncertainties by which a value may move in a refit to half of the blocks. Origin:
@@ -340,15 +340,15 @@ assumed."""
 
 SAYS_THE_SAME = 0.1
 """Log likelihood by which the predictions of two models differ at most that say the same: less
-than a tenth of what is worth a remark between two explanations (1, in nats). Origin: source:
-Jeffreys 1961, a tenth of it."""
+than a tenth of what is worth a remark between two explanations (1, in nats). Origin: source
+(Jeffreys 1961, a tenth of it)."""
 
 
 # Blocks that were not fitted to, and rivals.
 
 SURE = 3.0
 """Standard deviations, robust over blocks, by which a gain differs from none. Origin:
-distribution: normal, two-sided, 0.3 %."""
+distribution (normal, two-sided, 0.3 %)."""
 
 SOMETHING = 1.5
 """Standard uncertainties by which a strength differs from its null at least. Origin: assumed."""
@@ -358,8 +358,8 @@ SAME_CHANGE = 0.5
 assumed."""
 
 SHUFFLES = 20
-"""Shuffled courses that a driver must beat. Origin: distribution: all beaten by chance in 1 of
-21."""
+"""Shuffled courses that a driver must beat. Origin: distribution (all beaten by chance in 1 of
+21)."""
 
 SEED = 20_240_117
 """Rivals are drawn from one fixed seed, so that the same recording gives the same answer.
@@ -446,8 +446,8 @@ LONGEST_COURSE = 1500
 Origin: numerical."""
 
 PERIOD_PRICE = 3.0
-"""Price of a period in half log(points): its ends, and that it is there at all. Origin: source:
-Schwarz 1978, three values."""
+"""Price of a period in half log(points): its ends, and that it is there at all. Origin: source
+(Schwarz 1978, three values)."""
 
 ODD = (0.0, 0.02, 0.05, 0.1)
 """Shares of the time that extreme levels on either side may take without being a state, tried in
@@ -468,7 +468,7 @@ STEP_PENALTY = 4.0
 
 TWO_STATES = 0.75
 """Share of the scatter of all levels that two states explain, if there are two. Origin:
-distribution: uniform, as which an even spread of levels gives as much."""
+distribution (uniform, as which an even spread of levels gives as much)."""
 
 AT_ONCE = 0.6
 """Share of the distance between two states that a change from one to the other has at once: what
@@ -495,8 +495,8 @@ COINCIDING_ENDS = 3
 """Beginnings and ends of periods from which on this is no accident. Origin: assumed."""
 
 SHIFTS = 19
-"""Shifts in time of the same course, none of which may coincide as well. Origin: distribution:
-by chance in 1 of 20."""
+"""Shifts in time of the same course, none of which may coincide as well. Origin: distribution
+(by chance in 1 of 20)."""
 
 MOVED = 0.03
 """Share of its range by which a reading has changed its way at least. Origin: assumed."""
@@ -638,12 +638,12 @@ EXCHANGE_WORTH = 0.5
 
 DROP = 1.92
 """Fall of the log likelihood at the ends of a 95 % interval, and the gain beyond an end of its
-range from which on a value is pressed there. Origin: distribution: chi-square with one degree,
-95 %, half."""
+range from which on a value is pressed there. Origin: distribution (chi-square with one degree,
+95 %, half)."""
 
 NORMAL_95 = 1.96
-"""Standard uncertainties on either side in a 95 % interval. Origin: distribution: normal, 97.5
-%."""
+"""Standard uncertainties on either side in a 95 % interval. Origin: distribution (normal, 97.5
+%)."""
 
 STEADY_PACE = (4, 0.15, 1.0, 1.2)
 """Search for an end of an interval at settled points: steps, distance of the fall at which it

@@ -278,7 +278,7 @@ def _proof(bench: Bench, name: str, errors: list[Array]) -> Proof:
 
 
 def noise_floor(measured: Array) -> float:
-    """Scatter of a reading by its third differences, which no plant that stores has."""
+    """Scatter of a reading, shape (n,), by its third differences: no plant that stores has any."""
     return white_noise(np.diff(measured, 3), 3)
 
 

@@ -36,7 +36,7 @@ def _off(drawn: Drawn) -> str:
 
 
 def say_driver(drawn: Drawn, title: str, readings: Array) -> str:
-    """How far the median error moves over a driver, before and after."""
+    """How far the median error moves over a driver, before and after; `readings` shape (n,)."""
     _, before = middle_by(readings, drawn.recalibrated_error)
     _, after = middle_by(readings, drawn.repaired_error)
     if not np.isfinite(before).any():

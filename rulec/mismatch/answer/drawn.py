@@ -53,12 +53,12 @@ class Drawn:
 
     @property
     def recalibrated_error(self) -> Array:
-        """Measured less recalibrated, NaN where it does not count."""
+        """Measured less recalibrated, shape (n,), NaN where it does not count."""
         return np.where(self.judged, self.measured - self.recalibrated, np.nan)
 
     @property
     def repaired_error(self) -> Array:
-        """Measured less repaired, NaN where it does not count."""
+        """Measured less repaired, shape (n,), NaN where it does not count."""
         return np.where(self.judged, self.measured - self.repaired, np.nan)
 
     def at(self, chosen: slice | np.ndarray) -> Drawn:
@@ -152,12 +152,12 @@ def telling_drivers(drawn: Drawn) -> list[str]:
 
 
 def span(values: Array) -> float:
-    """Distance from the smallest to the largest known value; 0 without any."""
+    """Distance from the smallest to the largest known value, shape (n,); 0 without any."""
     sound = values[np.isfinite(values)]
     return float(sound.max() - sound.min()) if len(sound) else 0.0
 
 
 def rms(values: Array) -> float:
-    """Root mean square of what is known; NaN where nothing is."""
+    """Root mean square of what is known, shape (n,); NaN where nothing is."""
     sound = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(sound**2))) if len(sound) else np.nan

@@ -52,7 +52,7 @@ class Plants:
 
     @property
     def last(self) -> Mapping[str, Array]:
-        """The repaired plant, else the recalibrated one."""
+        """Readings by the repaired plant, else by the recalibrated one, shape (rows,), SI."""
         return self.recalibrated if self.repaired is None else self.repaired
 
 
@@ -149,7 +149,8 @@ def row_errors(
     """Error of each predicted reading, as shown, over rows of spans, and how many those are.
 
     Rows count that have a reading and a prediction; not those in which the reading is below its
-    minimum, as the equations do not hold there.
+    minimum, as the equations do not hold there. `predicted` has shape (rows,) per signal, SI;
+    `spans` are in s.
     """
     inside = inside_of(recording.time, spans)
     found = {}
@@ -174,7 +175,7 @@ def _files(recording: Recording) -> list[RecordingFile]:
 
 
 def file_of(name: str, time: Array, values: dict[str, Array]) -> RecordingFile:
-    """Readings, SI, at times, s, as a file of that name would hold them."""
+    """Readings, SI, at times, s, shape (n,) each, as a file of that name would hold them."""
     return RecordingFile(
         path=Path(name), header=Header(), time=time, values=values, zones=None, comma=False
     )

@@ -9,7 +9,7 @@ LEVELS = "▁▂▃▄▅▆▇█"
 
 
 def sparkline(values: Array, width: int) -> str:
-    """A course in so many characters at most; a gap where nothing is known.
+    """A course, shape (n,), in so many characters at most; a gap where nothing is known.
 
     >>> sparkline(np.array([0.0, 1.0, 2.0, np.nan, 7.0]), 5)
     '▁▂▃ █'

@@ -26,7 +26,7 @@ class Variable:
     unit: str
 
     def shown(self, values: Array | float) -> Array:
-        """Values given in SI, in the unit."""
+        """Values given in SI, in the unit; any shape."""
         return np.asarray((values - self.offset) / self.factor)
 
 

@@ -39,7 +39,13 @@ def region_of(contribution: Array, variables: Mapping[str, Variable]) -> tuple[R
 def best_interval(
     values: Array, shares: Array
 ) -> tuple[float, float | None, float | None, float] | None:
-    """Interval that holds much of the mismatch and few of the points (Youden's index)."""
+    """Interval that holds much of the mismatch and few of the points; None where nothing varies.
+
+    `values` of a reading and `shares` of the mismatch have shape (n,). Returns the index, both ends
+    (None: open) and the share inside.
+
+    Source: Youden 1950 for the index.
+    """
     usable = np.isfinite(values)
     values, shares = values[usable], shares[usable]
     if len(values) < limits.REGION_POINTS or np.ptp(values) == 0:
@@ -62,7 +68,10 @@ def best_interval(
 
 
 def periods_of(time: Array, contribution: Array) -> tuple[tuple[float, float], ...]:
-    """Spans of time that hold most of a mismatch, where it does not lie everywhere."""
+    """Spans of time, s, that hold most of a mismatch, where it does not lie everywhere.
+
+    `time`, s, and `contribution`, not negative, NaN: unknown, have shape (n,).
+    """
     known = np.flatnonzero(np.isfinite(contribution))
     if len(known) < limits.PERIOD_SAMPLES or np.sum(contribution[known]) <= 0:
         return ()

@@ -43,7 +43,7 @@ class Samples:
 
 
 def digest_of(time: Array, part: NDArray[np.intp]) -> str:
-    """Hash of a split."""
+    """Hash of a split; `time`, s, and `part` have shape (n,)."""
     data = np.ascontiguousarray(time).tobytes() + part.astype("i1").tobytes()
     return hashlib.sha256(data).hexdigest()[:16]
 

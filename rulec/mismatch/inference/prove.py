@@ -67,12 +67,12 @@ def fit_of(
 
 
 def rms(values: Array) -> float:
-    """Root mean square; NaN of nothing."""
+    """Root mean square of values, shape (n,); NaN of nothing."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def gain_interval(before: Array, after: Array) -> tuple[float, float]:
-    """95 % interval of the fall of the error, as share of the error before.
+    """95 % interval of the fall of the error, as share of the error before; shape (n,) each.
 
     Source: bootstrap over blocks of consecutive points (Kunsch 1989).
     """

@@ -25,7 +25,7 @@ class Predicted(NamedTuple):
 
 
 def course_of(signal: SignalSpec, measured: Array, predicted: Predicted) -> Course:
-    """Reading and predictions, given in SI, in the unit of the signal."""
+    """Reading and predictions, given in SI, shape (n,), in the unit of the signal."""
     arrays = {"measured": measured, **predicted._asdict()}
     shown = {name: (values - signal.offset) / signal.factor for name, values in arrays.items()}
     return Course(signal=signal.id, unit=signal.unit, **shown)
@@ -49,7 +49,7 @@ def series_csv(series: Series | None) -> str:
 
 
 def heldout_spans(time: Array, heldout: Sequence[bool] | np.ndarray) -> list[tuple[float, float]]:
-    """Spans of time, s, that hold the held-out samples and no other.
+    """Spans of time, s, that hold the held-out samples and no other; both shape (n,).
 
     They end midway to the neighbours: a sample may be the mean of some stretch about its time.
 

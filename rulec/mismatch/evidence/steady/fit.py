@@ -111,10 +111,12 @@ class Fitted:
     """A setting refitted to some points.
 
     `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
-    of rows say as much as one alone would (they are alike where something is left out).
-    `predicted` are the readings as reconciled by the model. `likelihood` shape (groups,): log
-    likelihood of every group of rows, also of those that were not used. Slopes are worked out when
-    they are asked for: a step that is not taken, and a fit that is only judged, need none.
+    of rows say as much as one alone would (they are alike where something is left out). `used`
+    flags points, shape (n,); `residual`, shape (rows,), is in units of its noise.
+    `predicted` are the readings as reconciled by the model, shape (n,), SI. `likelihood` shape
+    (groups,): log likelihood of every group of rows, also of those that were not used. Slopes
+    are worked out when they are asked for: a step that is not taken, and a fit that is only
+    judged, need none.
     """
 
     setting: Setting
@@ -173,7 +175,7 @@ class Fitted:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the values."""
+        """Covariance of the values, shape (values, values)."""
         size = np.sqrt(np.diag(self.normal))
         inverse = np.linalg.pinv(self.normal / np.outer(size, size), hermitian=True)
         covariance: Array = inverse / np.outer(size, size)
@@ -367,7 +369,7 @@ def _distance(rows: Rows, residual: Array) -> Array:
 
 
 def student_weights(rows: Rows, residual: Array, scale: float) -> Array:
-    """Weight of every row by the Student distribution."""
+    """Weight of every row by the Student distribution, shape (rows,)."""
     rank = rows.group_rank
     weight = (limits.FREEDOM + rank) / (limits.FREEDOM + _distance(rows, residual) / scale**2)
     spread: Array = weight[rows.group]

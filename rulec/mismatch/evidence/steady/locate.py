@@ -34,7 +34,7 @@ class Suspect:
 
 
 def noise_scale(rows: Rows, residual: Array) -> float:
-    """Scatter of neighbouring residuals in units of the noise that was expected.
+    """Scatter of neighbouring residuals, shape (rows,), in units of the noise that was expected.
 
     Below 1 the noise was overestimated, which changes nothing.
     """
@@ -82,7 +82,8 @@ def suspects(fitted: Fitted) -> list[Suspect]:
 
 
 def suspect_at(fitted: Fitted, spot: Spot, column: Array) -> Suspect:
-    """A place with the error that explains each point best; `column` are slopes of the residuals.
+    """A place with the error that explains each point best; `column`, shape (rows,), are slopes
+    of the residuals.
 
     Its share is not known yet.
     """
@@ -129,7 +130,7 @@ def alike(first: Suspect, second: Suspect) -> bool:
 
 
 def variables_of(system: System, module: str) -> dict[str, Array]:
-    """Readings in which a region can be told: those of the module first, as recorded (SI)."""
+    """Readings in which a region can be told: those of the module first; shape (n,), SI."""
     values = system.data.values
     own = {n: v for n, v in values.items() if n.partition(".")[0] == module}
     others = {

@@ -62,6 +62,7 @@ class Data(Samples):
 
     @property
     def values(self) -> Mapping[str, Array]:
+        """Readings, shape (n,), SI."""
         return self.points.values
 
 

@@ -131,7 +131,7 @@ class Rows:
 
     @cached_property
     def group(self) -> NDArray[np.intp]:
-        """Number of the (cell, point) of each row: rows that are judged together."""
+        """Number of the (cell, point) of each row: rows that are judged together, shape (rows,)."""
         groups, start = [np.zeros(0, dtype=int)], 0
         for cell in self.cells:
             groups.append(start + np.tile(np.arange(len(cell.points)), cell.rank))
@@ -151,7 +151,7 @@ class Rows:
 
     @cached_property
     def group_rank(self) -> NDArray[np.intp]:
-        """Rows of each group."""
+        """Rows of each group, shape (groups,)."""
         return np.bincount(self.group, minlength=self.groups)
 
     def per_group(self, rows: Array) -> Array:

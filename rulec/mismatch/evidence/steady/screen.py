@@ -65,7 +65,10 @@ class Look:
         return imitated
 
     def best(self, columns: Array, lowest: Array, highest: Array) -> tuple[Array, float]:
-        """Amplitudes within bounds, and the gain in log likelihood with free scale."""
+        """Amplitudes within bounds, shape (k,), and the gain in log likelihood with free scale.
+
+        `columns` have shape (rows, k).
+        """
         whole = np.arange(columns.shape[1])[None]
         amplitudes, gains = self.best_of(columns, whole, lowest, highest)
         return amplitudes[0], float(gains[0])

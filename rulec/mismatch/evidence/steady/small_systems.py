@@ -15,7 +15,7 @@ from rulec.mismatch import limits
 
 
 def inverses_of(tables: Sequence[Array]) -> list[Array]:
-    """Invert several tables of matrices, those of one size together: calls of numpy are dear."""
+    """Invert several tables of matrices, shape (k, r, r), those of one size together."""
     result = list(tables)
     for size in dict.fromkeys(table.shape[1] for table in tables):
         chosen = [i for i, table in enumerate(tables) if table.shape[1] == size]

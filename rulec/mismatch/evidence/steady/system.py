@@ -86,7 +86,7 @@ class System:
 
     @cached_property
     def inputs(self) -> dict[str, Array | float]:
-        """Readings as recorded and the clock; SI."""
+        """Readings as recorded and the clock, shape (n,), and constants; SI."""
         clock = self.data.time - self.data.time[0]
         return {**self.data.values, TIME: clock, **self.builder.parameters.constants}
 
@@ -99,7 +99,7 @@ class System:
     def corrected(
         self, setting: Setting, at: Mapping[str, Array] | None = None
     ) -> dict[str, Array | float]:
-        """Plan inputs: readings less the errors of their sensors, and all values."""
+        """Plan inputs, SI: readings, shape (n,), less errors of their sensors; all values."""
         inputs = {**self.inputs, **(at or {}), **setting.fixed, **setting.values}
         parameters = self.builder.parameters
         for name, value in zip(parameters.ids, parameters.values, strict=True):
@@ -127,7 +127,7 @@ class System:
         ----------
         by : names of free values to differentiate by; sensor errors too.
         spots : ids of places with an unknown error, which counts as 0 (a name for `by`).
-        at : readings other than those recorded.
+        at : readings other than those recorded, shape (n,), SI.
         """
         inputs = self.corrected(setting, at)
         n = len(self.data)

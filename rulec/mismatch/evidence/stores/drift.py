@@ -36,7 +36,7 @@ class Drift:
         return len(self.shapes)
 
     def put_right(self, inputs: Mapping[str, Array], errors: Array) -> dict[str, Array]:
-        """What was given, less errors."""
+        """What was given, less errors, shape (n,), SI; `errors` shape (errors,)."""
         result = dict(inputs)
         for shape, size in zip(self.shapes, errors, strict=True):
             if shape is not None and size:
@@ -44,7 +44,7 @@ class Drift:
         return result
 
     def given(self, errors: Array) -> Array:
-        """Errors of given readings alone, others 0."""
+        """Errors of given readings alone, others 0, shape (errors,)."""
         kept = [shape is not None for shape in self.shapes]
         return np.where(kept, errors, 0.0)
 
@@ -92,7 +92,8 @@ def moved_again(
     values: Mapping[str, float],
     inputs: Mapping[str, Array],
 ) -> Drift:
-    """The same errors, and what they do in another model: what runs over a rim is not stored."""
+    """The same errors, and what they do in another model: what runs over a rim is not
+    stored. `inputs` have shape (n,), SI."""
     plain = _stacked(bench, joined, values, inputs)
     columns = [
         drift.moved[:, i]

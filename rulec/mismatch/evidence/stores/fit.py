@@ -74,13 +74,14 @@ class Judged:
         return np.concatenate(list(self.known.values()))
 
     def weights(self) -> Array:
-        """What errors are divided by, one per sample, stacked alike."""
+        """What errors are divided by, shape (signals * samples,), stacked alike."""
         return np.concatenate(
             [np.full(len(k), self.noise[n].weight) for n, k in self.known.items()]
         )
 
     def basis(self) -> Array:
-        """Orthonormal columns that span slow errors and their priors, stacked."""
+        """Orthonormal columns that span slow errors and their priors, shape (samples that count +
+        errors, errors)."""
         if not self.drift.count:
             return np.zeros((int(self.flags().sum()), 0))
         moved = (self.drift.moved / self.weights()[:, None])[self.flags()]
@@ -89,7 +90,11 @@ class Judged:
 
 
 class Fitter:
-    """Fits models with some candidates joined."""
+    """Fits models with some candidates joined.
+
+    A point `at` has the values of the free parameters, SI, shape (free,); `basis` is that of
+    `Judged.basis`.
+    """
 
     def __init__(
         self, bench: Bench, joined: tuple[Candidate, ...], fixed: Mapping[str, float]

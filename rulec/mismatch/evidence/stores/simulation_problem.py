@@ -87,7 +87,7 @@ class Bench:
     ) -> Simulated:
         """Simulate the whole recording, or with other `inputs`; raises `RanAway`.
 
-        Errors at `spots` are inputs by their unknowns.
+        Errors at `spots` are inputs by their unknowns. `inputs` have shape (n,), SI.
         """
         whole = self.builder.balances(joined, spots) if spots else self.balances(joined)
         given = self.record.inputs if inputs is None else inputs
