@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust import white_noise
 from rulec_runtime.recordings.thin import thinned
-from rulec_runtime.report.text import listed
+from rulec_runtime.report.text import counted, listed
 from rulec_runtime.simulation.balances import RanAway
 
 from rulec.effects.candidate import Candidate
@@ -54,8 +54,10 @@ def explain(
     record = record_of(recording, ruleset, builder.given, heldout)
     if record is None:
         why = lacking(recording, ruleset)
-        counted = counted_rows((), [*unread(recording), *[why] * len(recording)])
-        return Blind(why=why, next="Record again, with what lacks.", samples=None, evidence=counted)
+        evidence = counted_rows((), [*unread(recording), *[why] * len(recording)])
+        return Blind(
+            why=why, next="Record again, with what lacks.", samples=None, evidence=evidence
+        )
     bench = Bench(ruleset, builder, record)
     workers = max(1, min(os.cpu_count() or 1, 8))
     found = search(bench, tell, workers)
@@ -90,7 +92,9 @@ def explanation(
 ) -> Explanation:
     """What a search found; what nobody recorded is not looked for, but told as a place."""
     ruleset, noise = model.ruleset, model.fitted.noise
-    correlated = ", ".join(f"{n} over {own.memory:.0f} samples" for n, own in noise.items())
+    correlated = ", ".join(
+        f"{n} over {counted(round(own.memory), 'sample')}" for n, own in noise.items()
+    )
     return Explanation(
         recording=recording,
         model=model,
