@@ -95,14 +95,15 @@ class SteadyModel(Model):
 
 
 def model_of(fitted: Fitted) -> SteadyModel:
-    """What an answer asks of a fit."""
+    """What an answer asks of a fit; degrees of periods are told as such."""
     system = fitted.rows.system
+    places = [i for i, name in enumerate(fitted.prior.names) if "#" not in name]
     return SteadyModel(
         ruleset=system.ruleset,
         builder=system.builder,
         samples=system.data,
         joined=fitted.setting.joined,
-        free=fitted.prior.names,
-        covariance=fitted.covariance,
+        free=tuple(fitted.prior.names[i] for i in places),
+        covariance=fitted.covariance[np.ix_(places, places)],
         fitted=fitted,
     )
