@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -52,6 +53,16 @@ class SignalSpec:
     is_input: bool
     reference: float
     between: str = field(default="hold", metadata=SELDOM)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """What its sensor can show, SI; without bound where nothing is known of it."""
+        low, high = self.lowest, self.highest
+        return -math.inf if low is None else low, math.inf if high is None else high
+
+    def shown(self, value: float) -> float:
+        """A value, SI, as the sensor shows it, in its own unit."""
+        return (value - self.offset) / self.factor
 
 
 @dataclass(frozen=True)
@@ -305,9 +316,13 @@ class Ruleset:
     @cached_property
     def read(self) -> frozenset[str]:
         """Signals that some equation reads or predicts."""
-        of_observers = (s for o in self.observers for s in o.signals)
         dynamic = self.dynamics
-        return frozenset([*of_observers, *(dynamic.inputs + dynamic.outputs if dynamic else ())])
+        return self.observed.union(dynamic.inputs + dynamic.outputs if dynamic else ())
+
+    @cached_property
+    def observed(self) -> frozenset[str]:
+        """Signals that some estimate of a flow reads."""
+        return frozenset(s for o in self.observers for s in o.signals)
 
     @cached_property
     def misfits(self) -> frozenset[str]:

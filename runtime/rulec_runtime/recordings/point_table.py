@@ -31,9 +31,7 @@ def is_point_table(recording: Recording, ruleset: Ruleset) -> bool:
     True for a pump curve with one row per valve position; False where each position was held and
     sampled several times.
     """
-    used = {s for o in ruleset.observers for s in o.signals}
-    signals = [s for s in ruleset.signals if s.id in used and s.id in recording.values]
-    return sum(_moves(s, recording) for s in signals) >= limits.MOVING_READINGS
+    return len(_moving(recording, ruleset)) >= limits.MOVING_READINGS
 
 
 def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
@@ -42,10 +40,13 @@ def follows_a_course(recording: Recording, ruleset: Ruleset) -> bool:
     A run goes on where it was. A bench begins each sweep anew, or takes its points in any order:
     its column of time numbers the rows.
     """
-    used = {s for o in ruleset.observers for s in o.signals}
-    moving = [s.id for s in ruleset.signals if s.id in used and s.id in recording.values]
-    moving = [name for name in moving if _moves(ruleset.signal_by_id[name], recording)]
-    return all(_leap(recording.values[name]) <= limits.LEAP for name in moving)
+    return all(_leap(recording.values[name]) <= limits.LEAP for name in _moving(recording, ruleset))
+
+
+def _moving(recording: Recording, ruleset: Ruleset) -> list[str]:
+    """Readings of estimates that usually change from row to row."""
+    used = (s for s in ruleset.signals if s.id in ruleset.observed and s.id in recording.values)
+    return [s.id for s in used if _moves(s, recording)]
 
 
 def _leap(values: Array) -> float:

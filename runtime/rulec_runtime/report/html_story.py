@@ -5,27 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from rulec_runtime import limits
-from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Evidence, Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
-from rulec_runtime.recordings.when import course, span
+from rulec_runtime.recordings.when import course
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, period, safe
 from rulec_runtime.report.wording import (
     KEPT,
     LEFT_OUT,
+    LISTED,
     STATUS,
     FlowUnit,
+    Row,
     actions,
     advice,
     agreement,
     causes,
     context,
     estimates,
+    evidence_first,
     headline,
     l_per_h,
     readings_of,
+    remarks_of,
+    rows_of,
     titled,
     told_residual,
     worst_first,
@@ -34,19 +39,10 @@ from rulec_runtime.report.wording import (
 LITRES = FlowUnit("l/h", 3.6e6)
 """Unit of flows in a report."""
 
-LISTED = 12
-"""Findings listed one by one; of more, one row a fault."""
-
-ROWS = 12
-"""Residuals in the evidence of a finding."""
-
 REMARKS = 8
 """Different remarks shown."""
 
 UNSEEN = "Not judged, or only in part"
-
-SPANS = 4
-"""Periods named for one remark."""
 
 
 def badge(letter: str, small: bool = False) -> str:
@@ -172,12 +168,8 @@ def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
 
 def _summary(diagnosis: Diagnosis) -> str:
     """All findings in a table; of many, one row a fault."""
-    findings, weighed = diagnosis.findings, diagnosis.mode != "paper"
-    groups: dict[str, list[Finding]] = {}
-    for finding in findings:
-        groups.setdefault(finding.fault.id, []).append(finding)
-    rows = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
-    body = "".join(_summary_row(diagnosis, members, weighed) for members in rows)
+    rows = rows_of(diagnosis.findings, diagnosis.calendar)
+    body = "".join(_summary_row(row, diagnosis.mode != "paper") for row in rows)
     return (
         '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
         '<th class="num">95 % bounds</th><th class="num">when</th><th class="num">sure</th>'
@@ -185,27 +177,19 @@ def _summary(diagnosis: Diagnosis) -> str:
     )
 
 
-def _summary_row(diagnosis: Diagnosis, members: Sequence[Finding], weighed: bool) -> str:
-    first, degrees = members[0], [f.degree for f in members]
-    lower, upper = min(f.lower for f in members), max(f.upper for f in members)
-    often = f"{len(members)} times, " if len(members) > 1 else ""
-    last = max(members, key=lambda f: f.until)
-    when = often + course(diagnosis.calendar, first.since, last.until, last.behind, short=True)
-    mean = sum(f.probability for f in members) / len(members)
-    sure = percent(mean) if weighed else "–"
-    found, around = (min(degrees), max(degrees)), (lower, upper)
-    cells = (_between(first.fault, *found), _between(first.fault, *around), when, sure)
+def _summary_row(row: Row, weighed: bool) -> str:
+    unit, low = row.fault.unit, row.degrees[0]
+    found = degree(low, unit) if row.alike else _between(unit, *row.degrees)
+    sure = percent(row.probability) if weighed else "–"
+    cells = (found, _between(unit, *row.bounds), row.when, sure)
     numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
     return (
-        f"<tr><td>{badge(first.fault.status, True)}</td><td>{safe(first.fault.id)}</td>"
-        f"{numbers}</tr>"
+        f"<tr><td>{badge(row.fault.status, True)}</td><td>{safe(row.fault.id)}</td>{numbers}</tr>"
     )
 
 
-def _between(fault: FaultSpec, low: float, high: float) -> str:
-    if high - low < 5e-4 * fault.scale:
-        return degree(low, fault.unit)
-    return f"{degree(low, fault.unit)}–{degree(high, fault.unit)}"
+def _between(unit: str, low: float, high: float) -> str:
+    return f"{degree(low, unit)}–{degree(high, unit)}"
 
 
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:
@@ -227,9 +211,9 @@ def _read(ruleset: Ruleset, finding: Finding) -> str:
 
 
 def _residuals(ruleset: Ruleset, finding: Finding) -> str:
-    ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
-    body = "".join(_residual_row(ruleset, finding, e) for e in ordered[:ROWS])
-    left = len(ordered) - ROWS
+    ordered = evidence_first(finding)
+    body = "".join(_residual_row(ruleset, finding, e) for e in ordered[:LISTED])
+    left = len(ordered) - LISTED
     more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
     what, unit = "estimates that should agree", " [l/h]"
     if ruleset.dynamics is not None:
@@ -269,16 +253,8 @@ def _estimates(ruleset: Ruleset, finding: Finding) -> str:
 
 def remarks(periods: Sequence[Period], calendar: Calendar | None) -> str:
     """Remarks with the periods they hold for."""
-    return f'<dl class="remarks">{"".join(_remarks(periods, calendar))}</dl>'
-
-
-def _remarks(periods: Sequence[Period], calendar: Calendar | None) -> Iterator[str]:
-    kinds: dict[str, list[Period]] = {}
-    for item in periods:
-        kinds.setdefault(item.text, []).append(item)
-    for text, members in list(kinds.items())[:REMARKS]:
-        spans = ", ".join(span(calendar, p.since, p.until) for p in members[:SPANS])
-        more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
-        yield f"<dt>{safe(spans + more)}</dt><dd>{safe(text)}</dd>"
-    if len(kinds) > REMARKS:
-        yield f"<dt></dt><dd>and {counted(len(kinds) - REMARKS, 'other remark')}</dd>"
+    found = remarks_of(periods, calendar)
+    rows = [f"<dt>{safe(spans)}</dt><dd>{safe(text)}</dd>" for text, spans in found[:REMARKS]]
+    if len(found) > REMARKS:
+        rows.append(f"<dt></dt><dd>and {counted(len(found) - REMARKS, 'other remark')}</dd>")
+    return f'<dl class="remarks">{"".join(rows)}</dl>'

@@ -12,29 +12,33 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.recordings.when import course, span
+from rulec_runtime.recordings.when import course
 from rulec_runtime.report.wording import (
     KEPT,
     LEFT_OUT,
+    LISTED,
     SHOWN,
     STATUS,
+    Row,
     actions,
     advice,
     agreement,
     causes,
     context,
     estimates,
+    evidence_first,
     flow_unit,
     ground,
     headline,
     readings_of,
+    remarks_of,
+    rows_of,
     told_residual,
     worst_first,
 )
 
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
 _AGREEMENT = {"agrees": "green", "contradicts": "red", "weaker": "yellow"}
-LISTED = 12
 
 
 def explain(out: Console, diagnosis: Diagnosis) -> None:
@@ -65,15 +69,8 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
     table = Table(box=None, padding=(0, 1), pad_edge=False)
     for title in ("", "fault", "degree", "95 % bounds", "when", "sure"):
         table.add_column(title, justify="right" if title == "sure" else "left", no_wrap=True)
-    groups: dict[str, list[Finding]] = {}
-    for finding in diagnosis.findings:
-        groups.setdefault(finding.fault.id, []).append(finding)
-    if len(diagnosis.findings) <= LISTED:
-        for finding in diagnosis.findings:
-            _row(table, diagnosis, [finding])
-    else:
-        for members in sorted(groups.values(), key=len, reverse=True):
-            _row(table, diagnosis, members)
+    for row in sorted(rows_of(diagnosis.findings, diagnosis.calendar), key=lambda r: -r.times):
+        _add(table, row)
     out.print(table)
 
 
@@ -91,26 +88,16 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
     out.print(tree)
 
 
-def _row(table: Table, diagnosis: Diagnosis, findings: list[Finding]) -> None:
-    first = findings[0]
-    symbol, colour = STATUS[first.fault.status][0], _COLOURS[first.fault.status]
-    low, high = min(f.degree for f in findings), max(f.degree for f in findings)
-    alike = high - low < 5e-4 * first.fault.scale
-    degree = degree_in_figures(first.fault, low, None if alike else high)
-    lower, upper = min(f.lower for f in findings), max(f.upper for f in findings)
-    bounds = degree_in_figures(first.fault, lower, upper)
-    last = max(findings, key=lambda f: f.until)
-    when = course(diagnosis.calendar, first.since, last.until, last.behind, short=True)
-    if len(findings) > 1:
-        when = f"{len(findings)} times, {when}"
-    sure = sum(f.probability for f in findings) / len(findings)
+def _add(table: Table, row: Row) -> None:
+    symbol, colour = STATUS[row.fault.status][0], _COLOURS[row.fault.status]
+    low, high = row.degrees
     table.add_row(
-        styled("[{}]{} {}[/]", colour, symbol, first.fault.status),
-        styled("[bold]{}[/]", first.fault.id),
-        degree,
-        bounds,
-        when,
-        f"{100 * sure:.0f} %",
+        styled("[{}]{} {}[/]", colour, symbol, row.fault.status),
+        styled("[bold]{}[/]", row.fault.id),
+        degree_in_figures(row.fault, low, None if row.alike else high),
+        degree_in_figures(row.fault, *row.bounds),
+        row.when,
+        f"{100 * row.probability:.0f} %",
     )
 
 
@@ -156,8 +143,7 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
         justify = "right" if title in ("value", "limit") else "left"
         table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     flow = flow_unit(ruleset)
-    ordered = sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
-    for e in ordered[:12]:
+    for e in evidence_first(finding)[:LISTED]:
         kind, words = agreement(ruleset, finding, e)
         row = told_residual(ruleset, e, flow)
         table.add_row(
@@ -190,13 +176,9 @@ def _periods(
 ) -> None:
     if not periods:
         return
-    kinds: dict[str, list[Period]] = {}
-    for period in periods:
-        kinds.setdefault(period.text, []).append(period)
+    found = remarks_of(periods, diagnosis.calendar)
     out.print(styled("\n[bold {}]{}[/]", style, title))
-    for text, members in list(kinds.items())[:SHOWN]:
-        spans = ", ".join(span(diagnosis.calendar, p.since, p.until) for p in members[:4])
-        more = f" and {len(members) - 4} more" if len(members) > 4 else ""
-        out.print(styled("[{}]  {}{}: {}[/]", style, spans, more, text))
-    if len(kinds) > SHOWN:
-        out.print(styled("[dim]  and {} other remarks (--json has all)[/]", len(kinds) - SHOWN))
+    for text, spans in found[:SHOWN]:
+        out.print(styled("[{}]  {}: {}[/]", style, spans, text))
+    if len(found) > SHOWN:
+        out.print(styled("[dim]  and {} other remarks (--json has all)[/]", len(found) - SHOWN))

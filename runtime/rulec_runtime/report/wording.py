@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.findings import Evidence, Finding
+from rulec_runtime.diagnosis.steady.findings import Evidence, Finding, Period
+from rulec_runtime.recordings.wall_clock import Calendar
+from rulec_runtime.recordings.when import course, span
 
 STATUS = {
     "F": ("✖", "failure"),
@@ -28,6 +30,12 @@ LARGE = 5e-3
 
 SHOWN = 5
 """Faults told in full."""
+
+LISTED = 12
+"""Findings listed one by one, of more one row a fault; and residuals in the evidence of one."""
+
+SPANS = 4
+"""Periods named for one remark."""
 
 
 def l_per_h(flow: float) -> float:
@@ -92,6 +100,64 @@ def worst_first(findings: Iterable[Finding]) -> list[Finding]:
         if known is None or finding.degree > known.degree:
             largest[finding.fault.id] = finding
     return sorted(largest.values(), key=lambda f: -f.degree)[:SHOWN]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One finding, or all of one fault: how many, ends of degrees and of bounds, period, and mean
+    probability."""
+
+    fault: FaultSpec
+    times: int
+    degrees: tuple[float, float]
+    bounds: tuple[float, float]
+    when: str
+    probability: float
+
+    @property
+    def alike(self) -> bool:
+        """Whether a figure shows one degree and no range of them."""
+        return self.degrees[1] - self.degrees[0] < 5e-4 * self.fault.scale
+
+
+def rows_of(findings: Sequence[Finding], calendar: Calendar | None) -> list[Row]:
+    """Findings for a table; of many, one row a fault."""
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(finding.fault.id, []).append(finding)
+    listed = [[f] for f in findings] if len(findings) <= LISTED else list(groups.values())
+    return [_row(members, calendar) for members in listed]
+
+
+def _row(members: Sequence[Finding], calendar: Calendar | None) -> Row:
+    first, last = members[0], max(members, key=lambda f: f.until)
+    when = course(calendar, first.since, last.until, last.behind, short=True)
+    return Row(
+        fault=first.fault,
+        times=len(members),
+        degrees=(min(f.degree for f in members), max(f.degree for f in members)),
+        bounds=(min(f.lower for f in members), max(f.upper for f in members)),
+        when=f"{len(members)} times, {when}" if len(members) > 1 else when,
+        probability=sum(f.probability for f in members) / len(members),
+    )
+
+
+def remarks_of(periods: Iterable[Period], calendar: Calendar | None) -> list[tuple[str, str]]:
+    """Different remarks, each with the periods that it holds for."""
+    kinds: dict[str, list[Period]] = {}
+    for period in periods:
+        kinds.setdefault(period.text, []).append(period)
+    found = []
+    for text, members in kinds.items():
+        spans = ", ".join(span(calendar, p.since, p.until) for p in members[:SPANS])
+        more = f" and {len(members) - SPANS} more" if len(members) > SPANS else ""
+        found.append((text, spans + more))
+    return found
+
+
+def evidence_first(finding: Finding) -> list[Evidence]:
+    """Residuals of a finding: first those that it should move, and that moved."""
+    return sorted(finding.evidence, key=lambda e: (e.expected == "0", e.verdict == "0"))
 
 
 def headline(ruleset: Ruleset, finding: Finding) -> str:
@@ -168,7 +234,7 @@ def estimates(ruleset: Ruleset, finding: Finding) -> Iterator[Estimate]:
         for signal_id in spec.signals:
             signal = ruleset.signal_by_id[signal_id]
             if signal_id in readings:
-                shown = (readings[signal_id] - signal.offset) / signal.factor
+                shown = signal.shown(readings[signal_id])
                 parts.append(f"{signal_id} {shown:.4g} {signal.unit}")
         yield Estimate(spec.equation, flow, limits.COVERAGE * u, tuple(parts))
 
@@ -178,7 +244,7 @@ def readings_of(ruleset: Ruleset, finding: Finding) -> str:
     parts = []
     for name, value in finding.readings:
         signal = ruleset.signal_by_id[name]
-        parts.append(f"{name} {(value - signal.offset) / signal.factor:.4g} {signal.unit}")
+        parts.append(f"{name} {signal.shown(value):.4g} {signal.unit}")
     return ", ".join(parts)
 
 

@@ -124,8 +124,7 @@ def _left_out(
             yield f"{rows(blank)}: {signal.id} has no reading{_hangs(blank, simulated)}"
         stands = ~np.isfinite(given[signal.id]) & ~blank
         if stands.any() and signal.minimum is not None:
-            limit = (signal.minimum - signal.offset) / signal.factor
-            what = f"{signal.id} is below {limit:.3g} {signal.unit}"
+            what = f"{signal.id} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
             yield f"{rows(stands)}: {what}{_hangs(stands, simulated)}"
 
 
@@ -174,8 +173,7 @@ def _more_than_one(
     if other is not None:
         signal = equations.ruleset.signal_by_id[other.signal]
         here, there = (
-            f"{(value - signal.offset) / signal.factor:.4g} {signal.unit}"
-            for value in (other.predicted, other.also)
+            f"{signal.shown(value):.4g} {signal.unit}" for value in (other.predicted, other.also)
         )
         yield (
             f"more than one solution, as in data row {other.row + 1}: {signal.id} is predicted as "

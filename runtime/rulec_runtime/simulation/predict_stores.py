@@ -169,8 +169,7 @@ def _beyond_sensors(ruleset: Ruleset, values: Mapping[str, Array]) -> Iterator[s
             (signal.highest, value > (signal.highest or 0.0), "above"),
         ):
             if limit is not None and beyond.any():
-                end = (limit - signal.offset) / signal.factor
                 yield (
                     f"{rows(beyond)}: {name} would be {word} its sensor's range, which then shows "
-                    f"{end:.4g} {signal.unit}"
+                    f"{signal.shown(limit):.4g} {signal.unit}"
                 )

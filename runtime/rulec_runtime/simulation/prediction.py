@@ -69,12 +69,7 @@ def within_range(
     """Readings, those of some signals no further than their sensors can show."""
     result = dict(values)
     for name in names:
-        signal = ruleset.signal_by_id[name]
-        result[name] = np.clip(
-            result[name],
-            -np.inf if signal.lowest is None else signal.lowest,
-            np.inf if signal.highest is None else signal.highest,
-        )
+        result[name] = np.clip(result[name], *ruleset.signal_by_id[name].ends)
     return result
 
 

@@ -191,7 +191,7 @@ class _Course:
         step, reached = self.equations.steps[self.failed[sample]], float(self.reached[sample])
         what = [f"{name} {degree[sample]:g}" for name, degree in self.degrees.items()]
         for signal in self.equations.given_signals:
-            shown = (self.known[signal.id][sample] - signal.offset) / signal.factor
+            shown = signal.shown(self.known[signal.id][sample])
             what.append(f"{signal.id} {shown:.4g} {signal.unit}")
         text = f"no operating point at {', '.join(what)}: "
         if reached < 0:

@@ -55,7 +55,7 @@ def dead_finding(
     signal: SignalSpec, recording: Recording, part: slice, because: str
 ) -> SensorFinding:
     """A dead reading, as a finding."""
-    shown = (float(np.nanmedian(recording.values[signal.id][part])) - signal.offset) / signal.factor
+    shown = signal.shown(float(np.nanmedian(recording.values[signal.id][part])))
     text = f"{signal.id} is dead: it reads {shown:.3g} {signal.unit} while {because}"
     time = recording.time
     return SensorFinding(

@@ -171,7 +171,7 @@ def _candidates(
     raw: Recording, ruleset: Ruleset, plain: Bench, still: Set[str]
 ) -> Iterator[Misread]:
     known = {n for n in plain.noise if np.isfinite(plain.points.values[n]).any()}
-    names = (_used(ruleset) & known) - still
+    names = (ruleset.observed & known) - still
     used = [s for s in ruleset.signals if s.id in names]
     yield from _other_units(raw, ruleset, plain, [s.id for s in used])
     dimension = {s.id: parse_unit(s.unit, ruleset.units) for s in used}
@@ -230,7 +230,3 @@ def _like_a_reading(plain: Bench, name: str, values: Array, noise: float) -> boo
     if low is not None and high is not None and not low <= usual <= high:
         return False
     return noise <= max(limits.NOISY_READING * u, limits.NOISY_SHARE * abs(usual - signal.offset))
-
-
-def _used(ruleset: Ruleset) -> set[str]:
-    return {s for o in ruleset.observers for s in o.signals}

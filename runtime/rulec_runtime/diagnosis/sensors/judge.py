@@ -98,7 +98,7 @@ def stuck_finding(
     signal: SignalSpec, recording: Recording, first: int, last: int, because: str
 ) -> SensorFinding:
     """A reading that does not move, as a finding."""
-    shown = (float(recording.values[signal.id][first]) - signal.offset) / signal.factor
+    shown = signal.shown(float(recording.values[signal.id][first]))
     text = f"{signal.id} is stuck at {shown:.6g} {signal.unit}: {because}"
     since, until = float(recording.time[first]), float(recording.time[last - 1])
     return SensorFinding(condition=STUCK, signal=signal.id, since=since, until=until, text=text)

@@ -43,13 +43,10 @@ def out_of_range(recording: Recording, ruleset: Ruleset) -> Iterator[tuple[Senso
 
 
 def _finding(signal: SignalSpec, recording: Recording, first: int, last: int) -> SensorFinding:
-    assert signal.lowest is not None
-    assert signal.highest is not None
+    ends = signal.ends
     usual = float(np.median(recording.values[signal.id][first:last]))
-    shown, low, high = (
-        (v - signal.offset) / signal.factor for v in (usual, signal.lowest, signal.highest)
-    )
-    side = "below its live zero" if usual < signal.lowest else "above the end of its range"
+    shown, low, high = (signal.shown(v) for v in (usual, *ends))
+    side = "below its live zero" if usual < ends[0] else "above the end of its range"
     text = (
         f"{signal.id} reads {shown:.4g} {signal.unit}, {side} "
         f"({low:.4g} to {high:.4g} {signal.unit}): that is no measurement"

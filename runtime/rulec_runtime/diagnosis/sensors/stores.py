@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.dead import at_zero, dead_finding
-from rulec_runtime.diagnosis.stores.freed import freed, start_of
+from rulec_runtime.diagnosis.stores.freed import freed, nominal_starts, start_of
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import last_digit, never_moves
 from rulec_runtime.recordings.stationary import systematic_u
@@ -62,7 +62,7 @@ def _given_moves(recording: Recording, dynamics: Dynamics) -> bool:
 def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
     """Do the balances move a reading by more than its sensor and its display hide?"""
     u = float(np.median(systematic_u(signal, course)))
-    digit = last_digit((shown - signal.offset) / signal.factor) * abs(signal.factor)
+    digit = last_digit(signal.shown(shown)) * abs(signal.factor)
     hidden = max(limits.SHOULD_MOVE_STORES * u, limits.SHOULD_MOVE_DIGITS * digit)
     return bool(np.ptp(course) > hidden)
 
@@ -70,10 +70,8 @@ def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
 def _foretold(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:
     """Course of every output by the balances as they stand, shape (n,), SI; none without inputs."""
     table = [filled(recording.values[n]) for n in dynamics.inputs]
-    values = dict(dynamics.values)
-    begins = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
-    start = begins.run({n: np.asarray(v) for n, v in values.items()})
-    values |= {start_of(s.id): start[f"start:{s.id}"].item() for s in dynamics.states}
+    begins = zip(dynamics.states, nominal_starts(dynamics).tolist(), strict=True)
+    values = {**dynamics.values, **{start_of(s.id): start for s, start in begins}}
     held = np.array([ruleset.signal_by_id[n].between == "hold" for n in dynamics.inputs])
     found = freed(dynamics).run(recording.time, np.column_stack(table), held, values).shown
     return {

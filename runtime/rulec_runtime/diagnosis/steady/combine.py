@@ -174,12 +174,9 @@ def _onset(test: HypothesisTest, isolation: Isolation, members: Sequence[int]) -
 
 def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[int, ...]]:
     """Single faults, or pairs where only pairs fit."""
-    chance = isolation.probability[:, members].max(axis=1)
-    if isolation.pair[members[0], 0] < 0:
-        yield from ((int(i),) for i in np.flatnonzero(chance > 0))
-        return
-    plausible = np.flatnonzero(chance > limits.PAIR_CANDIDATE)
-    yield from combinations((int(i) for i in plausible), 2)
+    fitting = np.flatnonzero(isolation.probability[:, members].max(axis=1) > 0)
+    many = 2 if isolation.pair[members[0], 0] >= 0 else 1
+    yield from combinations((int(i) for i in fitting), many)
 
 
 def _backward(test: HypothesisTest, when: str) -> Iterator[_Fit]:

@@ -234,11 +234,10 @@ def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tup
 
 
 def _readings(ruleset: Ruleset, observed: Observed, point: int) -> tuple[tuple[str, float], ...]:
-    used = {s for o in ruleset.observers for s in o.signals}
     return tuple(
         (s.id, float(observed.points.values[s.id][point]))
         for s in ruleset.signals
-        if s.id in used and s.id in observed.points.values
+        if s.id in ruleset.observed and s.id in observed.points.values
     )
 
 

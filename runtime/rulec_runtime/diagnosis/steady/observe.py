@@ -284,12 +284,11 @@ def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
 
 def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
     """Signals that leave the range in which the plant was calibrated."""
-    used = {s for o in ruleset.observers for s in o.signals}
     found = {}
     for signal in ruleset.signals:
         low, high = signal.valid_from, signal.valid_to
         values = points.values.get(signal.id)
-        if values is None or low is None or high is None or signal.id not in used:
+        if values is None or low is None or high is None or signal.id not in ruleset.observed:
             continue
         slack = limits.BEYOND_CALIBRATED * (high - low)
         with np.errstate(invalid="ignore"):
@@ -312,8 +311,7 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
         if not np.isfinite(values[point]):
             return f"{name}: {observed.points.why.get(name) or 'no reading'}"
         if signal.minimum is not None and values[point] < signal.minimum:
-            limit = (signal.minimum - signal.offset) / signal.factor
-            return f"{name} is below {limit:.3g} {signal.unit}"
+            return f"{name} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
     if spec.guards and not np.isfinite(observed.flows[observer, point]):
         return f"{spec.id}: {spec.guards[0].text} is not positive"
     return f"{spec.id} gives no positive flow"

@@ -77,7 +77,7 @@ def judge_by_paper(ruleset: Ruleset, observed: Observed) -> PaperResult:
 
 def _sound(ruleset: Ruleset, observed: Observed) -> np.ndarray:
     """Residuals whose observers are all usable, shape (residuals, n)."""
-    row = {o.id: i for i, o in enumerate(ruleset.observers)}
+    row = ruleset.observer_index
     return np.array(
         [
             np.all([observed.valid[row[t.observer]] for t in residual.terms], axis=0)

@@ -73,8 +73,7 @@ def _outside(ruleset: Ruleset, name: str) -> str:
     signal = ruleset.signal_by_id[name]
     assert signal.valid_from is not None
     assert signal.valid_to is not None
-    low = (signal.valid_from - signal.offset) / signal.factor
-    high = (signal.valid_to - signal.offset) / signal.factor
+    low, high = signal.shown(signal.valid_from), signal.shown(signal.valid_to)
     return (
         f"nothing known fits: the estimates of the flow disagree while {name} is outside "
         f"{low:.4g} to {high:.4g} {signal.unit}, the range that its equations hold for"

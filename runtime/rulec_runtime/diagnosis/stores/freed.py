@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from rulec_runtime.contract.plan import UNARY, Operation, Plan
+import numpy as np
+
+from rulec_runtime.contract.plan import UNARY, Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Dynamics
 from rulec_runtime.simulation.balances import Balances
 
@@ -17,6 +19,13 @@ def start_of(state: str) -> str:
 def error_of(signal: str) -> str:
     """Plan input of the error of a given reading, which shows so much more than is there."""
     return f"error.{signal}"
+
+
+def nominal_starts(dynamics: Dynamics) -> Array:
+    """Where states start by the plant's file, SI, shape (states,)."""
+    names = [f"start:{s.id}" for s in dynamics.states]
+    found = dynamics.plan.select(names).run({n: np.asarray(v) for n, v in dynamics.values.items()})
+    return np.array([found[name].item() for name in names])
 
 
 def freed(dynamics: Dynamics, moving: tuple[str, ...] = ()) -> Balances:

@@ -18,6 +18,7 @@ from rulec_runtime.contract.ruleset import FaultSpec
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores.errors import Known, nothing_known
+from rulec_runtime.diagnosis.stores.freed import nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Fitted, Guess, Model, inverse
 from rulec_runtime.diagnosis.stores.windows import Window
 
@@ -65,7 +66,7 @@ class Judge:
     def judge(self, windows: Sequence[Window], learning: bool = True) -> list[Judged]:
         """Judge all windows in order of time; without `learning` each against what was known
         before the recording."""
-        known, guess = nothing_known(list(self.model.errors)), self.nominal()
+        known, guess = nothing_known(list(self.model.errors)), nominal_starts(self.model.dynamics)
         drifts = np.array([not e.is_parameter for e in self.model.errors], dtype=bool)
         chance = alarm_chance(len(windows))
         result: list[Judged] = []
@@ -79,13 +80,6 @@ class Judge:
                 known = self._learned(judged)
                 learned = float(window.time[-1])
         return result
-
-    def nominal(self) -> Array:
-        """Where states start by the plant's file, shape (states,)."""
-        dynamics = self.model.dynamics
-        plan = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
-        found = plan.run({n: np.asarray(v) for n, v in dynamics.values.items()})
-        return np.array([found[f"start:{s.id}"].item() for s in dynamics.states])
 
     def _judged(
         self, window: Window, known: Known, before: Judged | None, nominal: Array, chance: float
@@ -206,8 +200,7 @@ class Judge:
         signals = self.model.ruleset.signal_by_id
         for i in own:
             signal, level = signals[outputs[i]], float(np.median(shown[:, i]))
-            low = -np.inf if signal.lowest is None else signal.lowest
-            high = np.inf if signal.highest is None else signal.highest
+            low, high = signal.ends
             if not low <= level <= high:
                 return False
         return True

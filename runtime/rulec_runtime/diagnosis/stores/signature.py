@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.stores.freed import freed
+from rulec_runtime.diagnosis.stores.freed import freed, nominal_starts
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window
 from rulec_runtime.simulation.balances import RanAway
@@ -40,9 +40,7 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     inputs = np.column_stack(courses) if courses else np.zeros((n, 0))
     blank = np.zeros((n, len(dynamics.outputs)))
     model = Model(ruleset, dynamics, (), np.ones(len(dynamics.outputs)), freed(dynamics))
-    plan = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
-    found = plan.run({n: np.asarray(v) for n, v in dynamics.values.items()})
-    starts = np.array([found[f"start:{s.id}"].item() for s in dynamics.states])
+    starts = nominal_starts(dynamics)
     guess = Guess(starts, np.zeros(0), np.zeros(len(dynamics.faults)))
     try:
         window = Window(time=time, inputs=inputs, measured=blank, piece=0, first=0, because="")

@@ -141,8 +141,7 @@ def _inside(signal: SignalSpec, values: Array) -> Array:
     only that there is more, or less."""
     if not np.isfinite(values).any():
         return values
-    low = -np.inf if signal.lowest is None else signal.lowest
-    high = np.inf if signal.highest is None else signal.highest
+    low, high = signal.ends
     with np.errstate(invalid="ignore"):
         return np.where((values > low) & (values < high), without_glitches(values)[0], np.nan)
 
