@@ -16,9 +16,8 @@ from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares
 
-from rulec.algebra.graph import Graph
 from rulec.calibration.calibrated_range import CalibratedRange, range_of
-from rulec.calibration.true_flow import Local, TrueFlow
+from rulec.calibration.true_flow import Local, TrueFlow, observer_plan, readings_of
 from rulec.knowledge.data_sheet import Sheet
 from rulec.knowledge.plant import Module
 from rulec.limits import (
@@ -34,7 +33,7 @@ from rulec.limits import (
     SLOPE_STEP,
     SOLVED,
 )
-from rulec.passes.differentiate import GATHERED, TypeModel
+from rulec.passes.differentiate import TypeModel
 
 
 class CalibrationRefused(Exception):
@@ -140,7 +139,7 @@ def _fit_observer(
     current: Mapping[str, float],
     readings: Readings,
 ) -> _Part:
-    plan = _observer_plan(model, observer)
+    plan = observer_plan(model, observer, readings_of(model, observer))
     inputs: dict[str, Array | float] = {**current, **readings.own.values}
     rows = _usable_rows(module, model, observer, len(free), readings)
     scale = np.array([_scale(module, n) for n in free])
@@ -299,7 +298,7 @@ def _usable_rows(
 ) -> np.ndarray:
     """Points with all readings and a true flow; refuses if they are too few for `count`."""
     usable = np.isfinite(readings.true.values)
-    for name in _variables(model, observer):
+    for name in readings_of(model, observer):
         usable &= np.isfinite(readings.own.values.get(name, np.full(len(usable), np.nan)))
     rows = np.flatnonzero(usable)
     needed = POINTS_PER_PARAMETER * max(count, 1)
@@ -311,28 +310,11 @@ def _usable_rows(
     return rows
 
 
-def _observer_plan(model: TypeModel, observer: str) -> Plan:
-    """One observer with parameters as inputs."""
-    graph = Graph(model.symbols)
-    symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
-    graph.outputs["Q"] = graph.lower(model.observers[observer], symbols)
-    for name in _variables(model, observer):
-        graph.outputs[f"d:{name}"] = graph.lower(model.gradients[observer][name], symbols)
-    return graph.plan()
-
-
-def _variables(model: TypeModel, observer: str) -> list[str]:
-    """Readings of an observer: own signals and sums from downstream."""
-    return [
-        n for n in model.gradients[observer] if n in model.type.signals or n.startswith(GATHERED)
-    ]
-
-
 def _input_slopes(
     plan: Plan, model: TypeModel, observer: str, inputs: Mapping[str, Array | float]
 ) -> dict[str, Array]:
     out = plan.run(inputs)
-    return {n: out[f"d:{n}"] for n in _variables(model, observer)}
+    return {n: out[f"d:{n}"] for n in readings_of(model, observer)}
 
 
 def _scale(module: Module, name: str) -> float:
@@ -446,7 +428,7 @@ def _range(model: TypeModel, readings: Readings, kept: np.ndarray) -> dict[str, 
     A flow meter that only serves as reference has no law that could be left.
     """
     laws = [o for o in model.observers if not model.type.observers[o].is_reference]
-    used = {n for o in laws for n in _variables(model, o)}
+    used = {n for o in laws for n in readings_of(model, o)}
     found = {}
     for name in model.type.signals:
         values = readings.own.values.get(name)

@@ -10,11 +10,11 @@ parameter of the equation were one standard uncertainty off (GUM, 5.1: first ord
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.plan import Array, Plan
 
 from rulec.algebra.continuity import flows_by_continuity
 from rulec.algebra.graph import Graph
@@ -45,6 +45,22 @@ class Local:
     values: Mapping[str, Array]
     systematic: Mapping[str, Array]
     statistical: Mapping[str, Array]
+
+
+def readings_of(model: TypeModel, observer: str) -> list[str]:
+    """Readings of an observer: own signals and sums from downstream."""
+    gradient = model.gradients[observer]
+    return [n for n in gradient if n in model.type.signals or n.startswith(GATHERED)]
+
+
+def observer_plan(model: TypeModel, observer: str, by: Iterable[str]) -> Plan:
+    """An observer as ``Q``, parameters as inputs, and ``d:<name>``, its slopes by some names."""
+    graph = Graph(model.symbols)
+    symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
+    graph.outputs["Q"] = graph.lower(model.observers[observer], symbols)
+    for name in by:
+        graph.outputs[f"d:{name}"] = graph.lower(model.gradients[observer][name], symbols)
+    return graph.plan()
 
 
 def true_flows(models: Compilation, local: Mapping[str, Local]) -> dict[str, TrueFlow]:
@@ -80,17 +96,13 @@ def _own(module: Module, model: TypeModel, local: Local) -> TrueFlow | None:
 
 def _by_equation(module: Module, model: TypeModel, reference: str, local: Local) -> TrueFlow | None:
     """The flow by a reference observer; None where a reading of it was not recorded."""
-    gradient, values = model.gradients[reference], local.values
-    read = [n for n in gradient if n in model.type.signals or n.startswith(GATHERED)]
+    read, values = readings_of(model, reference), local.values
     if any(name not in values for name in read):
         return None
-    graph = Graph(model.symbols)
-    symbols = {symbol: graph.input(name) for name, symbol in model.symbols.items()}
-    graph.outputs["Q"] = graph.lower(model.observers[reference], symbols)
+    gradient = model.gradients[reference]
     uncertain = {n: p.u for n, p in module.parameters.items() if n in gradient and p.u}
-    for name in (*read, *uncertain):
-        graph.outputs[f"d:{name}"] = graph.lower(gradient[name], symbols)
-    out = graph.plan().run({**{n: p.value for n, p in module.parameters.items()}, **values})
+    plan = observer_plan(model, reference, [*read, *uncertain])
+    out = plan.run({**{n: p.value for n, p in module.parameters.items()}, **values})
     known = np.all([np.isfinite(values[name]) for name in read], axis=0)
     flow = np.where(known & np.isfinite(out["Q"]), out["Q"], np.nan)
     errors = {name: out[f"d:{name}"] * local.systematic[name] for name in read}

@@ -25,6 +25,7 @@ from rulec_runtime.report.wording import KEPT, LEFT_OUT
 from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
 from rulec.calibration.notes import STOOD, notes_of
 from rulec.calibration.true_flow import Local, true_flows
+from rulec.effects.recalibrate import FLOW_FACTOR, flow_entry, range_entry
 from rulec.knowledge.plant import Module
 from rulec.language.written import rounded
 from rulec.passes.differentiate import GATHERED
@@ -165,18 +166,14 @@ def _entry(module: Module, fit: ModuleFit) -> dict[str, Any]:
     }
     for observer in fit.observers:
         entry["misfit"][observer.observer] = {
-            "value": rounded(observer.misfit * 3.6e6, DIGITS),
-            "unit": "l/h",
+            **flow_entry(observer.misfit),
             "r2": round(observer.r2, 6),
             "points": observer.points,
             "set_aside": observer.set_aside,
         }
     for name, found in fit.valid.items():
-        unit = module.type.signals[name].unit
         entry["range"][name] = {
-            "from": rounded(unit.from_si(found.low), DIGITS),
-            "to": rounded(unit.from_si(found.high), DIGITS),
-            "unit": unit.text,
+            **range_entry(module.type.signals[name].unit, found.low, found.high),
             **({"source": STOOD} if found.stood else {}),
         }
     return {key: value for key, value in entry.items() if value}
@@ -194,7 +191,7 @@ def _table(models: Compilation, fits: list[ModuleFit]) -> Table:
             used = [n for n in found if n in {s.name for s in expression.free_symbols}]
             table.add_row(
                 f"{fit.module}.{o.observer}",
-                f"{o.misfit * 3.6e6:.3g}",
+                f"{o.misfit * FLOW_FACTOR:.3g}",
                 f"{o.r2:.4f}",
                 str(o.points),
                 str(o.set_aside),

@@ -51,11 +51,10 @@ class Binder:
 
     def _would_help(self, module: str, join: Join, driver: Driver) -> bool:
         """Would the law fit the place if this driver were measured?"""
-        replaced = any(driver.name in by for by in join.law.substitutes.values())
-        if replaced or driver.name in (join.falls_with, join.rises_with):
+        if _is_replaced(driver, join) or driver.name in (join.falls_with, join.rises_with):
             return False
         if driver.where == "downstream":
-            behind = [b for a, b in self._network.plant.connections if a == module]
+            behind = self._behind(module)
             return bool(behind) and not self._ids(behind, driver)
         return not self._own(module, driver)
 
@@ -63,7 +62,6 @@ class Binder:
         if driver.quantity == TIME:
             return [TIME]
         own = self._own(module, driver)
-        replaced = any(driver.name in by for by in join.law.substitutes.values())
         if driver.name in (join.falls_with, join.rises_with):
             sign = -1.0 if driver.name == join.falls_with else 1.0
             following = [s for s in own if site.slopes.get(s, 0.0) * sign > 0.0]
@@ -71,11 +69,10 @@ class Binder:
             if join.steep is None or (join.falls_with and driver.name != join.falls_with):
                 return following
             return [s for s in following if (abs(site.shares[s]) > STEEP) == join.steep]
-        if replaced:
+        if _is_replaced(driver, join):
             return [s for s in own if s in site.reads]
         if driver.where == "downstream":
-            behind = [b for a, b in self._network.plant.connections if a == module]
-            return self._ids(behind, driver)
+            return self._ids(self._behind(module), driver)
         if driver.where == "plant" and not own:
             return self._ids(self._nearest(module), driver)[:NEAREST_DRIVERS]
         if driver.quantity == join.reads:
@@ -94,6 +91,10 @@ class Binder:
             return [INFLOW]
         return states or [s.name for s in kind.signals.values() if s.quantity == driver.quantity]
 
+    def _behind(self, module: str) -> list[str]:
+        """Modules into which a module flows."""
+        return [b for a, b in self._network.plant.connections if a == module]
+
     def _ids(self, modules: Iterable[str], driver: Driver) -> list[str]:
         return [f"{m}.{s}" for m in modules for s in self._own(m, driver)]
 
@@ -107,6 +108,11 @@ class Binder:
         )
         others = [name for name in names if name != module]
         return sorted(others, key=lambda name: far.get(name, len(names)))
+
+
+def _is_replaced(driver: Driver, join: Join) -> bool:
+    """Does the law of a join ask for the plain law with this driver replaced?"""
+    return any(driver.name in replaced for replaced in join.law.substitutes.values())
 
 
 def drivers_of(join: Join, effect: Effect) -> tuple[str, ...]:

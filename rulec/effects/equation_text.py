@@ -12,18 +12,20 @@ from rulec.passes.amend import Amended
 def equation_of(amended: Amended, place: tuple[str, str]) -> str:
     """The equation of a place in local names, over definitions that its author wrote."""
     kind, name = place
+    own = amended.type
     if kind == "observer":
-        return f"{name} = {_written_out(amended, amended.type.observers[name].expression)}"
-    if kind == "balance":
-        return f"d{name}/dt = {_written_out(amended, amended.type.states[name].rate)}"
-    if kind == "reading":
-        return f"{name} = {_written_out(amended, amended.type.readings[name].expression)}"
-    if kind == "signal" or (kind == "end" and name not in amended.type.definitions):
-        true = amended.corrected.get(name)
-        if true is None:
-            return f"{name} = {name}"
-        return f"true {name} = {_written_out(amended, amended.type.definitions[true].expression)}"
-    return f"{name} = {_written_out(amended, amended.type.definitions[name].expression)}"
+        left, right = name, own.observers[name].expression
+    elif kind == "balance":
+        left, right = f"d{name}/dt", own.states[name].rate
+    elif kind == "reading":
+        left, right = name, own.readings[name].expression
+    elif kind == "definition" or name in own.definitions:
+        left, right = name, own.definitions[name].expression
+    elif name in amended.corrected:
+        left, right = f"true {name}", own.definitions[amended.corrected[name]].expression
+    else:
+        return f"{name} = {name}"
+    return f"{left} = {_written_out(amended, right)}"
 
 
 def _written_out(amended: Amended, expression: Expression) -> str:

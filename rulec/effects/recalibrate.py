@@ -12,6 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.adopt import Adopted, Adoption
 from rulec.effects.repair import Repair
 from rulec.knowledge.module_type import Parameter
+from rulec.language.units import Unit
 from rulec.language.written import rounded
 from rulec.passes.lower import parameter_id
 
@@ -42,10 +43,7 @@ def _entry(own: Adopted, repair: Repair) -> dict[str, Any]:
         "type": own.type.name,
         "parameters": {name: _parameter(p) for name, p in values.items()},
         "covariance": blocks,
-        "misfit": {
-            name: {"value": rounded(m * FLOW_FACTOR, U_DIGITS), "unit": FLOW_UNIT}
-            for name, m in misfit.items()
-        },
+        "misfit": {name: flow_entry(m) for name, m in misfit.items()},
         "range": _ranges(own, repair),
     }
     return {key: value for key, value in entry.items() if value}
@@ -119,13 +117,19 @@ def _ranges(own: Adopted, repair: Repair) -> dict[str, Any]:
             ends.append(repair.ranges[f"{module.name}.{name}"])
         if ends:
             low, high = min(e[0] for e in ends), max(e[1] for e in ends)
-            unit = signal.unit
-            shown = {
-                "from": rounded(unit.from_si(low), U_DIGITS),
-                "to": rounded(unit.from_si(high), U_DIGITS),
-            }
-            result[name] = {**shown, "unit": unit.text}
+            result[name] = range_entry(signal.unit, low, high)
     return result
+
+
+def range_entry(unit: Unit, low: float, high: float) -> dict[str, Any]:
+    """A range (SI) as a calibration file has it."""
+    ends = (rounded(unit.from_si(end), U_DIGITS) for end in (low, high))
+    return {**dict(zip(("from", "to"), ends, strict=True)), "unit": unit.text}
+
+
+def flow_entry(flow: float) -> dict[str, Any]:
+    """A flow (m3/s) as a calibration file has it."""
+    return {"value": rounded(flow * FLOW_FACTOR, U_DIGITS), "unit": FLOW_UNIT}
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
