@@ -275,8 +275,8 @@ def test_shipped_examples_are_those_the_command_makes(name: str, tmp_path: Path)
 
 
 def test_shares_no_code_with_what_it_tests() -> None:
-    """No source of the simulator imports rulec or runtime."""
-    for path in (ROOT / "rulec" / "prove" / "truth").glob("*.py"):
+    """No source of the simulator, nor of its cases, imports rulec or runtime."""
+    for path in (ROOT / "rulec" / "prove" / "truth").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in getattr(node, "names", []) if hasattr(alias, "name")]
             names.append(getattr(node, "module", None) or "")

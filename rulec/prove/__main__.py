@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from rulec_runtime.output.terminal import say_aside
 
 NEEDS = ("sklearn", "pysindy")
-"""What the suite imports, some of it only at its end, beside what the product needs."""
+"""Packages that the suite needs besides those of the product; some are imported at its end only."""
 
 
 def main() -> int:

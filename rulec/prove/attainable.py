@@ -37,10 +37,10 @@ def at_best(judged: Sequence[Judged]) -> tuple[float, float] | None:
     """Mean share of places, and of names; None without a case of either."""
     known = [j for j in judged if not (j.clean or math.isnan(j.gain) or math.isnan(j.margin))]
     placed = [seen(j) for j in known if j.place_right is not None]
-    told = [named(j) for j in known if j.name_right is not None]
-    if not placed or not told:
+    names = [named(j) for j in known if j.name_right is not None]
+    if not placed or not names:
         return None
-    return sum(placed) / len(placed), sum(told) / len(told)
+    return sum(placed) / len(placed), sum(names) / len(names)
 
 
 def at_best_words(judged: Sequence[Judged]) -> str:

@@ -101,7 +101,7 @@ def _sort(judged: Judged) -> tuple[int, str]:
         return 3, "missed"
     if judged.place_right == 0:
         return 4, "named at a wrong place"
-    return 5, "told only in part" if right_of(judged) < 1 else ""
+    return 5, "named only in part" if right_of(judged) < 1 else ""
 
 
 def _main(name: str, judged: Sequence[Judged], rows: Sequence[str]) -> int:

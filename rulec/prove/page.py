@@ -1,4 +1,4 @@
-"""The page of a run: goals first, then by strength, what is confused, the worst, how measured."""
+"""The page of a run: goals first, then by strength, confusion, worst cases, how it was measured."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def page(run: Run) -> str:
         ("By partition", tables.groups(by(run.judged, "partition"), "partition")),
         ("How this was measured", f'<div class="facts">{_measured(run)}</div>'),
     ]
-    first = STYLE + _told(run, rows) + tables.goals(rows, table(plain(run.shown))) + _remark(run)
+    first = STYLE + _status(run, rows) + tables.goals(rows, table(plain(run.shown))) + _remark(run)
     sections = [first, *_pictures(judged), *(section(*part) for part in parts if part[1])]
     title = "Proof on concealed effects"
     return document(title, f"{run.partition} cases", "proof", "".join(sections))
@@ -72,7 +72,7 @@ def partition_words(run: Run) -> str:
     return "The tool was improved on these very cases: they prove nothing yet."
 
 
-def _told(run: Run, rows: Sequence[Row]) -> str:
+def _status(run: Run, rows: Sequence[Row]) -> str:
     good = all(r.met for r in rows)
     badge = '<span class="badge is-ok">✓</span>' if good else '<span class="badge is-F">✗</span>'
     return (
@@ -140,6 +140,6 @@ def _measured(run: Run) -> str:
 
 def _hashes(judged: Sequence[Judged]) -> str:
     """The hash of every answer, folded away: they are many."""
-    told = ", ".join(f"{j.case} {j.digest[:12]}" for j in judged if j.digest)
+    hashes = ", ".join(f"{j.case} {j.digest[:12]}" for j in judged if j.digest)
     title = "Hash of each sealed answer (first 12 digits)"
-    return f"<details><summary>{title}</summary><p>{safe(told)}</p></details>" if told else ""
+    return f"<details><summary>{title}</summary><p>{safe(hashes)}</p></details>" if hashes else ""

@@ -1,4 +1,4 @@
-"""Which cases a run is made of; cheap until made. One seed on one machine gives the same bytes."""
+"""The cases of a run, planned but not simulated. One seed on one machine gives the same bytes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ REGISTER = Path(__file__).parent / "partitions.yaml"
 
 
 class Planned(Protocol):
-    """A case to be made."""
+    """A planned case."""
 
     @property
     def name(self) -> str:
-        """Tells it from all others."""
+        """Unique in a run."""
 
     @property
     def group(self) -> str:
@@ -61,12 +61,12 @@ class Partition:
 
     @property
     def digest(self) -> str:
-        """Tells one run from another, also where the list of cases has changed."""
+        """Hash that differs between runs, also where the list of cases has changed."""
         names = "\n".join([repr(self), *(case.name for case in self.cases())])
         return hashlib.sha256(names.encode()).hexdigest()
 
     def cases(self) -> list[Planned]:
-        """All of them, in an order that tells nothing."""
+        """All of them in random order, so that numbers of folders reveal nothing."""
         found = list(self._in_order())
         order = np.random.default_rng([self.seed, 7]).permutation(len(found))
         return [found[i] for i in order if self.only in found[i].name]

@@ -1,4 +1,4 @@
-"""Pictures of a run: what is named of how strong an effect, and how near repairs come."""
+"""Figures of a run: share of right names against strength, and errors of repaired models."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _panel(across: Axis, half: str, names: list[Bin], places: list[Bin], foot: b
 
 def _say(names: dict[str, list[Bin]]) -> str:
     """Above which strength nine of ten are named, per half."""
-    told = []
+    sentences = []
     for half, bins in names.items():
         if not bins:
             continue
@@ -94,13 +94,13 @@ def _say(names: dict[str, list[Bin]]) -> str:
         above = [part for part in above if sum(b.count for b in part) >= ENOUGH_CASES] or [bins]
         shares = [sum(b.hits for b in part) / sum(b.count for b in part) for part in above]
         good = [b.low for b, share in zip(bins, shares, strict=False) if share >= MOSTLY]
-        told.append(
+        sentences.append(
             f"{half}: of effects with a gain above {number(good[0], 2)}, nine of ten are named "
             "rightly"
             if good
             else f"{half}: {percent(shares[0])} are named rightly, and nine of ten at no strength"
         )
-    return f"{'; '.join(told)}.".capitalize() if told else "No effect was to be named."
+    return f"{'; '.join(sentences)}.".capitalize() if sentences else "No effect was to be named."
 
 
 def draw_ratio(judged: Sequence[Judged]) -> Figure | None:

@@ -44,7 +44,7 @@ def mended_by_law(drivers: Columns, course: Course) -> Sparse:
     size = rms(residual[folds >= 0])
     if not drivers or (folds >= 0).sum() < FEWEST_SAMPLES or not size > 0:
         return Sparse(course.recalibrated)
-    columns = _standardised(_telling(drivers, course), folds >= 0)
+    columns = _standardised(_most_correlated(drivers, course), folds >= 0)
     library = _library().fit(columns)
     terms = np.asarray(library.transform(columns))
     target = residual / size
@@ -52,7 +52,7 @@ def mended_by_law(drivers: Columns, course: Course) -> Sparse:
     def predicted(threshold: float, part: NDArray[np.bool_]) -> Array:
         optimizer = _optimizer(threshold)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a threshold that leaves no term is an answer, too
+            warnings.simplefilter("ignore")  # a threshold that drops every term is a result
             optimizer.fit(terms[part], target[part, None])
         law: Array = terms @ np.asarray(optimizer.coef_)[0]
         return law
@@ -104,8 +104,8 @@ def mended_by_map(inputs: Columns, course: Course) -> Sparse:
     return Sparse(course.recalibrated + size * course_of_all)
 
 
-def _telling(drivers: Columns, course: Course) -> dict[str, Array]:
-    """The columns that go best with the residual, straight or squared."""
+def _most_correlated(drivers: Columns, course: Course) -> dict[str, Array]:
+    """The columns that correlate best with the residual, as they are or squared."""
     learnt, residual = course.learnt, course.residual
 
     def alike(values: Array) -> float:

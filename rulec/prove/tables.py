@@ -1,4 +1,4 @@
-"""Tables of the page: goals, what was said of what, groups, baselines, the worst cases."""
+"""Tables of the page: goals, confusion matrix, groups, baselines, worst cases."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def interval_of(row: Row) -> str:
 
 
 def heat(found: Confusion) -> str:
-    """Planted by rows, said by columns; the darker the larger the share of the row."""
+    """The confusion matrix: planted by rows, reported by columns, tinted by share of the row."""
     head = '<th scope="col">planted</th><th>right</th>' + "".join(
         f'<th scope="col" class="turned"><span>{safe(name)}</span></th>' for name in found.columns
     )
@@ -100,7 +100,7 @@ def _cell(count: int, share: float, right: bool, column: str) -> str:
 
 
 def groups(found: Sequence[Group], title: str) -> str:
-    """Shares by group; the number of cases that say something stands beside each."""
+    """Shares by group, each with the number of cases it is of."""
     if not found:
         return ""
     names = ("place", "name", "clean", "unnamed", "told")
@@ -118,7 +118,7 @@ def _part(row: Row) -> str:
 
 
 def baselines(judged: Sequence[Judged]) -> str:
-    """Held-out errors over recalibration: of the repair, and of those who learn only."""
+    """Held-out errors over that of recalibration: of the repair, and of the baselines."""
     parts = []
     for title, cases in (
         ("Something is missing", [j for j in judged if not j.clean]),
@@ -137,9 +137,9 @@ def _rows_of(judged: Sequence[Judged]) -> Iterator[str]:
         known = [j.baselines.get(name) for j in judged]
         ratios[name] = [v for v in known if v is not None and math.isfinite(v)]
     ratios["noise alone"] = _over(judged, "noise")
-    told = {name: median_and_quarters(values) for name, values in ratios.items() if values}
-    largest = max((middle for middle, _, _ in told.values()), default=0.0)
-    for name, (middle, low, high) in told.items():
+    quartiles = {name: median_and_quarters(values) for name, values in ratios.items() if values}
+    largest = max((middle for middle, _, _ in quartiles.values()), default=0.0)
+    for name, (middle, low, high) in quartiles.items():
         width = 100 * middle / largest if largest > 0 else 0.0
         yield (
             f"<tr><td>{safe(name)}</td>{_number(str(len(ratios[name])))}{_number(fixed(middle, 2))}"
@@ -156,7 +156,7 @@ def _over(judged: Sequence[Judged], name: str) -> list[float]:
 
 
 def worst_table(judged: Sequence[Judged]) -> str:
-    """The ten worst by name: what was planted, what was said, why it is wrong."""
+    """The worst cases: what was planted, what was reported, why it is wrong."""
     found = worst(judged)
     if not found:
         return "<p>No case went wrong.</p>"
@@ -181,7 +181,7 @@ def planted_words(judged: Judged) -> str:
 
 
 def said_words(judged: Judged) -> str:
-    """Names, or what was said instead of one."""
+    """Reported names, or the answer without one."""
     return listed(judged.said) if judged.said and not judged.error else answer_of(judged)
 
 

@@ -104,6 +104,11 @@ CONCEALMENTS = {
 }
 
 
+HIDES = 0.8
+"""Effects hide each other where together they change less than this share of what they add up to
+(root sum of squares)."""
+
+
 @dataclass(frozen=True)
 class Reference:
     """What the true model, refitted, makes of held-out samples: by signal, in the signal's unit.

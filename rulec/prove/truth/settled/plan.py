@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ..recording import write_csv
-from ..sealed import Answer, Reference, Request
-from ..streams import stream
+from ..sealed import HIDES, Answer, Reference, Request
+from ..streams import FURTHER, stream
 from .answer import answer_of
 from .effect import Made
 from .effects import EFFECTS, Placed, places_of
@@ -34,9 +34,6 @@ SMALL = 260, 360
 
 BEFORE = 300
 """Samples of an earlier run on which a plant is calibrated."""
-
-HIDES = 0.8
-"""Two effects hide each other: together they change less than this share of what they add up to."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ class Planned:
         """
         for attempt in range(ATTEMPTS):
             try:
-                made = _attempt(self, self.seed + 1_000_003 * attempt)
+                made = _attempt(self, self.seed + FURTHER * attempt)
             except Stalled:
                 continue
             if made is not None:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..recording import Recording
+from ..sealed import HIDES
+from ..streams import FURTHER
 from ..units import Array
 from .balance import Course, integrate
 from .build import CASCADED, Layout, Setup, build, recorded_input
@@ -18,13 +20,6 @@ from .size import Planted, Readings, change_of, is_inside, most, plant_all, plan
 
 ATTEMPTS = 20
 """Plants drawn until effects show as they should."""
-
-FURTHER = 1_000_003
-"""Added to the seed for each further plant."""
-
-HIDES = 0.8
-"""Of effects that hide each other, both together show less than this share of what they add up to
-(root sum of squares)."""
 
 CLEAR = 0.1
 """V; what is left of effects that hide each other."""
