@@ -1,6 +1,6 @@
-"""What every case of the proof says of itself, stationary or not: the sealed answer.
+"""The common form of all cases of the proof, and their sealed answers.
 
-An answer is what a perfect analysis would say. It is text with a hash, so that the hash can be
+An answer is what a perfect analysis would report. It is text with a hash, so that the hash can be
 shown before an analysis starts.
 """
 
@@ -27,17 +27,16 @@ class Planted:
 
     Attributes
     ----------
-    effect, title, sort : as the truth calls it; sort is `physics`, `fault`, `sensor`, `unnamed`
-    module, place : where it is, as the plant's drawing names it, in words
+    effect, title, sort : names in the truth; sort is `physics`, `fault`, `sensor` or `unnamed`
+    module, place : where it is, as on the plant's drawing
     names : entries of the catalogue that are right for it; none if no entry names it
-    places : `module.place` that are right, as the machine form of the tool writes them
-    parameters : per entry and parameter of it the true value, in the unit of the entry; what has
-        no exact counterpart is left out
-    gain : expected gain in log likelihood of a model with it over one without, both refitted
-        (parameters and sensors' errors within their uncertainties), the others known: what can be
-        seen at best
-    margin : the same over the best other single effect of the truth in its place; what can be
-        told apart at best; infinite where none was tried
+    places : `module.place` that are right, as in the tool's JSON
+    parameters : true values by entry and parameter, in the unit of the entry; what has no exact
+        counterpart is left out
+    gain : strength: expected gain in log likelihood of a model with the effect over one without,
+        both refitted (parameters and sensors' errors within their uncertainties), all else known
+    margin : the same over the best other single effect of the truth in its place; infinite where
+        none was tried
     rival : that other effect
     """
 
@@ -60,12 +59,12 @@ class Answer:
 
     Attributes
     ----------
-    case : tells it from all others
+    case : unique name
     half : `stationary` or `dynamic`
     plant, profile : which plant, and how it is run
-    verdict : `none`, `named`, `sensor`, `fault`, `unnamed`, as the machine form has it
+    verdict : `none`, `named`, `sensor`, `fault` or `unnamed`, as in the tool's JSON
     concealed : ways in which it is concealed, of CONCEALMENTS
-    unrecorded : column that has no place in the recording and drives an effect, or empty
+    unrecorded : signal that drives an effect and is missing in the recording, or empty
     """
 
     case: str
@@ -111,9 +110,9 @@ HIDES = 0.8
 
 @dataclass(frozen=True)
 class Reference:
-    """What the true model, refitted, makes of held-out samples: by signal, in the signal's unit.
+    """Held-out errors of the true model, by signal, in the signal's unit.
 
-    `driver` is the course of what is not recorded, by time, or None.
+    `driver` is the unrecorded driver, as times and values, or None.
     """
 
     errors: Mapping[str, float]
@@ -122,7 +121,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Request:
-    """What the reference is asked for: held-out periods, and the residual of each fit."""
+    """Which errors are wanted: held-out periods, and the residual of each signal."""
 
     heldout: Periods
     relations: Mapping[str, str] = field(default_factory=dict)
@@ -143,7 +142,7 @@ class Case(Protocol):
 
 
 def verdict_of(sorts: list[str]) -> str:
-    """What a perfect analysis would say first."""
+    """The verdict of a perfect analysis."""
     if not sorts:
         return "none"
     if "unnamed" in sorts:
