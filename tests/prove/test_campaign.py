@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from rulec.cli import main as rulec
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM, analyse
 from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
+from rulec.prove.command import main as suite
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import run_from_json
 
@@ -22,6 +24,7 @@ def quiet(what: str, done: int, all_: int) -> None:
     """Nobody watches."""
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
     """What is sealed and answered stays; another run is refused."""
     seals = sealed(FEW, tmp_path, 1, quiet)
@@ -50,6 +53,7 @@ def test_a_run_does_not_go_on_with_another_tool(
         campaign.owned(tmp_path, "a run")
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_an_answer_that_was_changed_is_found(tmp_path: Path) -> None:
     """Its hash is not the one that was told beforehand."""
     seals = sealed(FEW, tmp_path, 1, quiet)
@@ -78,23 +82,13 @@ def test_the_final_partition_is_drawn_once() -> None:
     assert final["seed"] != register()["development"]["seed"]
 
 
-@pytest.mark.parametrize(
-    ("only", "cases", "clean_ones"),
-    [
-        ("warm", 4, 0),
-        ("clean--13", 1, 1),
-        ("pump.lag", 1, 0),
-        pytest.param("", 39, 20, marks=pytest.mark.prove),
-    ],
-)
-def test_a_quick_run(only: str, cases: int, clean_ones: int, tmp_path: Path) -> None:
-    """No case fails, no clean one is accused, and most that can be seen are named.
-
-    These are cases of the development partition: they guard what works, they prove nothing.
-    """
-    json_, page = tmp_path / "run.json", tmp_path / "run.html"
-    asked = ["prove", "--quick", "--only", only, "--json", str(json_), "--report", str(page)]
-    assert rulec(asked) == 0
+def checked(
+    command: Callable[[list[str]], int], only: str, cases: int, clean_ones: int, folder: Path
+) -> None:
+    """Run quick cases of the development partition: they guard what works, they prove nothing."""
+    json_, page = folder / "run.json", folder / "run.html"
+    asked = ["--quick", "--only", only, "--json", str(json_), "--report", str(page)]
+    assert command(asked) == 0
     run = run_from_json(json_.read_text(encoding="utf-8"))
     assert cases == len(run.judged)
     assert [] == [(j.case, j.error) for j in run.judged if j.error]
@@ -104,3 +98,21 @@ def test_a_quick_run(only: str, cases: int, clean_ones: int, tmp_path: Path) -> 
     told = [j for j in run.judged if j.name_right is not None and j.margin > 30]
     assert sum(j.name_right or 0.0 for j in told) >= 0.6 * len(told)
     assert "<h1" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize(("only", "cases"), [("warm", 4), ("pump.lag", 1)])
+def test_a_quick_run(only: str, cases: int, tmp_path: Path) -> None:
+    """No case fails, and most that can be seen are named."""
+    checked(suite, only, cases, 0, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("only", "cases", "clean_ones"),
+    [("clean--13", 1, 1), pytest.param("", 39, 20, marks=pytest.mark.prove)],
+)
+def test_a_quick_run_in_its_own_processes(
+    only: str, cases: int, clean_ones: int, tmp_path: Path
+) -> None:
+    """As a user starts it; no clean case is accused."""
+    checked(lambda asked: rulec(["prove", *asked]), only, cases, clean_ones, tmp_path)

@@ -44,6 +44,7 @@ def test_the_true_laws_must_lead_and_be_worth_telling(one: Refitted, held: bool)
     assert ("lost by the search" in one.summary) == held
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_the_true_laws_are_refitted_beside_what_is_told(tmp_path: Path) -> None:
     """A name that a recorded answer lacks is found as lost; the search of today has it."""
     seals = sealed(WARM, tmp_path, 1, quiet)
