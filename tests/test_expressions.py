@@ -24,7 +24,7 @@ from rulec.language.functions import Absolute, Larger, Signum, Smaller
 from rulec.language.symbolic import to_sympy
 from rulec.language.units import NONE, VOLUME_FLOW
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.conftest import ROOT, SOURCES
 
 CANARY = "RULEC_CANARY"
 
@@ -477,7 +477,7 @@ def test_command_line_ends_with_a_message(here: Path) -> None:
         [sys.executable, "-m", "rulec", "check", *names],
         capture_output=True,
         check=False,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"},
+        env={**os.environ, "PYTHONPATH": SOURCES, "PYTHONIOENCODING": "utf-8"},
     )
     out = done.stdout.decode()
     assert (done.returncode, done.stderr) == (1, b"")

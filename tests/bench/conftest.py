@@ -11,6 +11,11 @@ import pytest
 ROWS = pytest.StashKey[list[tuple[str, str, str]]]()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _each_text_parsed_once() -> None:
+    """Not where time is measured."""
+
+
 class Results:
     """Collects lines for the table."""
 

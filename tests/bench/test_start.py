@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 from tests.bench.conftest import Results
-from tests.conftest import ROOT, compiled
+from tests.conftest import ROOT, SOURCES, compiled
 
 EXAMPLE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
 
 
 def seconds(*arguments: str, rounds: int = 9) -> float:
     """Median wall time of a process."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
     times = []
     for _ in range(rounds):
         begin = time.perf_counter()

@@ -17,7 +17,7 @@ from rulec.prove import __main__ as prove
 from rulec.prove.campaign import Changed, owned
 from rulec.prove.command import main
 from rulec.prove.kept import CASES, SEALS, unusable
-from tests.conftest import ROOT
+from tests.conftest import SOURCES
 
 FEW = ("--quick", "--only=stationary-1-clean--1", "--jobs=2")
 PATIENCE = 60.0
@@ -28,7 +28,7 @@ def started(work: Path) -> subprocess.Popen[str]:
     """`rulec prove`, as from a terminal: interrupts are heard, also where these tests hear none."""
     return subprocess.Popen(
         [sys.executable, "-m", "rulec", "prove", *FEW, f"--keep={work}"],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": SOURCES},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -113,7 +113,7 @@ def test_the_end_of_the_lifeline_is_not_lost() -> None:
     """Compiled code may swallow an interrupt: another follows, but not while things are tidied."""
     with subprocess.Popen(
         [sys.executable, "-c", SWALLOWING],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": SOURCES},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

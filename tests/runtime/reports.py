@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -29,11 +30,24 @@ class Judged:
     trace: Trace
     truth: Truth | None
 
-    def page(self, name: str = "x.csv") -> str:
-        return report(self.recording, self.diagnosis, self.trace, name, self.truth)
+    def page(self, name: str = "") -> str:
+        """The page of a file of this name; that of x.csv is made once."""
+        return self._named(name) if name else self._usual
 
     def curves(self) -> Curves:
+        """What the figures over time show; made once."""
+        return self._curves
+
+    @functools.cached_property
+    def _usual(self) -> str:
+        return self._named("x.csv")
+
+    @functools.cached_property
+    def _curves(self) -> Curves:
         return curves_of(self.recording, self.diagnosis, self.trace)
+
+    def _named(self, name: str) -> str:
+        return report(self.recording, self.diagnosis, self.trace, name, self.truth)
 
 
 def judge(path: Path, ruleset: Ruleset, truth: Path | None = None) -> Judged:

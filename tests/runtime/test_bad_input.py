@@ -8,24 +8,28 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import functools
 import gzip
 import io
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.contract.plan import CHUNK
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.cli import main
-from tests.conftest import ROOT, compiled
+from tests.conftest import SOURCES, compiled
 from tests.runtime.sheets import Sheet, example, write
 
 SHEET = example()
+MANY = 3 * CHUNK + 1_000
 STANDSTILL = {"A.n": "0", "A.dp": "0.02", "A.P_el": "12", "B.n": "0", "B.dp": "0.02", "C.dp": "0"}
 
 
@@ -61,6 +65,20 @@ def diagnose(ruleset: Path, recording: Path, *more: str) -> Outcome:
     if target.is_file():
         outcome.data = strict(target.read_text(encoding="utf-8"))
     return outcome
+
+
+@pytest.fixture(scope="module")
+def answer(
+    ruleset_file: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str, str], Outcome]:
+    """What is said of a case in a mode; asked once."""
+
+    @functools.cache
+    def asked(name: str, mode: str) -> Outcome:
+        recording = write(tmp_path_factory.mktemp("case"), bent(name))
+        return diagnose(ruleset_file, recording, "--mode", mode)
+
+    return asked
 
 
 def strict(text: str) -> Any:
@@ -193,12 +211,11 @@ def known_gap(name: str, mode: str) -> Any:
     ],
 )
 def test_never_an_alarm(
-    name: str, mode: str, tmp_path: Path, ruleset_file: Path, abc: Ruleset
+    name: str, mode: str, answer: Callable[[str, str], Outcome], abc: Ruleset
 ) -> None:
     """Exit 0, JSON of the fixed form, no fault of the plant and nothing unknown: what is found is
     the sensor, and no other one."""
-    recording = write(tmp_path, bent(name))
-    outcome = diagnose(ruleset_file, recording, "--mode", mode)
+    outcome = answer(name, mode)
     assert (0, "") == (outcome.code, outcome.err)
     check_form(outcome.data, abc)
     assert TOLD.get(name, set()) == {f["fault"] for f in outcome.data["findings"]}
@@ -248,9 +265,9 @@ BECAUSE = {
 
 
 @pytest.mark.parametrize("name", BECAUSE)
-def test_says_why_it_cannot_judge(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+def test_says_why_it_cannot_judge(name: str, answer: Callable[[str, str], Outcome]) -> None:
     """`not_judged` holds the reason, with the reading's name, also for one module alone."""
-    outcome = diagnose(ruleset_file, write(tmp_path, bent(name)))
+    outcome = answer(name, "default")
     assert BECAUSE[name] in outcome.reasons()
 
 
@@ -258,9 +275,9 @@ NOTHING = ["two samples", "one sample", "one time", "all columns without reading
 
 
 @pytest.mark.parametrize("name", [*NOTHING, "only time and one column"])
-def test_nothing_judged_is_check_function(name: str, tmp_path: Path, ruleset_file: Path) -> None:
+def test_nothing_judged_is_check_function(name: str, answer: Callable[[str, str], Outcome]) -> None:
     """Where nothing at all could be judged the status is C, not ok."""
-    outcome = diagnose(ruleset_file, write(tmp_path, bent(name)))
+    outcome = answer(name, "default")
     assert ("C", 0) == (outcome.data["status"], outcome.data["judged"])
 
 
@@ -280,10 +297,10 @@ def test_a_real_fault_is_found_beside_a_dead_sensor(tmp_path: Path, ruleset_file
 
 @pytest.mark.parametrize("name", ["healthy", "German", "gz", "backwards", "gap", "times near 1e9"])
 def test_all_of_a_healthy_recording_is_judged(
-    name: str, tmp_path: Path, ruleset_file: Path
+    name: str, answer: Callable[[str, str], Outcome]
 ) -> None:
     """Form, order and pauses take nothing away."""
-    outcome = diagnose(ruleset_file, write(tmp_path, bent(name)))
+    outcome = answer(name, "default")
     assert ("ok", 60, []) == tuple(outcome.data[k] for k in ("status", "judged", "not_judged"))
 
 
@@ -373,16 +390,16 @@ def test_trace_of_bad_readings(name: str, tmp_path: Path, ruleset_file: Path) ->
 
 
 def test_many_rows(tmp_path: Path, ruleset_file: Path) -> None:
-    """2e5 rows in a few seconds, nothing found in them."""
+    """More than a plan takes at once, nothing found in them."""
     bodies = [",".join(row[1:]) for row in SHEET.rows]
-    lines = [f"{k},{bodies[k % 60]}" for k in range(200_000)]
+    lines = [f"{k},{bodies[k % 60]}" for k in range(MANY)]
     content = ",".join(SHEET.header) + "\n" + "\n".join(lines)
     outcome = diagnose(ruleset_file, write(tmp_path, content))
-    assert ("ok", 200_000) == (outcome.data["status"], outcome.data["samples"])
+    assert ("ok", MANY) == (outcome.data["status"], outcome.data["samples"])
 
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
+    environment = {**os.environ, "PYTHONPATH": SOURCES, "PYTHONWARNINGS": "error"}
     call = [sys.executable, "-m", "rulec", *arguments]
     return subprocess.run(call, capture_output=True, text=True, env=environment, check=False)
 

@@ -27,7 +27,7 @@ from rulec_runtime.contract.ruleset_file import RulesetRefused, parse_ruleset, r
 from rulec.algebra.graph import Graph
 from rulec.language.functions import Absolute, Larger, Signum, Smaller
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import ROOT
+from tests.conftest import ROOT, SOURCES
 
 NUMPY: Mapping[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
@@ -325,7 +325,7 @@ def test_bytes_depend_neither_on_folder_nor_on_hash_seed(abc: Ruleset, tmp_path:
     """Compiled by another process, from another folder, with another order of sets."""
     target = tmp_path / "abc.ruleset.json"
     command = [sys.executable, "-m", "rulec", "compile", str(ROOT / "plants" / "abc")]
-    environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": SOURCES}
     subprocess.run(
         [*command, "-o", str(target)],
         cwd=tmp_path,

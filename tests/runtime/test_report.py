@@ -277,7 +277,9 @@ def test_zema_recording_gives_a_small_file() -> None:
     assert len(page.encode()) < 300_000
 
 
-def test_command_writes_the_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_writes_the_report(
+    tmp_path: Path, abc: Ruleset, capsys: pytest.CaptureFixture[str]
+) -> None:
     """`--report` and `--truth`; without a report the truth is of no use, and that is said."""
     recording, truth = str(EXAMPLES / "leakage_A.csv"), str(EXAMPLES / "leakage_A.truth.csv")
     plant, target = str(ROOT / "plants" / "abc"), tmp_path / "r.html"
@@ -285,9 +287,12 @@ def test_command_writes_the_report(tmp_path: Path, capsys: pytest.CaptureFixture
     assert ["estimates", "residuals", "degrees", "cases", "shares"] == figures(
         target.read_text(encoding="utf-8")
     )
-    assert 0 == main(["diagnose", plant, recording, "--truth", truth])
+    rules = tmp_path / "abc.json"
+    rules.write_text(abc.to_json(), encoding="utf-8")
+    told = ["diagnose", str(rules), recording]
+    assert 0 == main([*told, "--truth", truth])
     assert "only a report" in capsys.readouterr().out
-    assert 1 == main(["diagnose", plant, recording, "--truth", str(tmp_path / "no.csv")])
+    assert 1 == main([*told, "--truth", str(tmp_path / "no.csv")])
     assert "no.csv: cannot be read" in capsys.readouterr().err
-    assert 1 == main(["diagnose", plant, recording, "--report", str(tmp_path / "no" / "r.html")])
+    assert 1 == main([*told, "--report", str(tmp_path / "no" / "r.html")])
     assert "No such file or directory" in capsys.readouterr().err

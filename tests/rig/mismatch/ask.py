@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.conftest import ROOT
+from tests.conftest import SOURCES
 from tests.rig.mismatch.case import Case
 
 PATIENCE = 1800.0
@@ -84,7 +84,7 @@ def call(*arguments: object) -> float:
             capture_output=True,
             text=True,
             timeout=PATIENCE,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env={**os.environ, "PYTHONPATH": SOURCES},
             check=False,
         )
     except subprocess.TimeoutExpired:
