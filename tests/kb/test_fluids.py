@@ -32,8 +32,12 @@ from tests.kb.fit_fluids import (
     vogel,
 )
 
-friction = pytest.importorskip("fluids.friction")
-pytest.importorskip("CoolProp")
+
+def friction_factor(number: float, roughness: float, method: str) -> float:
+    """By `fluids`, which is slow to import."""
+    friction = pytest.importorskip("fluids.friction")
+    return float(friction.friction_factor(Re=number, eD=roughness, Method=method))
+
 
 LETTER = {"density": "D", "viscosity": "V"}
 FITTED = {
@@ -158,7 +162,7 @@ def loss_of(number: Array, factor: Array, celsius: float = 20.0) -> Array:
 
 
 def factors(number: Array, roughness: float, method: str) -> Array:
-    return np.array([friction.friction_factor(Re=r, eD=roughness, Method=method) for r in number])
+    return np.array([friction_factor(r, roughness, method) for r in number])
 
 
 @pytest.mark.parametrize("celsius", [5.0, 60.0])

@@ -20,9 +20,6 @@ from scipy.optimize import brentq
 from rulec.cli import main
 from tests.method.readings import PLANTS, ruleset
 
-coolprop = pytest.importorskip("CoolProp.CoolProp")
-friction = pytest.importorskip("fluids.friction")
-
 SPEED = {"A": 900.0, "B": 700.0}
 LENGTH, DIAMETER, ROUGHNESS = 10.0, 0.016, 1.5e-6
 SAMPLES = 20
@@ -30,6 +27,7 @@ SAMPLES = 20
 
 def glycol(letter: str, celsius: float) -> float:
     """Density (D, kg/m3) or viscosity (V, Pa s) of 30 % ethylene glycol."""
+    coolprop = pytest.importorskip("CoolProp.CoolProp")  # slow to import
     return float(coolprop.PropsSI(letter, "T", celsius + 273.15, "P", 2e5, "INCOMP::MEG[0.30]"))
 
 
@@ -49,6 +47,7 @@ def pipe(flow: float, celsius: float) -> float:
     velocity = 4 * flow / 3.6e6 / (math.pi * DIAMETER**2)
     number = rho * velocity * DIAMETER / mu
     assert number < 2300 or number > 4006, "the transition has no law to compare with"
+    friction = pytest.importorskip("fluids.friction")
     factor = friction.friction_factor(Re=number, eD=ROUGHNESS / DIAMETER, Method="Clamond")
     return float(factor * LENGTH / DIAMETER * rho * velocity**2 / 2 / 1e5)
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
 
 from tests.runtime.mismatch.dynamic.benches import STEP, TRUE, bench, made, tanks
 
 PUMP = "pump.transport-delay@pump"
 TAU = f"{PUMP}.tau"
-RECORDING = made()
+
+
+@functools.cache
+def recording() -> Recording:
+    """Of the plain plant."""
+    return made()
 
 
 def shown(joined: tuple[str, ...], tau: float = 0.0) -> Array:
     """Level of the lower tank, V."""
-    return bench(RECORDING).simulate(joined, {**TRUE, TAU: tau}).shown["lower.y"]
+    return bench(recording()).simulate(joined, {**TRUE, TAU: tau}).shown["lower.y"]
 
 
 @pytest.mark.parametrize("samples", [5, 25])
@@ -35,7 +43,7 @@ def test_no_dead_time_is_no_change() -> None:
 @pytest.mark.parametrize("name", [TAU, "upper.a", "pump.k"])
 def test_slopes_are_those_of_finite_differences(name: str) -> None:
     """Slopes are carried through the past; the dead time is off the kinks between samples."""
-    values, bench_ = {**TRUE, TAU: 5.4 * STEP}, bench(RECORDING)
+    values, bench_ = {**TRUE, TAU: 5.4 * STEP}, bench(recording())
     step = 1e-4 * values[name]
     below, above = (
         bench_.simulate((PUMP,), {**values, name: values[name] + side * step}).shown["lower.y"]
