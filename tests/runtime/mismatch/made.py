@@ -6,7 +6,9 @@ plans as the analysis, so these recordings test the analysis, not the equations.
 
 from __future__ import annotations
 
+import csv
 import functools
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +29,7 @@ from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.inference.series import series_csv
 from rulec.mismatch.result import Mismatch
 from tests.conftest import ROOT
 
@@ -184,3 +187,10 @@ def without(recording: Recording, *signals: str) -> Recording:
     """The same recording with columns left out."""
     kept = {name: v for name, v in recording.values.items() if name not in signals}
     return replace(recording, values=kept)
+
+
+def columns(found: Mismatch) -> dict[str, np.ndarray]:
+    """The table of the proof read back; NaN in empty cells."""
+    head, *rows = csv.reader(io.StringIO(series_csv(found.series)))
+    values = np.array([[float(cell) if cell else np.nan for cell in row] for row in rows])
+    return dict(zip(head, values.T, strict=True))

@@ -33,7 +33,8 @@ def told(made: SettledCase, folder: Path) -> Mismatch:
     [
         # It may be there for longer than it is not.
         pytest.param("leak", "fault", "leakage", marks=pytest.mark.prove),
-        ("clogged", "fault", "clogging"),  # a driver may turn about when it begins
+        # A driver may turn about when it begins.
+        pytest.param("clogged", "fault", "clogging", marks=pytest.mark.prove),
         # More than stated values can make room for.
         pytest.param("slip-laminar", "named", "slip-linear", marks=pytest.mark.prove),
         # A time constant that is not needed.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from dataclasses import replace
 
@@ -15,25 +13,17 @@ from rulec.mismatch.answer.writable import writable
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Judged
 from rulec.mismatch.evidence.stores.model import model_of
-from rulec.mismatch.inference import series as module
 from rulec.mismatch.inference.series import course_of, heldout_spans, series_csv
-from rulec.mismatch.result import Course, Mismatch, Series
+from rulec.mismatch.result import Course, Series
 from rulec.mismatch.search.stores.search import Found
 from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.mismatch.stores import explanation
 from tests.runtime.mismatch.dynamic.benches import bench, made
-from tests.runtime.mismatch.test_answers import CASES, answer, plant
+from tests.runtime.mismatch.made import columns
 from tests.runtime.mismatches import CANNOT_JUDGE, NAMED
 
 NAN = float("nan")
 THREE = np.array([0.0, 1.0, 2.0])
-
-
-def columns(found: Mismatch) -> dict[str, np.ndarray]:
-    """The table read back; NaN in empty cells."""
-    head, *rows = csv.reader(io.StringIO(series_csv(found.series)))
-    values = np.array([[float(cell) if cell else NAN for cell in row] for row in rows])
-    return dict(zip(head, values.T, strict=True))
 
 
 def test_a_cell_without_value_is_empty() -> None:
@@ -54,40 +44,6 @@ def test_a_cell_without_value_is_empty() -> None:
         "1,1,,1,1,1",
         "2,0,3,2,2,2",
     ] == table.splitlines()
-
-
-@pytest.mark.parametrize("name", ["warm", "healthy", "relief valve"])
-def test_errors_of_the_proof_follow_from_the_table(name: str) -> None:
-    """Also where nothing was found: the repaired model is then the recalibrated one."""
-    found = answer(name)
-    table = columns(found)
-    held = table["heldout [1]"] == 1
-    assert found.fits
-    for fit in found.fits:
-        course = {m: table[f"{fit.signal} {m} [{fit.unit}]"] for m in ("measured", *module.MODELS)}
-        for model in module.MODELS:
-            error = (course[model] - course["measured"])[held]
-            assert pytest.approx(getattr(fit.heldout, model), rel=1e-4) == np.sqrt(
-                np.mean(error**2)
-            )
-
-
-def test_spans_hold_the_held_out_samples_and_no_other() -> None:
-    """As the machine form tells them."""
-    found = answer("warm")
-    table = columns(found)
-    time, inside = table["time [s]"], np.zeros(len(table["time [s]"]), dtype=bool)
-    for since, until in mismatch_form(found, "x")["split"]["heldout"]:
-        inside |= (time >= since) & (time <= until)
-    np.testing.assert_array_equal(table["heldout [1]"] == 1, inside)
-
-
-def test_a_fit_names_its_residual() -> None:
-    """That which was solved for the reading in the search; errors are those of simulation."""
-    [first, *_] = mismatch_form(answer("warm"), "x")["fits"]
-    ruleset, _ = plant(CASES["warm"].plant)
-    assert first["relation"] in {r.id for r in ruleset.residuals}
-    assert first["simulated"] is True
 
 
 def test_plants_that_store_have_the_same_table() -> None:
