@@ -66,7 +66,6 @@ DOWNSTREAM = {
     "header": {"A": "H K1", "B": "H K1"},
     "half-header": {"A": "H K1", "B": "H K1"},
 }
-CASES = [(plant, fault.id) for plant in BRANCHES for fault in ruleset(plant).faults]
 
 
 def values(plant: str, fault: str = "", degree: float = 0.0) -> dict[str, Array]:
@@ -101,14 +100,15 @@ def test_named_residuals_have_the_rank_of_the_runtimes(plant: str) -> None:
     assert len(basis) == np.linalg.matrix_rank(named, tol=1e-9)
 
 
-@pytest.mark.parametrize(("plant", "fault"), CASES)
-def test_derived_signs_are_the_true_ones(plant: str, fault: str) -> None:
+@pytest.mark.parametrize("plant", BRANCHES)
+def test_derived_signs_are_the_true_ones(plant: str) -> None:
     """A fault of 20 % moves exactly the residuals that the matrix says, the way it says."""
     rules = ruleset(plant)
-    residuals = [r.id for r in rules.residuals]
-    found = evaluate(rules, values(plant, fault, 0.2))
+    form, residuals = json_form(rules), [r.id for r in rules.residuals]
     flow = rules.observer_by_id["A.pump"].reference
-    assert row_of(json_form(rules), fault) == signs(found, residuals, flow)
+    for fault in (f.id for f in rules.faults):
+        found = evaluate(rules, values(plant, fault, 0.2))
+        assert row_of(form, fault) == signs(found, residuals, flow), fault
 
 
 @pytest.mark.parametrize("plant", BRANCHES)
