@@ -31,7 +31,7 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
     assert dynamics is not None
     n = limits.SIGNATURE_SAMPLES
     time: Array = np.arange(n, dtype=np.float64) * limits.SIGNATURE_STEP
-    levels = [ruleset.signal_by_id[n].reference for n in dynamics.inputs]
+    levels = [ruleset.signal_by_id[name].reference for name in dynamics.inputs]
     paces = [limits.SIGNATURE_PACE + limits.SIGNATURE_PACES_APART * i for i in range(len(levels))]
     courses = [
         v * (1.0 + limits.SIGNATURE_SWING * np.sin(time / p))
@@ -49,7 +49,8 @@ def signature_of(ruleset: Ruleset) -> Signature | None:
         return None
     effects = slopes[:, :, len(starts) :]
     size = np.abs(effects).max(axis=(0, 2), initial=0.0)
-    mean = effects[n // 2 :].mean(axis=0) / np.where(size > 0, size, 1.0)[:, None]
+    size = np.where(size > 0, size, 1.0)[:, None]
+    mean = effects[n // 2 :].mean(axis=0) / size
     signs = np.where(np.abs(mean) > limits.SAME_EFFECT, np.sign(mean), 0.0).astype(int).T
     columns = (effects / size).reshape(-1, len(dynamics.faults))
     return Signature(
