@@ -116,7 +116,7 @@ def test_a_fault_that_goes_is_found_with_its_end() -> None:
 
 
 def test_evidence_is_in_the_unit_of_the_reading() -> None:
-    """A tank that gets too little stands lower than foretold; the other is as it should be."""
+    """A tank that gets too little stands lower than predicted; the other is as it should be."""
     said = judged("wastewater-lab", made("wastewater-lab", 0, ("tank1.lost-inflow", 0.2, 0.5)))
     first, second = said.findings[0].evidence
     assert ("tank1.l", "-", "-") == (first.residual, first.verdict, first.expected)

@@ -130,7 +130,7 @@ def test_matrix_marks_the_rows_found(leaking: Judged) -> None:
 
 
 def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
-    """All samples as read, and residuals with their limits against the baseline, l/h."""
+    """All samples as read, and residuals with their thresholds against the baseline, l/h."""
     recording, ruleset = judged.recording, judged.diagnosis.ruleset
     stretches, noise = settle(recording, ruleset)
     known = see_stretches(recording, ruleset, stretches, noise, "default")
@@ -140,8 +140,8 @@ def seen_alone(judged: Judged) -> tuple[Observed, Array, Array]:
     return seen[0].plain, values * 3.6e6, limits.THRESHOLD * u * 3.6e6
 
 
-def test_residuals_fire_where_they_exceed_their_limit(leaking: Judged) -> None:
-    """One triangle a judged sample beyond its limit, up or down; the leak of A lifts the estimates
+def test_residuals_fire_where_they_exceed_their_threshold(leaking: Judged) -> None:
+    """One triangle a judged sample beyond its threshold; the leak of A lifts the estimates
     of its pump on all 27 samples of three plateaus."""
     found = tree(leaking.page()).findall(".//figure[@id='residuals']//svg[@aria-label]")
     marks = {svg.get("aria-label"): [u.get("href") for u in svg.iter("use")] for svg in found}
@@ -172,7 +172,7 @@ def test_residuals_that_a_fault_leaves_alone_fire_as_seldom_as_chance(leaking: J
 
 
 def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
-    """Distance of the two estimates as drawn, how much of it is new, and the limit of that."""
+    """Distance of the two estimates as drawn, how much of it is new, and the threshold of that."""
     plain, values, thresholds = seen_alone(leaking)
     ruleset, last = leaking.diagnosis.ruleset, slice(51, 60)
     index = ruleset.observer_index
@@ -181,14 +181,14 @@ def test_caption_of_estimates_is_computed(leaking: Judged) -> None:
     expected = (
         f"Figure 1. The pump estimate of A stands {np.mean(pump - plant):.0f} l/h above the plant "
         f"estimate from 51 s to 59 s, up by {np.mean(values[row, last]):.0f} l/h against what was "
-        f"taken for fault-free, beyond the limit of {np.mean(thresholds[row, last]):.1f} l/h; "
+        f"taken for fault-free, beyond the threshold of {np.mean(thresholds[row, last]):.1f} l/h; "
         "2 other periods shown lie beyond it."
     )
     assert expected == caption(leaking.page(), "estimates")
 
 
 def test_caption_without_baseline_has_one_distance(abc: Ruleset) -> None:
-    """The paper knows no baseline: the distance drawn is the one compared with the limit."""
+    """The paper knows no baseline: the distance drawn is the one compared with the threshold."""
     recording = read_recording(EXAMPLES / "leakage_A.csv", abc)
     diagnosis = diagnose(recording, abc, "paper")
     judged = Judged(recording, diagnosis, trace(recording, abc, "paper"), None)
@@ -196,10 +196,10 @@ def test_caption_without_baseline_has_one_distance(abc: Ruleset) -> None:
     observed = observe(abc, points_of_samples(recording, abc, noise))
     row = [r.id for r in abc.residuals].index("A.pump-plant")
     distance = np.mean(observed.residuals[row, 51:60]) * 3.6e6
-    limit = limits.THRESHOLD * np.mean(observed.residual_u[row, 51:60]) * 3.6e6
+    threshold = limits.THRESHOLD * np.mean(observed.residual_u[row, 51:60]) * 3.6e6
     said = caption(judged.page(), "estimates")
     assert f"A stands {distance:.0f} l/h above the plant estimate from 51 s to 59 s, " in said
-    assert f"59 s, beyond the limit of {limit:.0f} l/h; " in said
+    assert f"59 s, beyond the threshold of {threshold:.0f} l/h; " in said
     assert "fault-free" not in judged.page()
 
 

@@ -20,7 +20,7 @@ def say_estimates(curves: Curves) -> str:
     """Which two estimates of the module disagree most, by how much and when.
 
     The picture shows the plain flows, so the distance is theirs. What counts as too much is
-    decided against the baseline, so the limit is that of what differs from it.
+    decided against the baseline, so the threshold is that of what differs from it.
     """
     module = curves.sides[0].module
     names = [
@@ -41,7 +41,8 @@ def say_estimates(curves: Curves) -> str:
     ]
     if not own:
         judged = counted(int(curves.judged.sum()), "judged sample")
-        return f"The estimates of {module} ({listed(names)}) agree within their limits in {judged}."
+        agree = f"The estimates of {module} ({listed(names)})"
+        return f"{agree} agree within their thresholds in {judged}."
     strongest = [(i, *curves.main_run(i, runs), len(runs)) for i, runs in own]
     i, first, last, times = max(strongest, key=lambda row: _excess(curves, *row[:3]))
     one, other = compared[i]
@@ -57,9 +58,11 @@ def say_estimates(curves: Curves) -> str:
 
 
 def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
-    """What of a distance the baseline leaves, and the limit of that."""
-    seen, limit = (float(np.mean(table[row, run])) for table in (curves.values, curves.thresholds))
-    beyond = f"beyond the limit of {number(limit, 2)} l/h"
+    """What of a distance the baseline leaves, and the threshold of that."""
+    seen, threshold = (
+        float(np.mean(table[row, run])) for table in (curves.values, curves.thresholds)
+    )
+    beyond = f"beyond the threshold of {number(threshold, 2)} l/h"
     if np.isclose(seen, apart, rtol=1e-9):
         return beyond
     way = "up" if seen > 0 else "down"
@@ -68,7 +71,7 @@ def _compared(curves: Curves, row: int, run: slice, apart: float) -> str:
 
 
 def excess(curves: Curves, row: int, runs: Sequence[tuple[int, int]]) -> float:
-    """Size of a residual over its limit, mean over the run where that is largest."""
+    """Size of a residual over its threshold, mean over the run where that is largest."""
     return max(_excess(curves, row, first, last) for first, last in runs)
 
 
@@ -78,7 +81,7 @@ def _excess(curves: Curves, row: int, first: int, last: int) -> float:
 
 
 def say_residuals(curves: Curves) -> str:
-    """Which residuals leave their limits, and how far."""
+    """Which residuals exceed their thresholds, and how far."""
     formed = int(curves.formed().sum())
     if not curves.judged.any():
         return "No sample was judged, so no residual counts as fired."
@@ -92,10 +95,12 @@ def say_residuals(curves: Curves) -> str:
         if not formed:
             return "No residual could be formed."
         none = (
-            f"None of the {formed} residuals leaves" if formed > 1 else "The residual never leaves"
+            f"None of the {formed} residuals exceeds"
+            if formed > 1
+            else "The residual never exceeds"
         )
-        return f"{none} its limit for three samples in a row{absent}."
-    names = _some([f"{name} ({number(times, 2)} times its limit)" for times, name in found])
+        return f"{none} its threshold for three samples in a row{absent}."
+    names = _some([f"{name} ({number(times, 2)} times its threshold)" for times, name in found])
     rest = formed - len(found)
     brief = " but for one or two samples" if curves.fired().any(axis=1).sum() > len(found) else ""
     stay = f"; the other {rest} stay{'s' * (rest == 1)} inside{brief}" if rest else ""

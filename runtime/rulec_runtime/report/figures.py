@@ -78,7 +78,7 @@ def draw_residuals(curves: Curves) -> Figure:
     for i in map(int, drawable):
         times = excess(curves, i, lasting[i]) if i in lasting else 0.0
         parts.append(_residual_panel(curves, i, times, i == drawable[-1]))
-    key = ["shaded: zero within its limit", "▲ fired upwards, ▼ downwards"]
+    key = ["shaded: within the threshold", "▲ fired upwards, ▼ downwards"]
     key += ["zero: what was taken for fault-free"] if curves.learned else []
     key += ["only judged samples are drawn"] if _is_long(curves) else []
     key += _grey(curves.time, curves.judged)
@@ -94,23 +94,25 @@ def draw_residuals(curves: Curves) -> Figure:
 
 
 def _residual_panel(curves: Curves, row: int, times: float, last: bool) -> str:
-    """One residual; `times` is its size over its limit where it lasts, 0 if it never does."""
-    value, limit = curves.values[row], curves.thresholds[row]
+    """One residual; `times` is its size over its threshold where it lasts, 0 if it never does."""
+    value, threshold = curves.values[row], curves.thresholds[row]
     if _is_long(curves):
         # Transients are much larger than faults: over a long time they would hide everything.
-        value, limit = (np.where(curves.judged, part, np.nan) for part in (value, limit))
+        value, threshold = (np.where(curves.judged, part, np.nan) for part in (value, threshold))
     panel = Panel(
-        _time(curves.time), _range(curves, np.fmin(value, -limit), np.fmax(value, limit), 3), 76
+        _time(curves.time),
+        _range(curves, np.fmin(value, -threshold), np.fmax(value, threshold), 3),
+        76,
     )
     drawn = [
         _unjudged(panel, curves.time, curves.judged),
-        panel.band(*thin_band(curves.time, -limit, limit), "zero"),
+        panel.band(*thin_band(curves.time, -threshold, threshold), "zero"),
         panel.curve(*thin_series(curves.time, value), "plain"),
     ]
     fired = curves.fired()[row]
     state = "brief" if fired.any() else "inside"
     state = state if curves.formed()[row] else "not judged"
-    fixed = [panel.beside(f"{number(times, 2)} × limit" if times else state, bool(times))]
+    fixed = [panel.beside(f"{number(times, 2)} × threshold" if times else state, bool(times))]
     for symbol, chosen in (("up", fired & (value > 0)), ("down", fired & (value < 0))):
         index = thin_marks(curves.time, np.abs(value), chosen, MARKS)
         fixed.append(panel.marks(curves.time[index], value[index], symbol, "fired"))

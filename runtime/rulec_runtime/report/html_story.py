@@ -118,7 +118,7 @@ def _sensor(diagnosis: Diagnosis, found: SensorFinding) -> str:
 
 
 def _card(diagnosis: Diagnosis, finding: Finding) -> str:
-    """One fault: what, how large, when, how sure, what to do."""
+    """One fault: what, how large, when, how probable, what to do."""
     fault, ruleset = finding.fault, diagnosis.ruleset
     rows = [
         (
@@ -127,7 +127,7 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
             f"({safe(bounds(finding.lower, finding.upper, fault.unit))}), {safe(fault.meaning)}",
         ),
         ("When", safe(_when(diagnosis, finding))),
-        ("How sure", safe(_sure(diagnosis, finding))),
+        ("Probability", safe(_probability(diagnosis, finding))),
         ("What to do", safe(actions(ruleset, finding))),
     ]
     if finding.alternatives:
@@ -159,7 +159,7 @@ def _when(diagnosis: Diagnosis, finding: Finding) -> str:
     return f"{text}, the largest of {len(same)} findings {whole}"
 
 
-def _sure(diagnosis: Diagnosis, finding: Finding) -> str:
+def _probability(diagnosis: Diagnosis, finding: Finding) -> str:
     if diagnosis.mode == "paper":
         return "not said: paper mode names the fault with the largest degree and weighs no other"
     text = f"{percent(finding.probability)} among the known faults"
@@ -172,7 +172,7 @@ def _summary(diagnosis: Diagnosis) -> str:
     body = "".join(_summary_row(row, diagnosis.mode != "paper") for row in rows)
     return (
         '<div class="scroll"><table><thead><tr><th></th><th>fault</th><th class="num">degree</th>'
-        '<th class="num">95 % bounds</th><th class="num">when</th><th class="num">sure</th>'
+        '<th class="num">95 % bounds</th><th class="num">when</th><th class="num">probability</th>'
         f"</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
@@ -180,8 +180,8 @@ def _summary(diagnosis: Diagnosis) -> str:
 def _summary_row(row: Row, weighed: bool) -> str:
     unit, low = row.fault.unit, row.degrees[0]
     found = degree(low, unit) if row.alike else _between(unit, *row.degrees)
-    sure = percent(row.probability) if weighed else "–"
-    cells = (found, _between(unit, *row.bounds), row.when, sure)
+    probability = percent(row.probability) if weighed else "–"
+    cells = (found, _between(unit, *row.bounds), row.when, probability)
     numbers = "".join(f'<td class="num">{safe(c)}</td>' for c in cells)
     return (
         f"<tr><td>{badge(row.fault.status, True)}</td><td>{safe(row.fault.id)}</td>{numbers}</tr>"
@@ -193,7 +193,7 @@ def _between(unit: str, low: float, high: float) -> str:
 
 
 def evidence(diagnosis: Diagnosis) -> Iterator[str]:
-    """Per fault: residuals against their limits, and the estimates behind them."""
+    """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
         title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
         residuals = _residuals(diagnosis.ruleset, finding)
@@ -217,10 +217,10 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
     more = f'<p class="soft">and {counted(left, "other residual")}</p>' if left > 0 else ""
     what, unit = "estimates that should agree", " [l/h]"
     if ruleset.dynamics is not None:
-        what, unit = "readings that balances foretell", ""
+        what, unit = "readings that balances predict", ""
     return (
         f'<div class="scroll"><table><thead><tr><th>{what}</th>'
-        f'<th class="num">differ by{unit}</th><th class="num">limit{unit}</th>'
+        f'<th class="num">differ by{unit}</th><th class="num">threshold{unit}</th>'
         '<th class="mid">fired</th><th class="mid">expected</th><th></th></tr></thead>'
         f"<tbody>{body}</tbody></table></div>{more}"
     )
@@ -229,10 +229,11 @@ def _residuals(ruleset: Ruleset, finding: Finding) -> str:
 def _residual_row(ruleset: Ruleset, finding: Finding, e: Evidence) -> str:
     kind, words = agreement(ruleset, finding, e)
     row = told_residual(ruleset, e, LITRES)
-    value, limit = row.value.replace("-", "−"), row.limit
+    value, threshold = row.value.replace("-", "−"), row.threshold
     fired, expected = (s.replace("-", "−") for s in (e.verdict, e.expected))
     return (
-        f'<tr><td>{safe(e.residual)}</td><td class="num">{value}</td><td class="num">{limit}</td>'
+        f'<tr><td>{safe(e.residual)}</td><td class="num">{value}</td>'
+        f'<td class="num">{threshold}</td>'
         f'<td class="mid">{safe(fired)}</td><td class="mid">{safe(expected)}</td>'
         f'<td class="{kind}">{safe(words)}</td></tr>'
     )

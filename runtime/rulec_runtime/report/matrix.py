@@ -19,7 +19,7 @@ def matrix(diagnosis: Diagnosis) -> str:
     body = "".join(_row(diagnosis, fault, residuals, fault.id in found) for fault in faults)
     note = f'<p class="key">{safe(part)}</p>' if part else ""
     return (
-        '<p class="key">+ rises, − falls, · no effect; below: smallest degree that leaves the limit'
+        '<p class="key">+ rises, − falls, · no effect; below: smallest degree beyond the threshold'
         f' at the reference point; bold rows: diagnosed here</p>{note}<div class="scroll">'
         f'<table class="matrix"><thead><tr><th></th>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"

@@ -52,7 +52,7 @@ def _nothing(diagnosis: Diagnosis) -> str:
     if diagnosis.unknown:
         return "<p>The pictures show which estimates disagree; no known fault explains how.</p>"
     if diagnosis.ruleset.dynamics is not None:
-        return "<p>All readings are as the balances foretell, wherever they could be judged.</p>"
+        return "<p>All readings are as the balances predict, wherever they could be judged.</p>"
     return (
         "<p>All estimates of the same flow agree within their uncertainty wherever the recording "
         "could be judged.</p>"

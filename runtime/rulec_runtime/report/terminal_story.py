@@ -67,8 +67,8 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
     if not diagnosis.findings:
         return
     table = Table(box=None, padding=(0, 1), pad_edge=False)
-    for title in ("", "fault", "degree", "95 % bounds", "when", "sure"):
-        table.add_column(title, justify="right" if title == "sure" else "left", no_wrap=True)
+    for title in ("", "fault", "degree", "95 % bounds", "when", "probability"):
+        table.add_column(title, justify="right" if title == "probability" else "left", no_wrap=True)
     for row in sorted(rows_of(diagnosis.findings, diagnosis.calendar), key=lambda r: -r.times):
         _add(table, row)
     out.print(table)
@@ -139,8 +139,8 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
 
 def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
     table = Table(box=None, padding=(0, 1), pad_edge=False)
-    for title in ("residual", "value", "limit", "fired", "expected", ""):
-        justify = "right" if title in ("value", "limit") else "left"
+    for title in ("residual", "value", "threshold", "fired", "expected", ""):
+        justify = "right" if title in ("value", "threshold") else "left"
         table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     flow = flow_unit(ruleset)
     for e in evidence_first(finding)[:LISTED]:
@@ -149,7 +149,7 @@ def _residual_table(ruleset: Ruleset, finding: Finding) -> Table:
         table.add_row(
             e.residual,
             row.value if e.verdict != "invalid" else "-",
-            row.limit if e.verdict != "invalid" else "-",
+            row.threshold if e.verdict != "invalid" else "-",
             e.verdict,
             e.expected,
             styled("[{}]{}[/]", _AGREEMENT.get(kind, "dim"), words),

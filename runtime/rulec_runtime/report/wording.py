@@ -60,11 +60,11 @@ def flow_unit(ruleset: Ruleset) -> FlowUnit:
 
 @dataclass(frozen=True)
 class Told:
-    """A residual as it is told: its value and limit in `unit`; "–" where it is not available."""
+    """A residual as it is told: value and threshold in `unit`; "–" where it is not available."""
 
     unit: str
     value: str
-    limit: str
+    threshold: str
 
 
 def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> Told:
@@ -74,16 +74,16 @@ def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> Told:
     if evidence.verdict == "invalid":
         return Told(unit, "–", "–")
     if signal is None:
-        value, limit = flow.factor * evidence.value, flow.factor * evidence.threshold
-        return Told(unit, f"{value:.1f}", f"±{limit:.1f}")
-    value, limit = evidence.value / signal.factor, evidence.threshold / signal.factor
-    return Told(unit, f"{value:.3g} {unit}", f"±{limit:.2g} {unit}")
+        value, threshold = flow.factor * evidence.value, flow.factor * evidence.threshold
+        return Told(unit, f"{value:.1f}", f"±{threshold:.1f}")
+    value, threshold = evidence.value / signal.factor, evidence.threshold / signal.factor
+    return Told(unit, f"{value:.3g} {unit}", f"±{threshold:.2g} {unit}")
 
 
 def ground(ruleset: Ruleset) -> str:
     """What a finding rests on."""
     if ruleset.dynamics is not None:
-        return "these readings are not what the balances foretell"
+        return "these readings are not what the balances predict"
     return "these estimates of the same flow disagree"
 
 

@@ -1,7 +1,7 @@
 """Sensor health before physics: which readings of a recording are none, and why.
 
 What a reading says by itself comes first (its range, its noise, the clock), then what it says
-against what the others foretell. What is found is taken out, so that the rest is judged without
+against what the others predict. What is found is taken out, so that the rest is judged without
 it: the readings become NaN, and what needs them is not judged.
 """
 
@@ -50,8 +50,8 @@ class Health:
 def examine(recording: Recording, ruleset: Ruleset, *, by_model: bool = True) -> Health:
     """Judge the sensors of a recording.
 
-    `by_model` compares readings with what the ruleset foretells as well; a plant that is yet to be
-    calibrated, or of which the model itself is in doubt, foretells nothing.
+    `by_model` compares readings with what the ruleset predicts as well; a plant that is yet to be
+    calibrated, or of which the model itself is in doubt, predicts nothing.
     """
     if recording.unfit is not None:
         return Health((), recording)
@@ -140,7 +140,7 @@ def _clock(recording: Recording) -> list[SensorFinding]:
 
 
 def dead_of(recording: Recording, ruleset: Ruleset) -> list[Found]:
-    """Readings that are dead, by what the others foretell."""
+    """Readings that are dead, by what the others predict."""
     if ruleset.dynamics is not None:
         return []
     bench = bench_of(recording, ruleset)

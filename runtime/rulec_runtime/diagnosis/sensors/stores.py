@@ -1,6 +1,6 @@
-"""Readings of a plant that stores, against what its balances foretell from what is given.
+"""Readings of a plant that stores, against what its balances predict from what is given.
 
-Balances from their nominal start foretell no exact level, but whether one should be there at all,
+Balances from their nominal start predict no exact level, but whether one should be there at all,
 and whether it should move.
 """
 
@@ -32,9 +32,9 @@ def silent_readings(
     silent = [n for n in names if never_moves(recording.values[n])]
     if not silent or not _given_moves(recording, dynamics):
         return
-    foretold = _foretold(recording, ruleset, dynamics)
+    predicted = _predicted(recording, ruleset, dynamics)
     for name in silent:
-        signal, course = ruleset.signal_by_id[name], foretold.get(name)
+        signal, course = ruleset.signal_by_id[name], predicted.get(name)
         if course is None:
             continue
         values = recording.values[name]
@@ -67,7 +67,7 @@ def _should_move(signal: SignalSpec, shown: float, course: Array) -> bool:
     return bool(np.ptp(course) > hidden)
 
 
-def _foretold(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:
+def _predicted(recording: Recording, ruleset: Ruleset, dynamics: Dynamics) -> dict[str, Array]:
     """Course of every output by the balances as they stand, shape (n,), SI; none without inputs."""
     table = [filled(recording.values[n]) for n in dynamics.inputs]
     begins = zip(dynamics.states, nominal_starts(dynamics).tolist(), strict=True)

@@ -1,7 +1,7 @@
-"""What a finding rests on: how far readings are from what the balances foretell.
+"""What a finding rests on: how far readings are from what the balances predict.
 
 From the last window without a deviation the balances are followed into the first that is faulty
-from its beginning to its end; what they foretell there is compared with what was measured.
+from its beginning to its end; what they predict there is compared with what was measured.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rulec_runtime.simulation.balances import RanAway
 def evidence_of(
     model: Model, windows: Windows, judged: Sequence[Judged], spell: Spell, cause: Cause
 ) -> tuple[Evidence, ...]:
-    """One entry per reading that balances foretell."""
+    """One entry per reading that balances predict."""
     target = judged[spell.first + min(2, spell.last - spell.first - 1)]
     before = judged[spell.first - 1] if spell.first else None
     usable = before is not None and before.plain is not None and not before.deviating
