@@ -95,7 +95,7 @@ def _show_stores(out: Console, stores: Signature) -> None:
     for fault, signs in zip(stores.faults, stores.signs, strict=True):
         table.add_row(fault, *(marks[s] for s in signs))
     out.print(table)
-    legend = "+ the reading stands higher than the balances foretell, - lower, · as they do"
+    legend = "+ the reading stands higher than the balances predict, - lower, · as they do"
     out.print(styled("[dim]{}[/]", legend))
     for group in stores.alike:
         out.print(f"  {', '.join(group)}: act alike on all readings")
