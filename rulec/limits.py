@@ -332,3 +332,60 @@ CONFIDENCE = 0.95
 ADOPTED_AGREEMENT = 1e-3
 """Share by which an error of the adopted plant may differ from the one reported: digits in files,
 and solvers. Origin: assumed."""
+
+# Simulation
+
+NEWTON_STEPS = 30
+"""Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
+
+NEWTON_CONVERGED = 1e-7
+"""Last step, in units of the unknowns' scales. Origin: numerical; Newton squares it, so the result
+is better."""
+
+SHRINKS = 0.5
+"""Each step over the one before, at most, where a solution is near. Origin: source, natural
+monotonicity test, Deuflhard 2004, Newton Methods for Nonlinear Problems, sec. 3.3."""
+
+FIRST_SHARE = 0.25
+"""Share of the way from the reference point that is tried first. Origin: numerical."""
+
+SHORTEST_SHARE = 1.0 / 65536.0
+"""Share of the way below which the way counts as ended. Origin: numerical."""
+
+NO_FLOW = 1e-4
+"""Share of the reference flow that stands for none. Pressures and torques change by less than this
+share between it and zero. Origin: numerical, above `SHORTEST_SHARE`."""
+
+OTHER_ROWS = 24
+"""Rows in which another operating point is looked for, spread over the recording. Origin:
+assumed."""
+
+OTHER_STARTS = (0.25, 0.5, 2.0, 4.0)
+"""Factors on the readings found, from which another operating point is looked for. Origin:
+assumed."""
+
+OTHER_POINT = 1e-3
+"""Share of a reading by which another operating point differs. Origin: assumed."""
+
+GAP_STEPS = 10_000
+"""Steps in a gap of the recording at most; with inputs that stand still all has settled by then.
+Origin: assumed."""
+
+SIGNATURE_SAMPLES = 400
+"""Samples of the course in which effects of faults are compared. Origin: assumed."""
+
+SIGNATURE_STEP = 2.0
+"""Seconds between them. Origin: assumed."""
+
+SIGNATURE_SWING = 0.2
+"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
+
+SIGNATURE_PACE = 40.0
+"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
+
+SIGNATURE_PACES_APART = 17.0
+"""Seconds per radian by which each further one is slower. Origin: assumed."""
+
+SAME_EFFECT = 1e-6
+"""Effects are alike if they differ by less than this share when scaled to each other. Origin:
+numerical."""

@@ -35,6 +35,7 @@ ROOMS = (
     "rulec.language",
     "rulec.knowledge",
     "rulec.algebra",
+    "rulec.simulation",
     "rulec.passes",
     "rulec.effects",
     "rulec.calibration",

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rulec_runtime.simulation.equations import equations_of
 from scipy.stats import beta
 
 from rulec.cli import main
 from rulec.passes.perturb import perturbed, true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
+from rulec.simulation.equations import equations_of
 from rulec.study.campaign import Group, Settings, record, run_group
 from rulec.study.judge import Kind, Outcome
 from rulec.study.points import operating_points, range_of

@@ -12,7 +12,6 @@ from rulec_runtime.commands.destinations import console
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.text import number
-from rulec_runtime.simulation.equations import SimulationRefused
 
 from rulec.commands.made_from import AGAIN, check_unchanged
 from rulec.effects.adopt import Adoption
@@ -23,6 +22,7 @@ from rulec.language.diagnostics import Refused
 from rulec.limits import ADOPTED_AGREEMENT
 from rulec.mismatch.answer.public import row_errors, simulated
 from rulec.passes.pipeline import compile_plant
+from rulec.simulation.equations import SimulationRefused
 
 
 def run(options: argparse.Namespace) -> int:

@@ -18,7 +18,7 @@ from rulec_runtime.output.terminal import styled
 from rulec.passes.pipeline import compile_plant
 
 if TYPE_CHECKING:
-    from rulec_runtime.diagnosis.stores.signature import Signature
+    from rulec.simulation.signature import Signature
 
 NARROW = 7
 """Characters a column of the matrix takes."""
@@ -80,7 +80,7 @@ def _of_stores(ruleset: Ruleset) -> Signature | None:
     if ruleset.dynamics is None:
         return None
     # The integrator takes a second to load, and plants that store nothing do without it.
-    from rulec_runtime.diagnosis.stores.signature import signature_of
+    from rulec.simulation.signature import signature_of
 
     return signature_of(ruleset)
 

@@ -13,11 +13,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import say_aside, styled
 from rulec_runtime.output.write_file import written
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
-from rulec_runtime.recordings.rewrite import rewrite
-from rulec_runtime.simulation.predict import Prediction, predict
-from rulec_runtime.simulation.prediction import Injected
 
 from rulec.commands.diagnose import load
+from rulec.simulation.predict import Prediction, predict
+from rulec.simulation.prediction import Injected
+from rulec.simulation.rewrite import rewrite
 
 SHOWN = 6
 

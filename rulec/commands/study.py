@@ -18,12 +18,12 @@ from rulec_runtime.commands.destinations import console, without_folder, write_j
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import styled, terminal
-from rulec_runtime.simulation.equations import equations_of
-from rulec_runtime.simulation.sensing import SensorErrors
 
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
 from rulec.passes.types import Compilation
+from rulec.simulation.equations import equations_of
+from rulec.simulation.sensing import SensorErrors
 from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
 from rulec.study.json_form import study_form
 from rulec.study.points import Points, operating_points

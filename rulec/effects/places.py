@@ -11,8 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from rulec_runtime.contract.tangent import run_with_slopes
-
+from rulec.algebra.tangent import run_with_slopes
 from rulec.knowledge.module_type import (
     ENDS,
     INFLOW,

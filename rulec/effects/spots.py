@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.tangent import run_with_slopes
 
+from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import Spot
 from rulec.effects.places import Site, Survey
 from rulec.knowledge.module_type import OUTFLOW, ModuleType

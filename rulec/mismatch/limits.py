@@ -717,3 +717,18 @@ Origin: assumed."""
 SAME_ERROR = 1e-6
 """Share by which an error may exceed another and still be the same: digits of files and solvers.
 Origin: numerical."""
+
+# Displays with coarse steps.
+
+COARSE_LEVELS = 4
+"""Levels of a coarse display at least. Origin: assumed."""
+
+COARSE_SHOWN = 8
+"""Readings of each level of a coarse display, on average, at least. Origin: assumed."""
+
+COARSE_BEYOND = 5.0
+"""Step of a coarse display at least, in standard uncertainties of its class. Origin: assumed."""
+
+COARSE_UNEVEN = 0.1
+"""How far a level of a coarse display may be off the raster of the others, in steps. Origin:
+assumed."""

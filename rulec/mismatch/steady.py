@@ -12,7 +12,6 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.observe import check_readings
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import counted, fixed, listed
-from rulec_runtime.simulation.predict import predict
 
 from rulec.effects.candidate import Candidate, Spot
 from rulec.effects.model_builder import ModelBuilder
@@ -39,6 +38,7 @@ from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.search import Search, search
+from rulec.simulation.predict import predict
 
 SHOWN = 4
 """Readings that are named where many have no number."""

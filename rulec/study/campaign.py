@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.simulation.equations import Equations, equations_of
-from rulec_runtime.simulation.sensing import SensorErrors, sense
-from rulec_runtime.simulation.simulate import Simulated, simulate_with
 
+from rulec.simulation.equations import Equations, equations_of
+from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.simulate import Simulated, simulate_with
 from rulec.study.judge import Kind, Outcome, judge, share
 from rulec.study.points import Points
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
-from rulec_runtime.simulation.equations import Equations, SimulationRefused
-from rulec_runtime.simulation.simulate import simulate_with
 
 from rulec.limits import HIGHEST_INPUT, LOWEST_INPUT, POINT_ROUNDS, STUDY_SEED
+from rulec.simulation.equations import Equations, SimulationRefused
+from rulec.simulation.simulate import simulate_with
 
 
 @dataclass(frozen=True)

@@ -133,19 +133,6 @@ independent truth leaps by 0.15 at most, the flow in six tables of pump curves b
 
 # Noise and display of a reading ----------------------------------------------------------------
 
-COARSE_LEVELS = 4
-"""Levels of a coarse display at least. Origin: assumed."""
-
-COARSE_SHOWN = 8
-"""Readings of each level of a coarse display, on average, at least. Origin: assumed."""
-
-COARSE_BEYOND = 5.0
-"""Step of a coarse display at least, in standard uncertainties of its class. Origin: assumed."""
-
-COARSE_UNEVEN = 0.1
-"""How far a level of a coarse display may be off the raster of the others, in steps. Origin:
-assumed."""
-
 FEWEST_FOR_CORRELATION = 8
 """Samples below which errors count as independent. Origin: assumed."""
 
@@ -531,66 +518,11 @@ LEAST_CURVATURE = 1e-12
 """Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
 numerical."""
 
-SIGNATURE_SAMPLES = 400
-"""Samples of the course in which effects of faults are compared. Origin: assumed."""
-
-SIGNATURE_STEP = 2.0
-"""Seconds between them. Origin: assumed."""
-
-SIGNATURE_SWING = 0.2
-"""Share of its reference by which each given reading swings in that course. Origin: assumed."""
-
-SIGNATURE_PACE = 40.0
-"""Seconds per radian of the swing of the first given reading. Origin: assumed."""
-
-SIGNATURE_PACES_APART = 17.0
-"""Seconds per radian by which each further one is slower. Origin: assumed."""
-
-SAME_EFFECT = 1e-6
-"""Effects are alike if they differ by less than this share when scaled to each other. Origin:
-numerical."""
-
 # Simulation --------------------------------------------------------------------------------------
-
-NEWTON_STEPS = 30
-"""Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
-
-NEWTON_CONVERGED = 1e-7
-"""Last step, in units of the unknowns' scales. Origin: numerical; Newton squares it, so the result
-is better."""
 
 LONGEST_STEP = 0.5
 """No damped step moves an unknown by more than this share of its scale: laws may end nearby.
 Origin: numerical."""
-
-SHRINKS = 0.5
-"""Each step over the one before, at most, where a solution is near. Origin: source, natural
-monotonicity test, Deuflhard 2004, Newton Methods for Nonlinear Problems, sec. 3.3."""
-
-FIRST_SHARE = 0.25
-"""Share of the way from the reference point that is tried first. Origin: numerical."""
-
-SHORTEST_SHARE = 1.0 / 65536.0
-"""Share of the way below which the way counts as ended. Origin: numerical."""
-
-NO_FLOW = 1e-4
-"""Share of the reference flow that stands for none. Pressures and torques change by less than this
-share between it and zero. Origin: numerical, above `SHORTEST_SHARE`."""
-
-OTHER_ROWS = 24
-"""Rows in which another operating point is looked for, spread over the recording. Origin:
-assumed."""
-
-OTHER_STARTS = (0.25, 0.5, 2.0, 4.0)
-"""Factors on the readings found, from which another operating point is looked for. Origin:
-assumed."""
-
-OTHER_POINT = 1e-3
-"""Share of a reading by which another operating point differs. Origin: assumed."""
-
-GAP_STEPS = 10_000
-"""Steps in a gap of the recording at most; with inputs that stand still all has settled by then.
-Origin: assumed."""
 
 STATISTICAL_SHARE = 0.3
 """Standard deviation of the statistical error of a simulated sensor, as a share of the systematic

@@ -17,11 +17,11 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.simulation.equations import equations_of
-from rulec_runtime.simulation.simulate import simulate_with
 
 from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth import RIGS, fault_replay, healthy_run, record, write_csv
+from rulec.simulation.equations import equations_of
+from rulec.simulation.simulate import simulate_with
 from tests.bench.conftest import Results
 from tests.bench.rigs import side_by_side
 from tests.bench.test_plan import BLOCK, block, by_lambdify, in_blocks, nanoseconds

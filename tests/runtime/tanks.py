@@ -10,9 +10,9 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.stores.freed import freed, start_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.simulation.sensing import SensorErrors, sense
 
 from rulec.passes.pipeline import compile_plant
+from rulec.simulation.sensing import SensorErrors, sense
 from tests.conftest import ROOT
 
 Fault = tuple[str, float, float]

@@ -7,9 +7,9 @@ import pytest
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.wording import actions, headline
-from rulec_runtime.simulation.sensing import SensorErrors, sense
-from rulec_runtime.simulation.simulate import simulate
 
+from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.simulate import simulate
 from tests.conftest import compiled
 
 SAMPLES = 240

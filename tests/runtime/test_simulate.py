@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.simulation.equations import Equations, SimulationRefused, equations_of
-from rulec_runtime.simulation.sensing import SensorErrors, sense
-from rulec_runtime.simulation.simulate import simulate, simulate_with
 
 from rulec.algebra.eliminate import independent_without, solved_for
 from rulec.algebra.matching import match, surplus
 from rulec.passes.pipeline import compile_plant
 from rulec.prove import truth
+from rulec.simulation.equations import Equations, SimulationRefused, equations_of
+from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.simulate import simulate, simulate_with
 from tests.conftest import ROOT, compiled
 from tests.method.readings import built, evaluate, ruleset, to_si
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import UNARY, Plan
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.contract.tangent import run_with_slopes
 
+from rulec.algebra.tangent import run_with_slopes
 from tests.conftest import compiled
 
 PLANTS = ("abc", "esp-pump", "hsy-pumping", "mixing-rig", "zema-hydraulic")

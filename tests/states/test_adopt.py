@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording_file import read_file
-from rulec_runtime.simulation.predict import predict
 
 from rulec.cli import main
 from rulec.effects.adopt import adopt
@@ -22,6 +21,7 @@ from rulec.effects.write_plant import plant_files
 from rulec.knowledge.module_type import ModuleType
 from rulec.knowledge.read import read_plant
 from rulec.passes.pipeline import compile_plant
+from rulec.simulation.predict import predict
 from tests.conftest import ROOT
 from tests.states.plants import TANKS, random_inputs, write_inputs
 from tests.test_adopt import Found, adopted, mismatch, models_of, opened

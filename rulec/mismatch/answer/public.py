@@ -18,8 +18,6 @@ from rulec_runtime.recordings.header import Header
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.report.text import number
-from rulec_runtime.simulation.equations import SimulationRefused
-from rulec_runtime.simulation.predict import predict
 
 from rulec.effects.adopted_plant import trial
 from rulec.effects.candidate import Unwritable
@@ -29,6 +27,8 @@ from rulec.mismatch.answer.verdict import is_spoiled
 from rulec.mismatch.evidence.samples import inside_of
 from rulec.mismatch.inference.prove import rms
 from rulec.mismatch.result import Check, Fit, Repair
+from rulec.simulation.equations import SimulationRefused
+from rulec.simulation.predict import predict
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rulec_runtime.simulation.equations import SimulationRefused
-
 from rulec.effects.adopt import why_not
 from rulec.effects.candidate import Candidate, Unwritable
 from rulec.effects.model_builder import ModelBuilder
@@ -22,6 +20,7 @@ from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import course_of
 from rulec.mismatch.result import Fit, Series
+from rulec.simulation.equations import SimulationRefused
 
 UNDRIVEN = "what drives it is not recorded"
 

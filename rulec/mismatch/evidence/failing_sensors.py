@@ -16,13 +16,13 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.conditions import STUCK, SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.observe import outside_range
-from rulec_runtime.recordings.coarse_steps import coarse_step
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import glitches_in
 
 from rulec.mismatch import limits
+from rulec.mismatch.evidence.coarse_steps import coarse_step
 from rulec.mismatch.result import Finding, Location, Period
 
 

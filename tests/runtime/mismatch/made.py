@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.contract.tangent import run_with_slopes
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.simulation.sensing import SensorErrors, sense
 
+from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, BaseParameters
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
@@ -31,6 +30,7 @@ from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.inference.series import series_csv
 from rulec.mismatch.result import Mismatch
+from rulec.simulation.sensing import SensorErrors, sense
 from tests.conftest import ROOT
 
 HOLD = 12

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.simulation.simulate import simulate
 
 from rulec.mismatch.evidence.steady.configuration import Setting
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.simulation.simulate import simulate
 from tests.runtime.mismatch.made import (
     alone,
     opened,

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ResidualSpec, SignalSpec
-from rulec_runtime.contract.tangent import run_with_slopes
 from rulec_runtime.recordings.reading_unit import parse_unit
-from rulec_runtime.simulation.shut_off import is_flow
 
+from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
 from rulec.mismatch.evidence.steady.system import System
+from rulec.simulation.shut_off import is_flow
 
 
 @dataclass(frozen=True)

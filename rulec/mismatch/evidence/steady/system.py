@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
-from rulec_runtime.contract.tangent import run_with_slopes
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 
+from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, Candidate
 from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch.evidence.steady.configuration import CHANGE, ERROR, Setting

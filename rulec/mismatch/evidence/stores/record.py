@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.autocorrelation_time import Flags
-from rulec_runtime.recordings.coarse_steps import coarse_step
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import standing_still
 from rulec_runtime.recordings.stationary import systematic_u
 from rulec_runtime.recordings.thin import filled, glitches_in, resolution, thinned
 
 from rulec.mismatch import limits
+from rulec.mismatch.evidence.coarse_steps import coarse_step
 from rulec.mismatch.evidence.samples import (
     ESTIMATION,
     HELDOUT,

@@ -11,12 +11,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
-from rulec_runtime.simulation.sensing import SensorErrors, sense
-from rulec_runtime.simulation.simulate import simulate
 
 from rulec.algebra.graph import Graph
 from rulec.effects.candidate import TIME, Candidate, Unknown
 from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.simulation.sensing import SensorErrors, sense
+from rulec.simulation.simulate import simulate
 from tests.rig.mismatch.planted.course import RIGS
 
 STATISTICAL = SensorErrors().statistical

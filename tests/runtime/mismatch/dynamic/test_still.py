@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.coarse_steps import coarse_step
 from rulec_runtime.recordings.standing_still import runs_of_equals, standing_still
+
+from rulec.mismatch.evidence.coarse_steps import coarse_step
 
 COURSE = 3.0 + np.sin(np.arange(600) / 40.0)
 NOISY = np.round(COURSE + 0.02 * np.random.default_rng(1).standard_normal(600), 3)

@@ -13,9 +13,10 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.limits import LONGEST_STEP
+
+from rulec import limits
 
 Index = NDArray[np.intp]
 
@@ -114,7 +115,7 @@ def newton(
             break
         step = _solve_each(slopes[live], -left[live])
         longest = np.abs(step).max(axis=1)
-        factor = damping[live] * limits.LONGEST_STEP / np.maximum(longest, limits.LONGEST_STEP)
+        factor = damping[live] * LONGEST_STEP / np.maximum(longest, LONGEST_STEP)
         trial = at[live] + factor[:, None] * step
         trial_left, trial_slopes = systems.linearised(trial, share[live], index[live])
         trial_size = _length(trial_left)

@@ -15,17 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.simulation.equations import (
+
+from rulec.simulation.equations import (
     Equations,
     SimulationRefused,
     StepEquations,
     equations_of,
 )
-from rulec_runtime.simulation.newton import Index, Systems, follow
-from rulec_runtime.simulation.operating_points import OperatingPoints
+from rulec.simulation.newton import Index, Systems, follow
+from rulec.simulation.operating_points import OperatingPoints
 
 __all__ = ["Simulated", "SimulationRefused", "simulate", "simulate_with"]
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec, SimulationStep
 

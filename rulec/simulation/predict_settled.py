@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec
 from rulec_runtime.recordings.recording_file import RecordingFile
-from rulec_runtime.simulation.equations import Equations, SimulationRefused
-from rulec_runtime.simulation.other_points import other_point
-from rulec_runtime.simulation.prediction import Exact, Injected, recorded_of, rows
-from rulec_runtime.simulation.shut_off import nearly_shut, without_flow
-from rulec_runtime.simulation.simulate import Simulated, simulate_with
+
+from rulec.simulation.equations import Equations, SimulationRefused
+from rulec.simulation.other_points import other_point
+from rulec.simulation.prediction import Exact, Injected, recorded_of, rows
+from rulec.simulation.shut_off import nearly_shut, without_flow
+from rulec.simulation.simulate import Simulated, simulate_with
 
 NOTHING: Mapping[str, Array] = {}
 

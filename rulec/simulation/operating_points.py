@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.tangent import run_with_slopes
-from rulec_runtime.simulation.equations import DEGREE, StepEquations
-from rulec_runtime.simulation.newton import Index
+
+from rulec.algebra.tangent import run_with_slopes
+from rulec.simulation.equations import DEGREE, StepEquations
+from rulec.simulation.newton import Index
 
 
 @dataclass(frozen=True)

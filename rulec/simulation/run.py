@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.limits import ABSURD, PAUSE
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.simulation.balances import Balances
-from rulec_runtime.simulation.equations import SimulationRefused
-from rulec_runtime.simulation.prediction import rows
+
+from rulec import limits
+from rulec.simulation.equations import SimulationRefused
+from rulec.simulation.prediction import rows
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ def run_of(
 
     Raises `SimulationRefused` where no row has a time, or an input not one reading.
     """
-    has_time = np.isfinite(file.time) & (np.abs(file.time) < limits.ABSURD)
+    has_time = np.isfinite(file.time) & (np.abs(file.time) < ABSURD)
     if not has_time.any():
         raise SimulationRefused(f"{file.path}: no row has a usable time")
     kept = np.flatnonzero(has_time)
@@ -93,7 +94,7 @@ def _odd_times(has_time: NDArray[np.bool_], order: NDArray[np.intp], time: Array
 def _gaps(time: Array) -> NDArray[np.bool_]:
     """Pauses that are much longer than the sampling interval, shape (n - 1,)."""
     steps = np.diff(time)
-    return steps > limits.PAUSE * _interval(steps)
+    return steps > PAUSE * _interval(steps)
 
 
 def _interval(steps: Array) -> float:

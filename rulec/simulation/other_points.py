@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.simulation.equations import Equations
-from rulec_runtime.simulation.newton import Index, Systems, newton
-from rulec_runtime.simulation.simulate import Simulated, simulate_with
+
+from rulec import limits
+from rulec.simulation.equations import Equations
+from rulec.simulation.newton import Index, Systems, newton
+from rulec.simulation.simulate import Simulated, simulate_with
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-
 from rulec_runtime.contract.plan import ABSENT, OPERATIONS, UNARY, Array, Plan
 
 Slopes = dict[int, Array]

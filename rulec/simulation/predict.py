@@ -9,14 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording_file import RecordingFile
-from rulec_runtime.simulation.equations import SimulationRefused, equations_of
-from rulec_runtime.simulation.predict_settled import predict_settled
-from rulec_runtime.simulation.prediction import Exact, Injected, within_range
-from rulec_runtime.simulation.sensing import SensorErrors, sense
+
+from rulec.simulation.equations import SimulationRefused, equations_of
+from rulec.simulation.predict_settled import predict_settled
+from rulec.simulation.prediction import Exact, Injected, within_range
+from rulec.simulation.sensing import SensorErrors, sense
 
 SHOWN = 5
 
@@ -77,7 +77,7 @@ def _exact(ruleset: Ruleset, files: Sequence[RecordingFile], injected: Sequence[
             )
         return predict_settled(equations, files, injected)
     # The integrator's compiler is loaded only for plants that store.
-    from rulec_runtime.simulation.predict_stores import predict_stored
+    from rulec.simulation.predict_stores import predict_stored
 
     return predict_stored(ruleset, ruleset.dynamics, files, injected)
 

@@ -8,12 +8,13 @@ and that is what the plant does there. So it is predicted at a flow so small tha
 from __future__ import annotations
 
 import numpy as np
-
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.limits import COVERAGE
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.stationary import systematic_u
+
+from rulec import limits
 
 VOLUME_FLOW = (3.0, 0.0, -1.0, 0.0, 0.0)
 """Exponents of m, kg, s, K, A."""
@@ -30,7 +31,7 @@ def without_flow(signal: SignalSpec, values: Array, ruleset: Ruleset) -> np.ndar
     if not is_flow(signal, ruleset):
         return np.zeros(len(values), dtype=bool)
     tiny = limits.NO_FLOW * abs(signal.reference)
-    zero = np.maximum(limits.COVERAGE * systematic_u(signal, values), tiny)
+    zero = np.maximum(COVERAGE * systematic_u(signal, values), tiny)
     with np.errstate(invalid="ignore"):
         none: np.ndarray = (values < tiny) & (values >= -zero)
     return none

@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Dynamics, Ruleset
 from rulec_runtime.recordings.recording_file import RecordingFile
 from rulec_runtime.simulation.balances import Balances, RanAway
-from rulec_runtime.simulation.equations import Equations, SimulationRefused, equations_of
-from rulec_runtime.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
-from rulec_runtime.simulation.prediction import Exact, Injected, recorded_of, rows, within_range
-from rulec_runtime.simulation.run import Run, course, run_of
+
+from rulec.simulation.equations import Equations, SimulationRefused, equations_of
+from rulec.simulation.predict_settled import NOTHING, degrees_of, predict_settled, times_of
+from rulec.simulation.prediction import Exact, Injected, recorded_of, rows, within_range
+from rulec.simulation.run import Run, course, run_of
 
 SHOWN = "shown:"
 DEGREE = "x."

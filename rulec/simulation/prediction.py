@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.recording_file import RecordingFile
-from rulec_runtime.recordings.rewrite import column_of
-from rulec_runtime.simulation.equations import SimulationRefused
+
+from rulec.simulation.equations import SimulationRefused
+from rulec.simulation.rewrite import column_of
 
 
 @dataclass(frozen=True)

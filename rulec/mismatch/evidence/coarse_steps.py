@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch import limits
 
 
 def coarse_step(values: Array, u: float) -> float:

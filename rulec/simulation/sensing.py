@@ -10,10 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.limits import COVERAGE, STATISTICAL_SHARE
 from rulec_runtime.recordings.stationary import systematic_u
 
 
@@ -26,7 +25,7 @@ class SensorErrors:
     distribution leaves 5 % outside.
     """
 
-    statistical: float = limits.STATISTICAL_SHARE
+    statistical: float = STATISTICAL_SHARE
     bounded: bool = False
 
 
@@ -54,7 +53,7 @@ def sense(
         if signal.id not in values:
             continue
         true = values[signal.id]
-        shared = _normal(random, limits.COVERAGE if errors.bounded else np.inf)
+        shared = _normal(random, COVERAGE if errors.bounded else np.inf)
         own = errors.statistical * random.standard_normal(len(true))
         gain = (gains or {}).get(signal.id, 1.0)
         readings[signal.id] = true + gain * systematic_u(signal, true) * (shared + own)
