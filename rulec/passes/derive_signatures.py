@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rulec_runtime import limits
+from rulec_runtime.contract.threshold import threshold_of
 
 from rulec.algebra.graph import Node
 from rulec.limits import NEGLIGIBLE_EFFECT
@@ -93,7 +93,7 @@ def derive_signatures(
                     sign=1 if effect > 0 else -1,
                     gain=values[f"slope:{i}"],
                     sensitivity=effect,
-                    detectable=limits.THRESHOLD * u / abs(effect),
+                    detectable=threshold_of(u) / abs(effect),
                     scaled=scaled,
                     slope=slope,
                     faulty=faulty,

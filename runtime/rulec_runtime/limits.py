@@ -17,7 +17,8 @@ quantile of 97.5 % (1.96), rounded as in the GUM."""
 
 THRESHOLD = 3.0
 """A residual counts as non-zero beyond this many standard uncertainties: in the detectable degrees
-of the matrix and in the evidence of a finding alike. Origin: distribution, normal quantile of 99.87
+of the matrix and in the evidence of a finding alike. Mode `paper` has `COVERAGE` in its place, as
+the seed paper does. Origin: distribution, normal quantile of 99.87
 %."""
 
 NORMAL_SPREAD = 1.4826
@@ -249,8 +250,20 @@ SHOULD_MOVE_DIGITS = 3.0
 """Steps of its last digit by which a reading should move at least, to be frozen when it does not.
 Origin: assumed."""
 
+FINE_DIGIT = 0.01
+"""Last digit of a reading, in standard uncertainties, below which it would show noise. Origin:
+assumed."""
+
 NEARLY_ALL = 0.9
 """Share of stretches in which a hypothesis about a reading must hold. Origin: assumed."""
+
+DISAGREES_SOMEWHERE = 0.1
+"""Share of stretches that must disagree with a reading as it stands before it is freed. Origin:
+assumed."""
+
+NOISE_ELSEWHERE = 3.0
+"""Noise of the same sensor elsewhere, in last digits of a reading, at which no 20 readings in a row
+are the same. Origin: assumed."""
 
 FEWEST_MOVING = 2
 """Readings that must move for a recording to have been measured, and not computed. Origin:
@@ -393,6 +406,9 @@ LOOK_BACK = 8
 STACKED = 8
 """Stretches that are stacked of a run, and of its baseline, spread over their length. Origin:
 assumed."""
+
+PAIR_CANDIDATE = 0.02
+"""Probability in some stretch from which on a fault is a candidate for a pair. Origin: assumed."""
 
 TRIED_AT_OTHER_TIMES = 3
 """Faults tried as being there at other times: those that explain most to first order. Origin:

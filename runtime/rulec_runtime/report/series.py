@@ -10,6 +10,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
+from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.seen import Seen, residuals_seen, see_samples, see_stretches
@@ -152,7 +153,7 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
         for i, residual in enumerate(residuals):
             sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)
             values[i, here] = np.where(sound, found[rows[i]], np.nan)
-            thresholds[i, here] = np.where(sound, limits.THRESHOLD * u[rows[i]], np.nan)
+            thresholds[i, here] = np.where(sound, threshold_of(u[rows[i]]), np.nan)
     factor = l_per_h(1.0)
     return Curves(
         recording.time,

@@ -149,9 +149,11 @@ def evaluate(
         elif code == 12:
             v = math.log(max(x, TINY))
             da = 1.0 / max(x, TINY)
-        else:
+        elif code == 13:
             v = math.tanh(x)
             da = 1.0 - v * v
+        else:
+            v = math.nan  # an operation that stands in no branch here has no value
         values[out] = v
         if code < 7:
             for k in range(width):

@@ -43,8 +43,29 @@ def frozen_readings(recording: Recording, ruleset: Ruleset, bench: Bench) -> Ite
         known = recording.values[signal.id][np.isfinite(recording.values[signal.id])]
         if not bench.readers(signal.id).any() or at_zero(signal, known).all():
             continue  # at zero a reading stands still by itself; whether it is dead was asked
-        if here.any() and _should_move(bench, signal, here):
+        if _has_noise_elsewhere(recording, ruleset, bench, signal) or (
+            here.any() and _should_move(bench, signal, here)
+        ):
             yield signal
+
+
+def _has_noise_elsewhere(
+    recording: Recording, ruleset: Ruleset, bench: Bench, signal: SignalSpec
+) -> bool:
+    """Does the same sensor at another place show noise, far beyond this one's last digit?"""
+    if signal.is_input:
+        return False
+    shown = float(np.nanmedian(recording.values[signal.id]))
+    digit = last_digit(signal.shown(shown)) * abs(signal.factor)
+    name = signal.id.partition(".")[2]
+    return any(
+        other.id != signal.id
+        and other.id.partition(".")[2] == name
+        and (other.kind, other.standard, other.full_scale)
+        == (signal.kind, signal.standard, signal.full_scale)
+        and bench.noise.get(other.id, 0.0) > limits.NOISE_ELSEWHERE * digit
+        for other in ruleset.signals
+    )
 
 
 def _still(recording: Recording, name: str) -> bool:
@@ -53,7 +74,7 @@ def _still(recording: Recording, name: str) -> bool:
 
 
 def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
-    if bench.recorded.sound[here].all():
+    if (~bench.recorded.sound)[here].mean() < limits.DISAGREES_SOMEWHERE:
         return False
     freed = free(bench, signal)
     agrees = freed.excess[here] <= 1.0
@@ -63,8 +84,11 @@ def _should_move(bench: Bench, signal: SignalSpec, here: np.ndarray) -> bool:
     digit = last_digit(signal.shown(shown)) * signal.factor
     u = float(np.nanmedian(bench.points.systematic[signal.id]))
     moves = np.ptp(freed.value[here][agrees])
-    if moves < max(limits.SHOULD_MOVE * u, limits.SHOULD_MOVE_DIGITS * digit):
-        return False  # a steady error is no standstill
+    off = np.abs(freed.value[here][agrees] - shown).max()
+    if max(moves, off) < max(limits.SHOULD_MOVE * u, limits.SHOULD_MOVE_DIGITS * digit):
+        return False
+    if moves < limits.SHOULD_MOVE * u and digit > limits.FINE_DIGIT * u:
+        return False  # set, or a coarse display: a steady error is no standstill
     return _beats_faults(bench, signal, freed, here)
 
 

@@ -174,9 +174,10 @@ def _onset(test: HypothesisTest, isolation: Isolation, members: Sequence[int]) -
 
 def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[int, ...]]:
     """Single faults, or pairs where only pairs fit."""
-    fitting = np.flatnonzero(isolation.probability[:, members].max(axis=1) > 0)
-    many = 2 if isolation.pair[members[0], 0] >= 0 else 1
-    yield from combinations((int(i) for i in fitting), many)
+    chance = isolation.probability[:, members].max(axis=1)
+    pairs = isolation.pair[members[0], 0] >= 0
+    likely = np.flatnonzero(chance > (limits.PAIR_CANDIDATE if pairs else 0.0))
+    yield from combinations((int(i) for i in likely), 2 if pairs else 1)
 
 
 def _backward(test: HypothesisTest, when: str) -> Iterator[_Fit]:

@@ -10,6 +10,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
 from rulec_runtime.diagnosis.steady.isolate import accepted
@@ -225,11 +226,10 @@ def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tup
         usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
         verdict = "invalid"
         if usable and np.isfinite(value) and np.isfinite(u):
-            verdict = "0" if abs(value) <= limits.THRESHOLD * u else ("+" if value > 0 else "-")
+            verdict = sign_of(value, u)
         else:
             value, u, shared = 0.0, 0.0, 0.0
-        threshold = limits.THRESHOLD * u
-        rows.append(Evidence(residual.id, value, u, shared, threshold, verdict, expected))
+        rows.append(Evidence(residual.id, value, u, shared, threshold_of(u), verdict, expected))
     return tuple(rows)
 
 

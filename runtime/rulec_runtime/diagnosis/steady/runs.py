@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.verdict import Verdict
 
@@ -51,7 +52,7 @@ def _cannot_see(
     if verdicts[point].kind != "ok" or verdicts[last].kind != "fault":
         return False
     return all(
-        isolation.floor[fault, point] * limits.THRESHOLD > isolation.degree[fault, last]
+        threshold_of(isolation.floor[fault, point]) > isolation.degree[fault, last]
         for fault in verdicts[last].faults
     )
 

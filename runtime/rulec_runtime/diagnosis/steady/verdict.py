@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.steady.observe import reason
 from rulec_runtime.diagnosis.steady.seen import Seen
 
@@ -61,7 +61,7 @@ def partly_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
     unseen = [
         fault.id
         for fault, floor in zip(ruleset.faults, seen.isolation.floor[:, point], strict=True)
-        if seen.block.holds(ruleset, fault) and not limits.THRESHOLD * floor < fault.highest
+        if seen.block.holds(ruleset, fault) and not threshold_of(floor) < fault.highest
     ]
     if not because or not unseen:
         return ""
@@ -85,6 +85,8 @@ def _unexplained(ruleset: Ruleset, seen: Seen, point: int) -> str:
     ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
     own = [seen.block.holds(ruleset, residual) for residual in ruleset.residuals]
     ratio[~(np.isfinite(ratio) & np.array(own, dtype=bool))] = 0.0
-    fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > limits.THRESHOLD][:3]
+    fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > threshold_of(1.0)][
+        :3
+    ]
     names = ", ".join(fired) or "the residuals together"
     return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.findings import Evidence
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.spells import Cause, Spell
@@ -74,11 +74,5 @@ def _entries(
         lasting = float(np.sqrt(max(mean[:-1] @ covariance @ mean[:-1], 0.0)))
         u = float(np.hypot(lasting, model.spread[i] / np.sqrt(here.sum())))
         effect = float(mean[-1] * cause.degree)
-        threshold = limits.THRESHOLD * u
-        yield Evidence(name, value, u, lasting, threshold, _sign(value, u), _sign(effect, u))
-
-
-def _sign(value: float, u: float) -> str:
-    if abs(value) <= limits.THRESHOLD * u:
-        return "0"
-    return "+" if value > 0 else "-"
+        signs = sign_of(value, u), sign_of(effect, u)
+        yield Evidence(name, value, u, lasting, threshold_of(u), *signs)
