@@ -39,16 +39,21 @@ def analyse(folder: Path) -> dict[str, Any]:
     return found
 
 
-def _asked(folder: Path) -> dict[str, Any]:
-    plant, answer = folder / "plant", folder / "answer.json"
+def calibrate(folder: Path) -> None:
+    """Calibrate the plant of a case, if there is an earlier run and it was not done yet."""
+    plant = folder / "plant"
     file = plant / "plant.yaml"
-    if (folder / EARLIER).exists() and "calibration:" not in file.read_text(encoding="utf-8"):
-        made = plant / "calibration.yaml"
+    plain = file.read_text(encoding="utf-8")
+    if (folder / EARLIER).exists() and "calibration:" not in plain:
         # Where the earlier run does not determine a parameter, a user keeps the data sheet.
         with contextlib.suppress(ValueError):
-            _run("calibrate", plant, folder / EARLIER, "-o", made)
-            plain = file.read_text(encoding="utf-8")
+            _run("calibrate", plant, folder / EARLIER, "-o", plant / "calibration.yaml")
             write_text(file, f"{plain}calibration: [calibration.yaml]\n")
+
+
+def _asked(folder: Path) -> dict[str, Any]:
+    calibrate(folder)
+    plant, answer = folder / "plant", folder / "answer.json"
     series = folder / SERIES
     recording = folder / "recording.csv"
     _run("mismatch", plant, recording, "--json", answer, "--series", series)

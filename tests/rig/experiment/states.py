@@ -1,0 +1,120 @@
+"""Settled points as means per operating state and block of time.
+
+What a state is follows from the inputs alone: points whose inputs agree are of one state. Visits
+to one state within a block of time are one point; visits to different ones never are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.recordings.stationary import Stretches
+
+from rulec.mismatch.evidence.steady.prepare import Data
+from rulec.mismatch.evidence.steady.system import System
+
+ALIKE_SHARE, ALIKE_NOISE = 0.03, 4.0
+"""Inputs agree within this share of their range, or this many times their noise."""
+
+LENGTH = 0.3
+"""Distance of inputs, as share of their range, over which errors of form are alike [assumed]."""
+
+
+def states_of(system: System) -> NDArray[np.intp]:
+    """Number of the operating state of each point, shape (n,)."""
+    columns = []
+    for values, noise in _inputs(system):
+        tolerance = max(ALIKE_SHARE * float(np.ptp(values)), ALIKE_NOISE * noise)
+        columns.append(values / max(tolerance, 1e-300))
+    table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 1))
+    centres: list[Array] = []
+    counts: list[int] = []
+    states = np.zeros(len(table), dtype=np.intp)
+    for i, row in enumerate(table):
+        far = [float(np.abs(c - row).max()) for c in centres]
+        if not far or min(far) > 1.0:
+            centres.append(row.copy())
+            counts.append(1)
+            states[i] = len(centres) - 1
+            continue
+        j = states[i] = int(np.argmin(far))
+        counts[j] += 1
+        centres[j] += (row - centres[j]) / counts[j]
+    return states
+
+
+def likeness(system: System) -> Array:
+    """How alike errors of form are at two points, by their inputs: shape (n, n), 1 where equal."""
+    columns = []
+    for values, noise in _inputs(system):
+        span = float(np.subtract(*np.quantile(values, [0.95, 0.05])))
+        if span > 6.0 * noise:
+            columns.append(values / (LENGTH * span))
+    table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
+    square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
+    alike: Array = np.exp(-0.5 * square)
+    return alike
+
+
+def _inputs(system: System) -> list[tuple[Array, float]]:
+    """Values of each recorded input, gaps at the median, and its noise."""
+    data, found = system.data, []
+    for signal in system.ruleset.signals:
+        if signal.is_input and signal.id in data.values:
+            values = data.values[signal.id]
+            values = np.nan_to_num(values, nan=float(np.nanmedian(values)))
+            found.append((values, float(np.nanmedian(data.noise[signal.id]))))
+    return found
+
+
+def averaged(system: System) -> Data:
+    """The data with one point for each state and block."""
+    data = system.data
+    group = _groups(system)
+    count = np.bincount(group).astype(float)
+    first = np.full(len(count), len(data))
+    np.minimum.at(first, group, np.arange(len(data)))
+    time = np.bincount(group, data.time) / count
+    order = np.argsort(time)
+    first = first[order]
+
+    def mean(values: Array) -> Array:
+        return (np.bincount(group, values) / count)[order]
+
+    noise = {n: (np.sqrt(np.bincount(group, v**2)) / count)[order] for n, v in data.noise.items()}
+    values = {name: mean(v) for name, v in data.points.values.items()}
+    systematic = {name: mean(v) for name, v in data.points.systematic.items()}
+    u = {name: np.hypot(systematic[name], noise.get(name, 0.0)) for name in values}
+    points = Points(
+        values, u, systematic, _at(data.points.bad, first), data.points.why, time[order]
+    )
+    stretches = Stretches(data.stretches.first[first], data.stretches.last[first])
+    return replace(
+        data,
+        points=points,
+        time=time[order],
+        noise=noise,
+        block=data.block[first],
+        part=data.part[first],
+        moving=_at(data.moving, first),
+        stretches=stretches,
+    )
+
+
+def _groups(system: System) -> NDArray[np.intp]:
+    """Number of the group of each point, shape (n,): of one state and block, and as usable."""
+    data = system.data
+    moving = [np.asarray(flags, dtype=int) for flags in data.moving.values()]
+    bad = [np.asarray(flags) != 0 for flags in data.points.bad.values()]
+    key = np.stack([states_of(system), data.block, *moving, *bad], axis=1).astype(int)
+    group: NDArray[np.intp] = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    return group
+
+
+def _at(flags: Mapping[str, np.ndarray], chosen: NDArray[np.intp]) -> dict[str, np.ndarray]:
+    return {name: np.asarray(part)[chosen] for name, part in flags.items()}
