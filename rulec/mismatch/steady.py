@@ -22,7 +22,7 @@ from rulec.mismatch.answer.tell import location_of_spot, shares_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
 from rulec.mismatch.evidence.samples import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import ERROR, HIDDEN, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import alike, noise_scale, suspects
 from rulec.mismatch.evidence.steady.model import SteadyModel, model_of
@@ -62,7 +62,7 @@ def explain(
             samples=data,
             evidence=evidence_of(recording, data),
         )
-    rows = rows_of(System(ruleset, builder, data), Setting())
+    rows = rows_of(System(ruleset, builder, data), Configuration())
     if rows.groups < limits.FEWEST_POINTS:
         return Blind(
             why="no two estimates of one flow can be compared with the readings of this recording",
@@ -124,7 +124,9 @@ def _to_be_read(recording: Recording) -> str:
     empty = sorted(empty, key=lambda name: name in absent)
     names, more = empty[:SHOWN], len(empty) - SHOWN
     names += [counted(more, "other")] if more > 0 else []
-    return f"Look at {listed(names)} in the recording: there is not one number." if empty else ""
+    return (
+        f"ScoreTest at {listed(names)} in the recording: there is not one number." if empty else ""
+    )
 
 
 @dataclass(frozen=True)
@@ -135,8 +137,8 @@ class Models:
     the finished model.
     """
 
-    recalibrated: Setting
-    repaired: Setting
+    recalibrated: Configuration
+    repaired: Configuration
     fitted: Fitted
     faulty: np.ndarray
 
@@ -206,7 +208,7 @@ class Explanation(Explained[Fitted]):
         bare = setting
         for candidate in setting.joined:
             bare = bare.leaving(candidate.id)
-        plain = repaired = _refitted(settled, [bare.calibrated(), Setting()], used)
+        plain = repaired = _refitted(settled, [bare.calibrated(), Configuration()], used)
         if setting.joined:
             moved = replace(setting, values={**setting.values, **plain.setting.values})
             repaired = _refitted(settled, [setting, moved], used)
@@ -229,7 +231,7 @@ class Explanation(Explained[Fitted]):
                 )
         simulated = plants is not None and bool(found)
         if not simulated:
-            settings = (Setting(), refits.plain.setting, refits.repaired.setting)
+            settings = (Configuration(), refits.plain.setting, refits.repaired.setting)
             for name, own in explained.items():
                 predictor = predictor_of(system, own.relation or "", name)
                 found[name] = Predicted(*(predictor.predicted(s) for s in settings))
@@ -374,7 +376,7 @@ def gain_shown(predictor: Predictor, models: Models) -> float:
 def prove(predictor: Predictor, models: Models) -> Proof:
     """Open the held-out blocks, once."""
     rows, data = models.fitted.rows, models.fitted.rows.system.data
-    settings = (Setting(), models.recalibrated, models.repaired)
+    settings = (Configuration(), models.recalibrated, models.repaired)
     predicted = Predicted(*(predictor.predicted(setting) for setting in settings))
     measured = data.values[predictor.signal.id]
     judged = np.isfinite(measured) & predictor.points & ~models.faulty
@@ -387,7 +389,7 @@ def prove(predictor: Predictor, models: Models) -> Proof:
     return Proof(replace(found, relation=predictor.residual.id), predicted, judged)
 
 
-def _without_periods(setting: Setting) -> Setting:
+def _without_periods(setting: Configuration) -> Configuration:
     """Faults in periods are no part of what a model predicts."""
     for course in setting.courses:
         candidate = setting.candidate_of(course)
@@ -413,10 +415,12 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
     return faulty
 
 
-def _refitted(settled: Fitted, starts: Sequence[Setting], used: np.ndarray) -> Fitted:
+def _refitted(settled: Fitted, starts: Sequence[Configuration], used: np.ndarray) -> Fitted:
     rows: Rows = settled.rows
     none = {ERROR + name: 0.0 for name in rows.system.shared}
-    found = [fit(rows, s, used, held=none, temper=settled.temper) for s in starts]
+    found = [
+        fit(rows, s, used, held=none, variance_inflation=settled.variance_inflation) for s in starts
+    ]
     return min(found, key=lambda f: f.objective)
 
 

@@ -31,7 +31,7 @@ from rulec.mismatch.evidence.stores.model import StoresModel, model_of
 from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.stores.record import lacking, record_of, without_odd
 from rulec.mismatch.evidence.stores.rows_used import stored_evidence
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
 from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
@@ -58,7 +58,7 @@ def explain(
         return Blind(
             why=why, next="Record again, with what lacks.", samples=None, evidence=evidence
         )
-    bench = Bench(ruleset, builder, record)
+    bench = SimulationProblem(ruleset, builder, record)
     workers = max(1, min(os.cpu_count() or 1, 8))
     found = search(bench, tell, workers)
     searcher = Searcher(bench, found.judged, workers)
@@ -126,7 +126,7 @@ class Explanation(Explained[Fitted]):
     dropped: tuple[str, ...]
 
     @property
-    def _bench(self) -> Bench:
+    def _bench(self) -> SimulationProblem:
         return self.model.bench
 
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:
@@ -255,7 +255,7 @@ class Explanation(Explained[Fitted]):
         ]
 
 
-def prove(bench: Bench, plain: Fitted, best: Fitted, judged: Judged) -> list[Proof]:
+def prove(bench: SimulationProblem, plain: Fitted, best: Fitted, judged: Judged) -> list[Proof]:
     """Open the held-out blocks; one proof per measured signal.
 
     Slow errors of what is given, within the class of its sensors, are taken out of all three alike.
@@ -264,7 +264,7 @@ def prove(bench: Bench, plain: Fitted, best: Fitted, judged: Judged) -> list[Pro
     return [_proof(bench, name, [e[name] for e in errors]) for name in bench.signals]
 
 
-def _shipped(bench: Bench, judged: Judged) -> Mapping[str, Array]:
+def _shipped(bench: SimulationProblem, judged: Judged) -> Mapping[str, Array]:
     fitter = Fitter(bench, (), {})
     try:
         return fitter.errors(fitter.vector({}), judged)[0]
@@ -272,7 +272,7 @@ def _shipped(bench: Bench, judged: Judged) -> Mapping[str, Array]:
         return {n: np.full(len(v), np.nan) for n, v in bench.record.measured.items()}
 
 
-def _proof(bench: Bench, name: str, errors: list[Array]) -> Proof:
+def _proof(bench: SimulationProblem, name: str, errors: list[Array]) -> Proof:
     record, measured = bench.record, bench.record.measured[name]
     known = np.isfinite(measured) & np.all([np.isfinite(e) for e in errors], axis=0)
     noise = noise_floor(measured[known])
@@ -304,7 +304,7 @@ def _holds(best: Fitted, proofs: Sequence[Proof]) -> bool:
     return gained > (-limits.PROVEN if learnt and not seen else limits.PROVEN)
 
 
-def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
+def _open_share(bench: SimulationProblem, proofs: Sequence[Proof]) -> float:
     """Share of squared errors beyond noise that a model leaves, of those of the plain one."""
     before = after = 0.0
     beyond = False
@@ -317,12 +317,12 @@ def _open_share(bench: Bench, proofs: Sequence[Proof]) -> float:
     return after / before if beyond and before > 0.0 else 0.0
 
 
-def _sharp(bench: Bench, fitted: Fitted) -> Fitted:
+def _sharp(bench: SimulationProblem, fitted: Fitted) -> Fitted:
     """A model whose errors count as far as they exceed noise: that is what a place may explain."""
     return replace(fitted, noise={n: Noise(floor, 1.0) for n, floor in _floors(bench).items()})
 
 
-def _floors(bench: Bench) -> dict[str, float]:
+def _floors(bench: SimulationProblem) -> dict[str, float]:
     """Standard deviation of the noise of each measured signal, SI."""
     record = bench.record
     return {
@@ -365,7 +365,7 @@ def nameless_places(
     )
 
 
-def until_of(bench: Bench, best: Fitted, left: Sequence[Candidate]) -> float:
+def until_of(bench: SimulationProblem, best: Fitted, left: Sequence[Candidate]) -> float:
     """When the first of what no model holds begins, s; never where that leaves too little."""
     record = bench.record
     onsets = [best.values[c.onset.id] for c in left if c.onset is not None]
@@ -375,7 +375,7 @@ def until_of(bench: Bench, best: Fitted, left: Sequence[Candidate]) -> float:
 
 
 def _refitted(
-    bench: Bench,
+    bench: SimulationProblem,
     joined: tuple[Candidate, ...],
     kept: Mapping[str, float],
     starts: Sequence[Mapping[str, float]],
@@ -399,7 +399,7 @@ def _squares(fitted: Fitted, judged: Judged) -> float:
     """Squares of errors in one and the same noise, and what priors cost."""
     errors = np.concatenate(list(fitted.errors.values()))
     weighted = (errors / judged.weights())[judged.flags()]
-    return 0.5 * float(weighted @ weighted) + fitted.strain
+    return 0.5 * float(weighted @ weighted) + fitted.negative_log_prior
 
 
 def _repair_of(fitted: Fitted) -> Repair:
@@ -414,7 +414,7 @@ def _repair_of(fitted: Fitted) -> Repair:
     )
 
 
-def _thin(bench: Bench, recording: Recording, course: Array) -> Array:
+def _thin(bench: SimulationProblem, recording: Recording, course: Array) -> Array:
     """A course at the samples of the analysis."""
     factor = len(recording.time) // len(bench.record.time)
     return thinned(recording.time, {}, {"": course}, factor)[2][""]

@@ -14,9 +14,9 @@ from pathlib import Path
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, suspects
-from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.evidence.stores.fit import Fitted as FittedStores
-from rulec.mismatch.search.compete import Contestant, entered
+from rulec.mismatch.search.compete import CrossValidated, entered
 from rulec.mismatch.search.free_form import _parts, _varying
 from rulec.mismatch.search.latent_input import _trial, reconstruct
 from rulec.mismatch.search.stores.nonparametric_term import curves
@@ -28,7 +28,7 @@ from rulec.prove.campaign import DRIVER
 from rulec.prove.limits import CURVES_REFITTED
 
 
-def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]:
+def at_its_place(plain: CrossValidated, places: Collection[str]) -> list[CrossValidated]:
     """Models of a settled plant with a nonparametric term at one of some places, best first."""
     fitted = plain.fitted
     here = [s for s in suspects(fitted) if f"{s.spot.module}.{s.spot.place}" in places]
@@ -36,7 +36,7 @@ def at_its_place(plain: Contestant, places: Collection[str]) -> list[Contestant]
     return sorted(found, key=lambda c: -gain_in_sample(c, plain))
 
 
-def _trials(fitted: Fitted, place: Suspect) -> Iterator[Trial]:
+def _trials(fitted: Fitted, place: Suspect) -> Iterator[InitialCandidate]:
     """Free courses and free curves at a place."""
     if not fitted.rows.system.data.of_rows:
         for way in (place, *wandering(fitted, place.spot)):
@@ -61,7 +61,7 @@ def in_its_tank(
     return max(drawn, key=lambda f: searcher.gain(f, plain), default=None)
 
 
-def course_at(folder: Path, models: Sequence[Contestant]) -> float | None:
+def course_at(folder: Path, models: Sequence[CrossValidated]) -> float | None:
     """Correlation of the best free course with the opened driver; None without either."""
     file = folder / DRIVER
     hidden = [(m, c) for m in models for c in m.fitted.setting.joined if c.sort == HIDDEN]

@@ -22,16 +22,16 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder, open_builder
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.limits import FEW_CHANGES
-from rulec.mismatch.search.compete import Contestant, contest, entered
+from rulec.mismatch.search.compete import CrossValidated, contest, entered
 from rulec.mismatch.search.periods import coming_and_going
 from rulec.mismatch.search.search import search
 from rulec.mismatch.search.stores.backward_elimination import doubted
@@ -138,9 +138,12 @@ def _stationary(case: Opened) -> Refitted:
     ruleset, builder = case.ruleset, case.builder
     data = prepare(case.recording, ruleset, ())
     assert data is not None
-    found = search(rows_of(System(ruleset, builder, data), Setting()), _quiet)
+    found = search(rows_of(System(ruleset, builder, data), Configuration()), _quiet)
     plain, best = found.plain, found.best.fitted
-    reported = contest(fit(best.rows, best.setting, best.used, temper=plain.fitted.temper), None)
+    reported = contest(
+        fit(best.rows, best.setting, best.used, variance_inflation=plain.fitted.variance_inflation),
+        None,
+    )
     nonparametric = at_its_place(plain, case.places_without_entry)
     orders = (case.laws, case.laws[::-1])
     models = [plain, *nonparametric[:1], *(_with(plain, order, builder) for order in orders)]
@@ -156,7 +159,7 @@ def _stationary(case: Opened) -> Refitted:
     )
 
 
-def _with(now: Contestant, laws: Laws, builder: ModelBuilder) -> Contestant:
+def _with(now: CrossValidated, laws: Laws, builder: ModelBuilder) -> CrossValidated:
     """The model with the true laws, added one after the other."""
     for one in laws:
         ways = [
@@ -175,7 +178,7 @@ def _dynamic(case: Opened) -> Refitted:
     ruleset, builder = case.ruleset, case.builder
     record = record_of(case.recording, ruleset, builder.given, ())
     assert record is not None
-    bench = Bench(ruleset, builder, record)
+    bench = SimulationProblem(ruleset, builder, record)
     found = search_stores(bench, _quiet, 1)
     searcher, plain = Searcher(bench, found.judged, 1), found.plain
     reported, _ = doubted(searcher, found)

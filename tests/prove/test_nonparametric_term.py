@@ -9,9 +9,9 @@ import pytest
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
+from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.compete import CrossValidated, contest
 from rulec.mismatch.search.weigh import gain_in_sample, needed
 from rulec.prove.aligned import driver_of, driver_text, likeness
 from rulec.prove.campaign import DRIVER
@@ -21,11 +21,11 @@ from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
 
 
-def plain_of(folder: Path) -> Contestant:
+def plain_of(folder: Path) -> CrossValidated:
     """The plain model of a case that was written."""
     opened = open_builder(folder / "plant")
     rows = rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
-    return contest(fit(rows, Setting(), rows.system.data.open), None)
+    return contest(fit(rows, Configuration(), rows.system.data.open), None)
 
 
 def test_the_course_of_a_driver_is_found_at_its_place(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.failing_sensors import failing
 from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
 from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.stores.searcher import Searcher
 from tests.conftest import ROOT, recordings_folder
 
@@ -29,12 +29,12 @@ def recorded(name: str) -> Path:
     return folder / name
 
 
-def fitted(plant: str, file: str, *joined: str) -> tuple[Bench, Fitted, Fitted]:
+def fitted(plant: str, file: str, *joined: str) -> tuple[SimulationProblem, Fitted, Fitted]:
     """The recalibrated and the repaired model on the blocks that are open."""
     ruleset, builder = open_builder(ROOT / "plants" / plant)
     record = record_of(read_recording(recorded(file), ruleset), ruleset, builder.given)
     assert record is not None
-    bench = Bench(ruleset, builder, record)
+    bench = SimulationProblem(ruleset, builder, record)
     first = Searcher(bench, Judged(bench.known, {}, no_drift(bench), np.zeros(0)), 2)
     plain = first.plain()
     drift = drift_of(bench, (), plain.values)
@@ -47,7 +47,7 @@ def fitted(plant: str, file: str, *joined: str) -> tuple[Bench, Fitted, Fitted]:
     return bench, plain, model
 
 
-def heldout(bench: Bench, model: Fitted, signal: str) -> float:
+def heldout(bench: SimulationProblem, model: Fitted, signal: str) -> float:
     """Root mean square error on held-out blocks, SI."""
     error = model.errors[signal][~bench.record.open]
     return float(np.sqrt(np.nanmean(error**2)))

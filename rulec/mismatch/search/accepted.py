@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.result import Rival
 
 Odds = tuple[tuple[Candidate, float], ...]
@@ -34,10 +34,10 @@ class Won:
     `odds` are theirs against the winner.
     """
 
-    trial: Trial
+    trial: InitialCandidate
     gain: float
     rivals: tuple[Rival, ...]
-    others: tuple[Trial, ...]
+    others: tuple[InitialCandidate, ...]
     odds: tuple[float, ...]
 
     @property

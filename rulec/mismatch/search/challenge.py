@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
-from rulec.mismatch.search.compete import Contestant, contest, refit
+from rulec.mismatch.search.compete import CrossValidated, contest, refit
 from rulec.mismatch.search.free_form import best_curve, free_form_trials
 from rulec.mismatch.search.pairs import torn_pairs
 from rulec.mismatch.search.periods import coming_and_going, periods_of
@@ -16,10 +16,10 @@ from rulec.mismatch.search.winner import Step, contested, first_to_win, gain_of
 
 def challenged(
     found: Step,
-    now: Contestant,
-    ranked: Sequence[Contestant],
+    now: CrossValidated,
+    ranked: Sequence[CrossValidated],
     free: Sequence[Candidate],
-    hidden: Contestant | None,
+    hidden: CrossValidated | None,
 ) -> Step:
     """What was found, unless something freer says more, or two names more than that."""
     other = _or_sudden(found, now, free, hidden)
@@ -30,7 +30,7 @@ def challenged(
 
 
 def _or_sudden(
-    found: Step, now: Contestant, candidates: Sequence[Candidate], hidden: Contestant | None
+    found: Step, now: CrossValidated, candidates: Sequence[Candidate], hidden: CrossValidated | None
 ) -> Step:
     """A fault that begins, where that says more than what lasts, and leaves nothing of it: a driver
     may happen to turn about when the fault began, and what is left of a fault can look like a law.
@@ -53,7 +53,7 @@ def _or_sudden(
     return found if left > needed(better.winner, better.tried) else better
 
 
-def _or_nameless(found: Step, now: Contestant) -> Step:
+def _or_nameless(found: Step, now: CrossValidated) -> Step:
     """A term without physics, where it explains much more than the best name does.
 
     A free curve over one reading pays for each piece: laws that hold are explained about as well by
@@ -75,10 +75,10 @@ def _or_nameless(found: Step, now: Contestant) -> Step:
 
 def _or_both(
     found: Step,
-    now: Contestant,
-    ranked: Sequence[Contestant],
+    now: CrossValidated,
+    ranked: Sequence[CrossValidated],
     free: Sequence[Candidate],
-    hidden: Contestant | None,
+    hidden: CrossValidated | None,
 ) -> Step:
     """Two names at once, where a single one was found and gave way to what is freer.
 

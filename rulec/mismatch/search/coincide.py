@@ -17,11 +17,11 @@ from rulec_runtime.contract.plan import Array
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.region import best_interval
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.search.periods import speaking
 
 
-def with_settings(fitted: Fitted, trial: Trial) -> bool:
+def with_settings(fitted: Fitted, trial: InitialCandidate) -> bool:
     """Does what is set tell when a fault is there, at points that speak of it?
 
     Parameters

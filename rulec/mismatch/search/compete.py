@@ -16,35 +16,39 @@ from rulec_runtime.recordings.robust import spread_about
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.samples import ESTIMATION, SELECTION
-from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
+from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.screen import Trial, looks_at, with_open_references
+from rulec.mismatch.evidence.steady.screen import (
+    InitialCandidate,
+    score_tests_at,
+    with_open_references,
+)
 from rulec.mismatch.search.price import price_of_fit
 
-Refit = tuple[Fitted, Trial]
+Refit = tuple[Fitted, InitialCandidate]
 """A model refitted with a trial in it."""
 
 
 @dataclass(frozen=True)
-class Contestant:
+class CrossValidated:
     """A model with what it says of blocks it was not fitted to; `trial` is what it adds.
 
     `blocks` shape (blocks,): log likelihood per block of time, each by the fit without it.
     """
 
-    trial: Trial | None
+    trial: InitialCandidate | None
     fitted: Fitted
     blocks: Array
 
-    def gain_over(self, other: Contestant) -> float:
+    def gain_over(self, other: CrossValidated) -> float:
         """Gain in log likelihood on blocks not fitted to, and of what is known without them."""
         return self.seen_over(other) + self.relief_over(other)
 
-    def seen_over(self, other: Contestant) -> float:
+    def seen_over(self, other: CrossValidated) -> float:
         """Gain in log likelihood on blocks not fitted to."""
         return float(np.sum(self.blocks - other.blocks))
 
-    def likelier_than(self, other: Contestant) -> float:
+    def likelier_than(self, other: CrossValidated) -> float:
         """Gain in log likelihood on the blocks that both were fitted to.
 
         Which of two laws with as many values is there all data tell best together: a fit to half of
@@ -52,7 +56,7 @@ class Contestant:
         """
         return float(np.sum((self.within - other.within)[self._judged]))
 
-    def certainty_over(self, other: Contestant) -> float:
+    def certainty_over(self, other: CrossValidated) -> float:
         """The same in standard deviations of its own scatter over blocks.
 
         Source: Vuong 1989, with blocks of time for independent samples.
@@ -70,16 +74,16 @@ class Contestant:
         found: Array = np.bincount(blocks, seen, minlength=len(self.blocks)).astype(float)
         return found
 
-    def relief_over(self, other: Contestant) -> float:
+    def relief_over(self, other: CrossValidated) -> float:
         """How much less a model strains what was known before the recording."""
-        return other.fitted.strain - self.fitted.strain
+        return other.fitted.negative_log_prior - self.fitted.negative_log_prior
 
     @cached_property
     def _judged(self) -> np.ndarray:
         data = self.fitted.rows.system.data
         return np.unique(data.block[data.open])
 
-    def sureness_over(self, other: Contestant) -> float:
+    def sureness_over(self, other: CrossValidated) -> float:
         """The gain in standard deviations of what blocks scatter that have little part in it."""
         difference = (self.blocks - other.blocks)[self._judged]
         spread = spread_about(difference, float(np.median(difference)))
@@ -87,7 +91,7 @@ class Contestant:
         return gain / float(np.sqrt(len(difference) * spread**2 + 1.0))
 
 
-def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
+def contest(fitted: Fitted, trial: InitialCandidate | None) -> CrossValidated:
     """Judge a fit to all open points by refits to either half of the blocks.
 
     Degrees of faults in periods are taken from all of them: a period may lie in one block.
@@ -104,20 +108,28 @@ def contest(fitted: Fitted, trial: Trial | None) -> Contestant:
     part = data.part[rows.group_point]
     for fitted_to, judged in ((ESTIMATION, SELECTION), (SELECTION, ESTIMATION)):
         chosen = data.part == fitted_to
-        half = fit(rows, fitted.setting, chosen, limits.HALF_STEPS, degrees, fitted.temper, loosely)
+        half = fit(
+            rows,
+            fitted.setting,
+            chosen,
+            limits.HALF_STEPS,
+            degrees,
+            fitted.variance_inflation,
+            loosely,
+        )
         likelihood[part == judged] = half.likelihood[part == judged]
     blocks: Array = np.bincount(
         data.block[rows.group_point], likelihood, minlength=int(data.block.max()) + 1
     ).astype(float)
-    return Contestant(trial, fitted, blocks)
+    return CrossValidated(trial, fitted, blocks)
 
 
-def entered(fitted: Fitted, trial: Trial) -> Contestant:
+def entered(fitted: Fitted, trial: InitialCandidate) -> CrossValidated:
     """Refit everything with a trial in it, and judge it."""
     return contest(*refit(fitted, trial))
 
 
-def refit(fitted: Fitted, trial: Trial) -> Refit:
+def refit(fitted: Fitted, trial: InitialCandidate) -> Refit:
     """Refit everything with a trial in it.
 
     A calibration under a law that left something out says little of the repaired one, so it is let
@@ -139,9 +151,9 @@ def refit(fitted: Fitted, trial: Trial) -> Refit:
     return min(ways, key=lambda way: cost_of(way[0]))
 
 
-def _joined(fitted: Fitted, trial: Trial, onto: Setting) -> Fitted:
+def _joined(fitted: Fitted, trial: InitialCandidate, onto: Configuration) -> Fitted:
     setting = onto.joining(trial.candidate, trial.values, trial.fixed, trial.course)
-    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+    return fit(fitted.rows, setting, fitted.used, variance_inflation=fitted.variance_inflation)
 
 
 def cost_of(fitted: Fitted) -> float:
@@ -180,7 +192,7 @@ def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> Shuf
     order = np.random.default_rng(seed)
     data = rows.system.data
     changed = {i: v for i, v in enumerate(term) if np.any(np.nan_to_num(v))}
-    looks = looks_at(before)
+    looks = score_tests_at(before)
     wide = np.array([np.inf])
 
     def gain(of: dict[int, Array]) -> float:
@@ -196,7 +208,7 @@ def shuffled_gains(before: Fitted, after: Fitted, count: int, seed: int) -> Shuf
     return Shuffled(gain(own), gain(means), np.array(gains))
 
 
-def _aligned(before: Fitted, after: Fitted) -> Setting:
+def _aligned(before: Fitted, after: Fitted) -> Configuration:
     """The setting before, at the base values of the fit after: their difference is the term."""
     own = before.setting
     kept = {n: after.setting.values.get(n, v) for n, v in own.values.items()}
@@ -232,7 +244,9 @@ def _shuffled(block: np.ndarray, order: np.random.Generator) -> np.ndarray:
     return np.concatenate([np.flatnonzero(block == b) for b in numbers])
 
 
-def placebo_gains(fitted: Fitted, trial: Trial, columns: Sequence[Array], seed: int) -> Array:
+def placebo_gains(
+    fitted: Fitted, trial: InitialCandidate, columns: Sequence[Array], seed: int
+) -> Array:
     """Gains of as many smooth functions of time as the trial has parameters, at the same place.
 
     `columns` are slopes of the residuals by an error at the place, each shape (rows,).
@@ -242,7 +256,7 @@ def placebo_gains(fitted: Fitted, trial: Trial, columns: Sequence[Array], seed: 
     order = np.random.default_rng(seed)
     count = sum(not u.fixed for u in trial.candidate.unknowns)
     phase = (data.time - data.time[0]) / max(float(np.ptp(data.time)), 1e-300)
-    looks = looks_at(fitted)
+    looks = score_tests_at(fitted)
     gains = []
     for column in columns:
         for _ in range(10):

@@ -13,14 +13,16 @@ from dataclasses import replace
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.search.accepted import Won
-from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.compete import CrossValidated, contest
 from rulec.mismatch.search.rivals import at_an_end
 from rulec.mismatch.search.weigh import net_gain, odds_of
 
 
-def exchanged(now: Contestant, accepted: Sequence[Won]) -> tuple[Contestant, tuple[Won, ...]]:
+def exchanged(
+    now: CrossValidated, accepted: Sequence[Won]
+) -> tuple[CrossValidated, tuple[Won, ...]]:
     """The model and its explanations, one or two of them exchanged where others do better."""
     records = list(accepted)
     for i, j in itertools.combinations(range(len(records)), 2):
@@ -37,7 +39,7 @@ def exchanged(now: Contestant, accepted: Sequence[Won]) -> tuple[Contestant, tup
     return now, tuple(records)
 
 
-def _within(model: Contestant) -> bool:
+def _within(model: CrossValidated) -> bool:
     """Is nothing at an end of its range? A pump of which all returns explains anything."""
     return not at_an_end(model, *model.fitted.setting.joined)
 
@@ -52,7 +54,7 @@ def _near(one: Won, other: Won) -> bool:
     return bool(set(one.trial.candidate.modules) & set(other.trial.candidate.modules))
 
 
-def _combinations(one: Won, other: Won) -> Iterator[tuple[Trial, Trial]]:
+def _combinations(one: Won, other: Won) -> Iterator[tuple[InitialCandidate, InitialCandidate]]:
     """One or both of them exchanged."""
     taken = {one.trial.candidate.id, other.trial.candidate.id}
     first, second = (
@@ -69,23 +71,30 @@ def _combinations(one: Won, other: Won) -> Iterator[tuple[Trial, Trial]]:
             yield a, b
 
 
-def _with(now: Contestant, pair: tuple[Won, Won], trials: tuple[Trial, Trial]) -> Contestant:
+def _with(
+    now: CrossValidated, pair: tuple[Won, Won], trials: tuple[InitialCandidate, InitialCandidate]
+) -> CrossValidated:
     """The model with other explanations in place of a pair."""
     gone = [r.trial.candidate.id for r in pair]
     return _model(now, gone, trials)
 
 
-def _model(now: Contestant, gone: Sequence[str], new: Sequence[Trial]) -> Contestant:
+def _model(
+    now: CrossValidated, gone: Sequence[str], new: Sequence[InitialCandidate]
+) -> CrossValidated:
     """The model with some explanations exchanged."""
     fitted, setting = now.fitted, now.fitted.setting
     for name in gone:
         setting = setting.leaving(name)
     for trial in new:
         setting = setting.joining(trial.candidate, trial.values, trial.fixed)
-    return contest(fit(fitted.rows, setting, fitted.used, temper=fitted.temper), now.trial)
+    return contest(
+        fit(fitted.rows, setting, fitted.used, variance_inflation=fitted.variance_inflation),
+        now.trial,
+    )
 
 
-def weighed(now: Contestant, record: Won, others: Sequence[Trial]) -> Won:
+def weighed(now: CrossValidated, record: Won, others: Sequence[InitialCandidate]) -> Won:
     """An explanation with the odds of others in its place, in the model as it is."""
     there = {c.id for c in now.fitted.setting.joined}
     models = [

@@ -19,7 +19,12 @@ from rulec.effects.candidate import Spot
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import Suspect, suspects, variables_of
-from rulec.mismatch.evidence.steady.screen import Look, Trial, looks_at, screen
+from rulec.mismatch.evidence.steady.screen import (
+    InitialCandidate,
+    ScoreTest,
+    score_tests_at,
+    screen,
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class Curve:
 
 def best_curve(fitted: Fitted) -> Curve | None:
     """What a free function of one reading explains at best."""
-    looks = looks_at(fitted)
+    looks = score_tests_at(fitted)
     each = 0.5 * float(np.log(max(fitted.rows.groups, 2)))
     curves = []
     for suspect in suspects(fitted)[: limits.CURVE_PLACES]:
@@ -66,7 +71,7 @@ def _parts(fitted: Fitted, name: str) -> int:
 
 
 def _curve_gain(
-    fitted: Fitted, looks: tuple[Look, ...], suspect: Suspect, name: str, parts: int
+    fitted: Fitted, looks: tuple[ScoreTest, ...], suspect: Suspect, name: str, parts: int
 ) -> float:
     data, knots = fitted.rows.system.data, _knots(fitted, name, parts)
     known = np.nan_to_num(data.values[name], nan=float(np.nanmedian(data.values[name][data.open])))
@@ -78,7 +83,7 @@ def _curve_gain(
     return max(look.best(columns, -wide, wide)[1] for look in looks)
 
 
-def free_form_trials(fitted: Fitted) -> list[Trial]:
+def free_form_trials(fitted: Fitted) -> list[InitialCandidate]:
     """The best terms at the most suspect places; none where no reading says anything."""
     builder, curve = fitted.rows.system.builder, best_curve(fitted)
     drawn = []
@@ -89,7 +94,7 @@ def free_form_trials(fitted: Fitted) -> list[Trial]:
     return [*drawn, *_products(fitted)]
 
 
-def _products(fitted: Fitted) -> list[Trial]:
+def _products(fitted: Fitted) -> list[InitialCandidate]:
     """A few products of readings, chosen one by one."""
     found = suspects(fitted)
     if not found:
@@ -97,7 +102,7 @@ def _products(fitted: Fitted) -> list[Trial]:
     spot, builder = found[0].spot, fitted.rows.system.builder
     features = _features(fitted, spot.module)
     chosen: tuple[str, ...] = ()
-    best: Trial | None = None
+    best: InitialCandidate | None = None
     while len(chosen) < limits.MOST_FEATURES:
         more = [(*chosen, f) for f in features if f not in chosen]
         trials = screen(fitted, [builder.free_form(spot.id, m) for m in more])

@@ -12,13 +12,13 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspects
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.search.knots import clipped, knotted, levels_of
 from rulec.mismatch.search.periods import degree_course
 from rulec.mismatch.search.time_varying import spot_of, wandering
 
 
-def hidden_trials(fitted: Fitted) -> list[Trial]:
+def hidden_trials(fitted: Fitted) -> list[InitialCandidate]:
     """A course that is free in time, where it explains most: of an error, and of a parameter.
 
     Which of a law's parameters wanders shows before any fit; that none does, and something adds to
@@ -60,7 +60,7 @@ def _told(fitted: Fitted, suspect: Suspect) -> float:
     return float(best)
 
 
-def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
+def _trial(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     data = fitted.rows.system.data
     spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)
@@ -76,10 +76,12 @@ def _trial(fitted: Fitted, suspect: Suspect) -> Trial:
         since = float(until)
     values = {f"{spot.unknown}#{i}": v for i, v in enumerate(levels.tolist())}
     course = Course(spot.unknown, segment, tuple(periods), at - segment)
-    return Trial(candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course)
+    return InitialCandidate(
+        candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
+    )
 
 
-def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
+def with_the_course_of(fitted: Fitted, trial: InitialCandidate) -> InitialCandidate | None:
     """An error at the place of a fault, with its periods: what it follows is not known."""
     candidate, course = trial.candidate, trial.course
     spots = [s for s in fitted.rows.system.builder.spots if s.module == candidate.module]
@@ -88,7 +90,7 @@ def with_the_course_of(fitted: Fitted, trial: Trial) -> Trial | None:
     if course is None or not here or here[0].id in fitted.setting.spots:
         return None
     same = replace(course, unknown=here[0].unknown)
-    return Trial(
+    return InitialCandidate(
         candidate=_candidate(here[0]),
         values=dict.fromkeys(same.names(), 0.0),
         fixed={},

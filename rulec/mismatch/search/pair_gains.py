@@ -9,11 +9,15 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.screen import Look
+from rulec.mismatch.evidence.steady.screen import ScoreTest
 
 
 def pair_gains(
-    looks: Sequence[Look], names: Sequence[str], terms: Sequence[Array], low: Array, high: Array
+    looks: Sequence[ScoreTest],
+    names: Sequence[str],
+    terms: Sequence[Array],
+    low: Array,
+    high: Array,
 ) -> dict[tuple[int, int], float]:
     """Gains of all pairs of terms with other names that do not look alike, under the better look.
 

@@ -18,13 +18,18 @@ from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
-from rulec.mismatch.evidence.steady.screen import Look, Trial, columns_of, looks_at
+from rulec.mismatch.evidence.steady.screen import (
+    InitialCandidate,
+    ScoreTest,
+    columns_of,
+    score_tests_at,
+)
 from rulec.mismatch.search.segments import Segments, apart, cut, few_levels, runs_of
 
 
 def coming_and_going(
     fitted: Fitted, candidates: Sequence[Candidate], most: float = np.inf
-) -> list[Trial]:
+) -> list[InitialCandidate]:
     """Faults as ones that come and go, in so many periods at most, the more telling first."""
     if not fitted.rows.system.data.timed:
         return []
@@ -33,12 +38,14 @@ def coming_and_going(
     return sorted(found, key=lambda t: -t.gain)[: limits.COMING]
 
 
-def periods_of(trial: Trial) -> int:
+def periods_of(trial: InitialCandidate) -> int:
     """Periods of what comes and goes; 0 of what lasts."""
     return 0 if trial.course is None else len(trial.course.periods)
 
 
-def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Trial | None:
+def in_periods(
+    fitted: Fitted, candidate: Candidate, most: float = np.inf
+) -> InitialCandidate | None:
     """A fault as one that comes and goes, in so many periods at most; None where its degree shows
     no such course."""
     unknown = next((u for u in candidate.unknowns if u.null is not None), None)
@@ -47,7 +54,7 @@ def in_periods(fitted: Fitted, candidate: Candidate, most: float = np.inf) -> Tr
     columns = columns_of(fitted, candidate, {unknown.id: unknown.null}, {})
     if columns is None:
         return None
-    looks = looks_at(fitted)
+    looks = score_tests_at(fitted)
     degree, certainty = degree_course(fitted, columns[:, 0])
     # Held-out points are not looked at; a period reaches over those inside it.
     known = np.flatnonzero(np.isfinite(degree) & fitted.used)
@@ -104,7 +111,7 @@ def _hull(on: np.ndarray) -> np.ndarray:
 
 
 def _begun(
-    fitted: Fitted, looks: Sequence[Look], unknown: Unknown, column: Array, means: _Means
+    fitted: Fitted, looks: Sequence[ScoreTest], unknown: Unknown, column: Array, means: _Means
 ) -> tuple[Segments, np.ndarray]:
     """One change for good, where that explains most: what faults do.
 
@@ -127,7 +134,7 @@ def _begun(
     return Segments(first, level, length), np.array([False, True])
 
 
-def _likely(trial: Trial, each: float) -> float:
+def _likely(trial: InitialCandidate, each: float) -> float:
     """Gain of a trial less the price of its periods and degrees.
 
     Of two that say the same, a fault that begins is likelier than one that was there and went.
@@ -153,7 +160,7 @@ class _Means:
 
 def _trial(
     fitted: Fitted,
-    looks: Sequence[Look],
+    looks: Sequence[ScoreTest],
     candidate: Candidate,
     unknown: Unknown,
     column: Array,
@@ -161,7 +168,7 @@ def _trial(
     segments: Segments,
     on: np.ndarray,
     most: int,
-) -> Trial | None:
+) -> InitialCandidate | None:
     """The fault with at most so many degrees; None where no period is left that lasts."""
     null = unknown.null or 0.0
     rest = float(np.average(segments.level[~on], weights=segments.length[~on])) * means.noise
@@ -187,7 +194,7 @@ def _trial(
     term = column * (course.degrees(values) - null)[fitted.rows.point]
     wide = np.array([np.inf])
     gain = max(look.best(term[:, None], -wide, wide)[1] for look in looks)
-    return Trial(candidate=candidate, values=values, fixed={}, gain=gain, course=course)
+    return InitialCandidate(candidate=candidate, values=values, fixed={}, gain=gain, course=course)
 
 
 def _joined(

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
-from rulec.mismatch.evidence.steady.fit import Fitted, fit, temper_of
-from rulec.mismatch.evidence.steady.screen import Trial
-from rulec.mismatch.search.compete import Contestant, contest, entered
+from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
+from rulec.mismatch.search.compete import CrossValidated, contest, entered
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.rivals import at_an_end
 from rulec.mismatch.search.weigh import net_gain, odds_of
@@ -17,11 +17,11 @@ from rulec.mismatch.search.weigh import net_gain, odds_of
 
 def retempered(fitted: Fitted) -> Fitted:
     """Refitted with neighbours counted as what they are worth by now."""
-    temper = temper_of(fitted)
-    return fit(fitted.rows, fitted.setting, fitted.used, temper=temper)
+    variance_inflation = variance_inflation_of(fitted)
+    return fit(fitted.rows, fitted.setting, fitted.used, variance_inflation=variance_inflation)
 
 
-def recut(now: Contestant) -> Contestant:
+def recut(now: CrossValidated) -> CrossValidated:
     """Find the periods of faults again, after something else was explained."""
     for course in now.fitted.setting.courses:
         candidate = now.fitted.setting.candidate_of(course)
@@ -35,7 +35,7 @@ def recut(now: Contestant) -> Contestant:
             now.fitted.used,
             0,
             None,
-            now.fitted.temper,
+            now.fitted.variance_inflation,
         )
         trial = in_periods(without, candidate)
         if trial is None:
@@ -47,13 +47,19 @@ def recut(now: Contestant) -> Contestant:
     return now
 
 
-def needless(now: Contestant, names: list[str]) -> tuple[Contestant, list[str]]:
+def needless(now: CrossValidated, names: list[str]) -> tuple[CrossValidated, list[str]]:
     """Leave out what later explanations have made needless; the ids of what was left out."""
     gone: list[str] = []
     for name in names:
         setting = now.fitted.setting.leaving(name)
         less = contest(
-            fit(now.fitted.rows, setting, now.fitted.used, temper=now.fitted.temper), now.trial
+            fit(
+                now.fitted.rows,
+                setting,
+                now.fitted.used,
+                variance_inflation=now.fitted.variance_inflation,
+            ),
+            now.trial,
         )
         # What is left must not make up for it by running to an end: a reading of which nothing is
         # left, say, contradicts no law any more.
@@ -63,13 +69,15 @@ def needless(now: Contestant, names: list[str]) -> tuple[Contestant, list[str]]:
     return now, gone
 
 
-def instead(now: Contestant, winner: str, trials: Sequence[Trial]) -> tuple[Contestant, str]:
+def instead(
+    now: CrossValidated, winner: str, trials: Sequence[InitialCandidate]
+) -> tuple[CrossValidated, str]:
     """Ask again whether another explanation does better, now that periods are cut anew.
 
     Periods were cut before anything explained what they stood beside: that may have favoured one.
     """
     setting = now.fitted.setting.leaving(winner)
-    bare = fit(now.fitted.rows, setting, now.fitted.used, 0, None, now.fitted.temper)
+    bare = fit(now.fitted.rows, setting, now.fitted.used, 0, None, now.fitted.variance_inflation)
     for trial in trials:
         again = recut(entered(bare, trial))
         if odds_of(again, now) > 1.0 and not at_an_end(again, trial.candidate):

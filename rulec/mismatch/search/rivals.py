@@ -11,10 +11,10 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, student_weights
 from rulec.mismatch.evidence.steady.locate import spot_column
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.compete import (
-    Contestant,
+    CrossValidated,
     amplifies_noise,
     contest,
     placebo_gains,
@@ -23,14 +23,14 @@ from rulec.mismatch.search.compete import (
 from rulec.mismatch.search.weigh import needed, net_gain
 
 
-def released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | None:
+def released(now: CrossValidated, ranked: Sequence[CrossValidated]) -> CrossValidated | None:
     """The model with the parameters of the suspected module free; None if that gains nothing."""
     if not ranked or ranked[0].trial is None:
         return None
     modules = ranked[0].trial.candidate.modules
     setting, fitted = now.fitted.setting, now.fitted
     ways = [
-        fit(fitted.rows, way, fitted.used, temper=fitted.temper)
+        fit(fitted.rows, way, fitted.used, variance_inflation=fitted.variance_inflation)
         for way in setting.wider(modules, fitted.rows.system.contradicted)
     ]
     eased = [contest(way, now.trial) for way in ways if way.keeps_trust]
@@ -38,7 +38,7 @@ def released(now: Contestant, ranked: Sequence[Contestant]) -> Contestant | None
     return easing if easing is not None and net_gain(easing, now) > needed(now, 1) else None
 
 
-def beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
+def beats(contestant: CrossValidated, easing: CrossValidated, now: CrossValidated) -> bool:
     """Is an explanation worth more than letting the calibration go?
 
     A fault or a sensor error stands beside a calibration that holds, and need only be as good.
@@ -50,7 +50,7 @@ def beats(contestant: Contestant, easing: Contestant, now: Contestant) -> bool:
 
 
 def defeated(
-    contestant: Contestant, now: Contestant, easing: Contestant | None, tried: int
+    contestant: CrossValidated, now: CrossValidated, easing: CrossValidated | None, tried: int
 ) -> tuple[Rival, ...] | None:
     """The rivals with their gains; None where one of them does as well."""
     net = net_gain(contestant, now)
@@ -80,11 +80,11 @@ def defeated(
     return tuple(rivals) if all(rival.gain < net for rival in rivals) else None
 
 
-def _eased_gain(easing: Contestant | None, now: Contestant) -> float:
+def _eased_gain(easing: CrossValidated | None, now: CrossValidated) -> float:
     return 0.0 if easing is None else net_gain(easing, now)
 
 
-def _is_there(fitted: Fitted, trial: Trial) -> bool:
+def _is_there(fitted: Fitted, trial: InitialCandidate) -> bool:
     """Does a strength of it differ from its null? Else it gains by what the model without it lost.
 
     What comes and goes is not asked: it is a step in what is left, which was seen. Nor is what has
@@ -99,7 +99,7 @@ def _is_there(fitted: Fitted, trial: Trial) -> bool:
     )
 
 
-def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
+def _let_go(now: CrossValidated, contestant: CrossValidated) -> Fitted:
     """The model without an explanation, its calibration let go where the explanation lets it go.
 
     Under a calibration that holds, a term shows little that base values must make room for.
@@ -108,10 +108,10 @@ def _let_go(now: Contestant, contestant: Contestant) -> Fitted:
     setting = fitted.setting.letting_go(theirs.released, theirs.trusted)
     if setting == fitted.setting:
         return fitted
-    return fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+    return fit(fitted.rows, setting, fitted.used, variance_inflation=fitted.variance_inflation)
 
 
-def at_an_end(contestant: Contestant, *candidates: Candidate) -> bool:
+def at_an_end(contestant: CrossValidated, *candidates: Candidate) -> bool:
     """Did one of some laws in a model run to an end of its range? It fits for another reason."""
     values = contestant.fitted.setting.values
     for unknown in (u for c in candidates for u in c.unknowns):
@@ -127,7 +127,7 @@ def at_an_end(contestant: Contestant, *candidates: Candidate) -> bool:
     return False
 
 
-def _placebo(fitted: Fitted, trial: Trial) -> float:
+def _placebo(fitted: Fitted, trial: InitialCandidate) -> float:
     """Best gain of smooth functions of time at the place of a trial."""
     columns = _columns(fitted, trial)
     if not columns or trial.course is not None:
@@ -135,7 +135,7 @@ def _placebo(fitted: Fitted, trial: Trial) -> float:
     return float(placebo_gains(fitted, trial, columns, limits.SEED).max())
 
 
-def _columns(fitted: Fitted, trial: Trial) -> list[Array]:
+def _columns(fitted: Fitted, trial: InitialCandidate) -> list[Array]:
     """Slopes of the residuals by an error at the place of a trial."""
     candidate = trial.candidate
     spots = fitted.rows.system.builder.spots
@@ -145,14 +145,14 @@ def _columns(fitted: Fitted, trial: Trial) -> list[Array]:
 
 
 def instead_of(
-    winner: Contestant, ranked: Sequence[Contestant], now: Contestant
-) -> list[Contestant]:
+    winner: CrossValidated, ranked: Sequence[CrossValidated], now: CrossValidated
+) -> list[CrossValidated]:
     """Explanations of the same thing: they change the residuals alike."""
     rows = now.fitted.rows
     weight = student_weights(rows, now.fitted.residual, now.fitted.scale)
     weight = weight * now.fitted.used[rows.point]
 
-    def change(contestant: Contestant) -> Array:
+    def change(contestant: CrossValidated) -> Array:
         return now.fitted.residual - contestant.fitted.residual
 
     own = change(winner)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import HIDDEN, Setting
+from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.screen import Trial, screen, with_open_references
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen, with_open_references
 from rulec.mismatch.search.accepted import Won
-from rulec.mismatch.search.compete import Contestant, contest, cost_of, refit
+from rulec.mismatch.search.compete import CrossValidated, contest, cost_of, refit
 from rulec.mismatch.search.exchange import exchanged, weighed
 from rulec.mismatch.search.latent_input import hidden_trials
 from rulec.mismatch.search.pairs import torn_pairs
@@ -28,8 +28,8 @@ Progress = Callable[[str], None]
 class Search:
     """What was found: the plain model refitted, the repaired one, and how it came about."""
 
-    plain: Contestant
-    best: Contestant
+    plain: CrossValidated
+    best: CrossValidated
     accepted: tuple[Won, ...]
     tried: int
 
@@ -38,7 +38,7 @@ def search(rows: Rows, progress: Progress) -> Search:
     """Find what explains a recording, one explanation at a time."""
     data = rows.system.data
     progress("refitting the plain model")
-    plain = contest(retempered(fit(rows, Setting(), data.open)), None)
+    plain = contest(retempered(fit(rows, Configuration(), data.open)), None)
     named = _or_begun_with_two(plain, _one_by_one(plain, plain, (), 0, progress), progress)
     if not named.accepted or any(r.trial.candidate.sort == HIDDEN for r in named.accepted):
         return named
@@ -55,7 +55,7 @@ def search(rows: Rows, progress: Progress) -> Search:
     return _one_by_one(plain, hidden, first, named.tried, progress)
 
 
-def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> Search:
+def _or_begun_with_two(plain: CrossValidated, found: Search, progress: Progress) -> Search:
     """What is found if the first two are chosen together, where one by one it took many.
 
     The best single explanation of two that are left out may be neither of them. All that follows
@@ -76,7 +76,7 @@ def _or_begun_with_two(plain: Contestant, found: Search, progress: Progress) -> 
     return max((found, other), key=lambda way: _worth(way, plain))
 
 
-def _beside(now: Contestant, record: Won) -> list[Trial]:
+def _beside(now: CrossValidated, record: Won) -> list[InitialCandidate]:
     """What may stand in the place of an explanation, beside the others of a model."""
     name = record.trial.candidate.id
     candidates = now.fitted.rows.system.candidates
@@ -85,14 +85,14 @@ def _beside(now: Contestant, record: Won) -> list[Trial]:
     return screen(_without(now, name).fitted, free)[: limits.FINALISTS]
 
 
-def _worth(found: Search, plain: Contestant) -> float:
+def _worth(found: Search, plain: CrossValidated) -> float:
     """What was gained, less what must be gained for each explanation."""
     return net_gain(found.best, plain) - limits.NEEDED * len(found.accepted)
 
 
 def _one_by_one(
-    plain: Contestant,
-    now: Contestant,
+    plain: CrossValidated,
+    now: CrossValidated,
     begun: tuple[Won, ...],
     tried: int,
     progress: Progress,
@@ -133,14 +133,19 @@ def _is_free(record: Won) -> bool:
     return record.trial.candidate.sort == "free"
 
 
-def _without(now: Contestant, name: str) -> Contestant:
+def _without(now: CrossValidated, name: str) -> CrossValidated:
     """The model with one explanation left out, neighbours counted as what they are worth then."""
     fitted = now.fitted
-    bare = fit(fitted.rows, fitted.setting.leaving(name), fitted.used, temper=fitted.temper)
+    bare = fit(
+        fitted.rows,
+        fitted.setting.leaving(name),
+        fitted.used,
+        variance_inflation=fitted.variance_inflation,
+    )
     return contest(retempered(bare), None)
 
 
-def _weighed(now: Contestant, record: Won, finalists: Sequence[Trial]) -> Won:
+def _weighed(now: CrossValidated, record: Won, finalists: Sequence[InitialCandidate]) -> Won:
     """The odds of others that last, in the model as it is."""
     if record.trial.course is not None or record.trial.candidate.sort in ("free", HIDDEN):
         return record
@@ -149,11 +154,11 @@ def _weighed(now: Contestant, record: Won, finalists: Sequence[Trial]) -> Won:
     return weighed(now, record, [*lasting, *(t for t in finalists if t.candidate.id not in known)])
 
 
-def _eased(now: Contestant) -> Contestant:
+def _eased(now: CrossValidated) -> CrossValidated:
     """The calibration under laws that left something out let go, if that is worth it by now.
 
-    With less left unexplained, a strain on stated values shows that was small before. They may
-    hold for other conditions than the usual ones of this recording, or not hold at all.
+    With less left unexplained, a departure from stated values shows that was small before. They
+    may hold for other conditions than the usual ones of this recording, or not hold at all.
     """
     for candidate in now.fitted.setting.joined:
         setting, system = now.fitted.setting, now.fitted.rows.system
@@ -161,7 +166,7 @@ def _eased(now: Contestant) -> Contestant:
             continue
         there = with_open_references(
             system,
-            Trial(
+            InitialCandidate(
                 candidate=candidate,
                 values=_own(setting.values, candidate),
                 fixed=setting.fixed,
@@ -183,15 +188,21 @@ def _own(values: Mapping[str, float], candidate: Candidate) -> dict[str, float]:
     return {u.id: values[u.id] for u in candidate.unknowns if u.id in values}
 
 
-def _widened(now: Contestant, wider: Setting) -> Contestant:
+def _widened(now: CrossValidated, wider: Configuration) -> CrossValidated:
     """The model with more values free, if it is simpler so, neighbours counted alike in both."""
     fitted = now.fitted
-    freed = retempered(fit(fitted.rows, wider, fitted.used, temper=fitted.temper))
-    held = fit(fitted.rows, fitted.setting, fitted.used, temper=freed.temper)
+    freed = retempered(
+        fit(fitted.rows, wider, fitted.used, variance_inflation=fitted.variance_inflation)
+    )
+    held = fit(
+        fitted.rows, fitted.setting, fitted.used, variance_inflation=freed.variance_inflation
+    )
     return contest(freed, now.trial) if cost_of(freed) < cost_of(held) else now
 
 
-def _asked_again(now: Contestant, records: tuple[Won, ...]) -> tuple[Contestant, tuple[Won, ...]]:
+def _asked_again(
+    now: CrossValidated, records: tuple[Won, ...]
+) -> tuple[CrossValidated, tuple[Won, ...]]:
     """The winner, or one of those that explain the same, where faults come and go beside it."""
     if len(records) != 1 or not now.fitted.setting.courses or records[0].trial.course is not None:
         return now, records

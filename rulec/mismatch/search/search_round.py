@@ -12,10 +12,10 @@ from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.search.challenge import challenged
 from rulec.mismatch.search.coincide import with_settings
-from rulec.mismatch.search.compete import Contestant, Refit, contest, refit
+from rulec.mismatch.search.compete import CrossValidated, Refit, contest, refit
 from rulec.mismatch.search.free_form import free_form_trials
 from rulec.mismatch.search.latent_input import hidden_trials, with_the_course_of
 from rulec.mismatch.search.pairs import held_pairs, pair_trials, torn_pairs
@@ -34,7 +34,7 @@ from rulec.mismatch.search.winner import (
 
 
 def best_step(
-    now: Contestant, candidates: Sequence[Candidate], tried: int, explained: float
+    now: CrossValidated, candidates: Sequence[Candidate], tried: int, explained: float
 ) -> Step:
     """The best explanation to add that beats all rivals, if there is one.
 
@@ -51,7 +51,7 @@ def best_step(
     # Where no single explanation beats a calibration that is let go, two at once may.
     eased: Step | None = None
     # And where one is worth enough and yet loses: it may make up for two, not well everywhere.
-    torn: list[Contestant] = []
+    torn: list[CrossValidated] = []
     # Of pairs whose parts hide each other all are looked at, and that is paid for.
     pairs = tried + len(trials) * (len(trials) - 1) // 2
     stages: tuple[tuple[int, Callable[[], list[Refit]]], ...] = (
@@ -93,14 +93,16 @@ def best_step(
 
 
 def _singles(
-    fitted: Fitted, trials: Sequence[Trial], free: Sequence[Candidate], least: float
+    fitted: Fitted, trials: Sequence[InitialCandidate], free: Sequence[Candidate], least: float
 ) -> list[Refit]:
     """Refits with one explanation, also with calibrations held that were let go."""
     ways = ((fitted, trials), *_held(fitted, free))
     return [refit(f, t) for f, ts in ways for t in ts[: limits.FINALISTS] if t.gain > least]
 
 
-def _is_more(contestant: Contestant, torn: Sequence[Contestant], now: Contestant) -> bool:
+def _is_more(
+    contestant: CrossValidated, torn: Sequence[CrossValidated], now: CrossValidated
+) -> bool:
     """Does a pair gain more than a single explanation that does not win?
 
     Two small ones may be sure of what they gain; what is large and torn needs another second.
@@ -111,19 +113,21 @@ def _is_more(contestant: Contestant, torn: Sequence[Contestant], now: Contestant
     return net_gain(contestant, now) > single
 
 
-def _held(fitted: Fitted, free: Sequence[Candidate]) -> Iterator[tuple[Fitted, list[Trial]]]:
+def _held(
+    fitted: Fitted, free: Sequence[Candidate]
+) -> Iterator[tuple[Fitted, list[InitialCandidate]]]:
     """The model with its calibrations held again, and what it then lacks.
 
     A calibration that was let go makes room for one law, and imitates a second.
     """
     if fitted.setting.released:
         setting = fitted.setting.calibrated()
-        held = fit(fitted.rows, setting, fitted.used, temper=fitted.temper)
+        held = fit(fitted.rows, setting, fitted.used, variance_inflation=fitted.variance_inflation)
         with contextlib.suppress(np.linalg.LinAlgError):  # far from what was read
             yield held, screen(held, free)
 
 
-def _following(ranked: Sequence[Contestant], now: Contestant) -> list[Contestant]:
+def _following(ranked: Sequence[CrossValidated], now: CrossValidated) -> list[CrossValidated]:
     """Faults that come and go with the operating point, and others that do the same, less well."""
     coming = [c for c in ranked if c.trial is not None and c.trial.course is not None]
     found = [c for c in coming if c.trial is not None and with_settings(now.fitted, c.trial)]
@@ -135,8 +139,8 @@ def _following(ranked: Sequence[Contestant], now: Contestant) -> list[Contestant
 
 
 def _better(
-    hidden: Contestant | None, following: Sequence[Contestant], now: Contestant
-) -> Contestant | None:
+    hidden: CrossValidated | None, following: Sequence[CrossValidated], now: CrossValidated
+) -> CrossValidated | None:
     """What follows readings in a way that has no name, if that is more than a hidden driver."""
     trials = (with_the_course_of(now.fitted, c.trial) for c in following if c.trial is not None)
     found = [contest(*refit(now.fitted, t)) for t in trials if t is not None]
@@ -144,7 +148,7 @@ def _better(
     return max(known, key=lambda c: net_gain(c, now), default=None)
 
 
-def _covered(candidate: Candidate, now: Contestant) -> bool:
+def _covered(candidate: Candidate, now: CrossValidated) -> bool:
     """Does it only follow the clock where a hidden driver was found? Then it is part of that."""
     hidden = {o for c in now.fitted.setting.joined if c.sort == HIDDEN for o in c.observers}
     by_clock = set(candidate.drivers.values()) == {TIME}

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Won
-from rulec.mismatch.search.compete import Contestant, Refit, contest, cost_of
+from rulec.mismatch.search.compete import CrossValidated, Refit, contest, cost_of
 from rulec.mismatch.search.rivals import at_an_end, beats, defeated, instead_of, released
 from rulec.mismatch.search.weigh import gain_in_sample, net_gain, odds_of
 
@@ -22,30 +22,30 @@ class Step:
     `tried` counts all explanations tried so far, `finalists` are the best that were tried alone.
     """
 
-    winner: Contestant | None
+    winner: CrossValidated | None
     records: tuple[Won, ...]
     tried: int
-    finalists: tuple[Trial, ...] = ()
+    finalists: tuple[InitialCandidate, ...] = ()
 
 
-def gain_of(step: Step | None, now: Contestant) -> float:
+def gain_of(step: Step | None, now: CrossValidated) -> float:
     """Net gain of the winner of a step; none without one."""
     return net_gain(step.winner, now) if step is not None and step.winner is not None else 0.0
 
 
-def contested(refitted: Sequence[Refit], now: Contestant) -> list[Contestant]:
+def contested(refitted: Sequence[Refit], now: CrossValidated) -> list[CrossValidated]:
     """Those that fit best in the sample, judged on blocks they were not fitted to, best first."""
     by_fit = sorted(refitted, key=lambda f: cost_of(f[0]))
     chosen = [contest(fitted, trial) for fitted, trial in by_fit[: limits.CONTESTED]]
     return sorted(chosen, key=lambda c: -net_gain(c, now))
 
 
-def best_of(refitted: Sequence[Refit], now: Contestant) -> Contestant | None:
+def best_of(refitted: Sequence[Refit], now: CrossValidated) -> CrossValidated | None:
     return max((contest(*r) for r in refitted), key=lambda c: gain_in_sample(c, now), default=None)
 
 
 def first_to_win(
-    now: Contestant, ranked: Sequence[Contestant], hidden: Contestant | None, tried: int
+    now: CrossValidated, ranked: Sequence[CrossValidated], hidden: CrossValidated | None, tried: int
 ) -> Step | None:
     """The first that beats all rivals; or the calibration let go, where that does as well."""
     easing = released(now, ranked)
@@ -66,7 +66,7 @@ def first_to_win(
     return None
 
 
-def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> bool:
+def _as_good(contestant: CrossValidated, hidden: CrossValidated, now: CrossValidated) -> bool:
     """Does an explanation do what a course that is free in time would do?
 
     One whose driver is recorded may leave a part to others. What follows only the clock, or comes
@@ -81,7 +81,10 @@ def _as_good(contestant: Contestant, hidden: Contestant, now: Contestant) -> boo
 
 
 def recorded(
-    winner: Contestant, now: Contestant, ranked: Sequence[Contestant], rivals: tuple[Rival, ...]
+    winner: CrossValidated,
+    now: CrossValidated,
+    ranked: Sequence[CrossValidated],
+    rivals: tuple[Rival, ...],
 ) -> tuple[Won, ...]:
     """What was accepted; two records where two explanations were needed at once."""
     assert winner.trial is not None
@@ -91,7 +94,7 @@ def recorded(
     ours = {t.candidate.id for t in trials}
     records = []
     for trial in trials:
-        kept: dict[str, tuple[Trial, float]] = {}
+        kept: dict[str, tuple[InitialCandidate, float]] = {}
         for other in others:
             instead_ = _in_place_of(trial, ours, other)
             if instead_ is not None and instead_.candidate.id not in kept:
@@ -104,7 +107,7 @@ def recorded(
     return tuple(records)
 
 
-def runs_out(contestant: Contestant) -> bool:
+def runs_out(contestant: CrossValidated) -> bool:
     """Is a law of it at an end of its range? It lost, whatever it gains."""
     trial = contestant.trial
     return trial is not None and at_an_end(
@@ -112,7 +115,9 @@ def runs_out(contestant: Contestant) -> bool:
     )
 
 
-def _in_place_of(trial: Trial, ours: set[str], other: Contestant) -> Trial | None:
+def _in_place_of(
+    trial: InitialCandidate, ours: set[str], other: CrossValidated
+) -> InitialCandidate | None:
     """What another model has instead of an explanation; None if it has the same.
 
     `ours` are the ids of all that was found together.

@@ -15,7 +15,7 @@ from rich.console import Console
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import System
@@ -104,7 +104,7 @@ def answer(plant: Path, file: Path) -> Posterior | None:
         return None
     system = System(ruleset, builder, data)
     system = replace(system, data=averaged(system))
-    rows = rows_of(system, Setting())
+    rows = rows_of(system, Configuration())
     return search(rows) if len(rows) else None
 
 

@@ -20,7 +20,7 @@ from scipy.special import gammaln
 
 from rulec.effects.candidate import TIME, Unknown
 from rulec.mismatch.evidence.steady import fit as steady
-from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior
 from rulec.mismatch.evidence.steady.rows import Rows
 from tests.rig.experiment.states import likeness
@@ -114,7 +114,7 @@ class Model:
     weights: Array
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> Configuration:
         """What is joined, and all values."""
         return self.fitted.setting
 
@@ -130,7 +130,7 @@ def usual_size(unknown: Unknown) -> float:
 class _Prior:
     """What is known of the values: those of the plant, amplitudes of effects, their shapes."""
 
-    def __init__(self, rows: Rows, setting: Setting) -> None:
+    def __init__(self, rows: Rows, setting: Configuration) -> None:
         own = {u.id: u for c in setting.joined for u in c.unknowns}
         plain = steady.prior_of(rows.system, setting)
         mean, precision = plain.mean.copy(), plain.precision.copy()
@@ -198,7 +198,7 @@ class _Chosen:
 
 
 def refitted(
-    geometry: Geometry, setting: Setting, near: Model | None = None, steps: int = 25
+    geometry: Geometry, setting: Configuration, near: Model | None = None, steps: int = 25
 ) -> Model:
     """Refit all values, errors of form among them; `near` is a model that is much alike."""
     rows, seen = geometry.rows, geometry.seen
@@ -249,7 +249,7 @@ def refitted(
     return _weighed(geometry, known, now, at, forms, form)
 
 
-def _evaluated(rows: Rows, setting: Setting, prior: Prior, at: Array) -> Fitted:
+def _evaluated(rows: Rows, setting: Configuration, prior: Prior, at: Array) -> Fitted:
     return steady._evaluated(rows, setting, prior, at, rows.system.data.open, 1.0, None)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Unknown
-from rulec.mismatch.evidence.steady.configuration import Course, Setting, Span
+from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.screen import _has_drivers, columns_of, references, starts
 from rulec.mismatch.evidence.steady.system import System
@@ -197,7 +197,7 @@ def _odds(every: Sequence[Column]) -> Array:
     return np.array(each) - np.log(len(ways))
 
 
-def joined(system: System, setting: Setting, begins: Sequence[Start]) -> Setting:
+def joined(system: System, setting: Configuration, begins: Sequence[Start]) -> Configuration:
     """A setting with columns joined."""
     time = system.data.time
     for column, value in begins:

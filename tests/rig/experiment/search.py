@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.rows import Rows
 from tests.rig.experiment.model import Geometry, Model, refitted
 from tests.rig.experiment.scan import ODDS, ONSETS, Found, columns, joined, scan
@@ -36,7 +36,7 @@ def search(rows: Rows) -> Posterior:
     geometry = Geometry(rows)
     number = len({c.id for c in rows.system.candidates})
     models: dict[Names, tuple[float, Model]] = {}
-    plain = refitted(geometry, Setting())
+    plain = refitted(geometry, Configuration())
     models[frozenset()] = plain.evidence, plain
     grown: set[Names] = set()
     for _ in range(ROUNDS):

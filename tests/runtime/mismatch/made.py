@@ -24,7 +24,7 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, BaseParameters
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.analyse import analyse
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
@@ -175,7 +175,7 @@ def rows_at(
     ruleset, builder = opened
     data = data or prepare(recording, ruleset)
     assert data is not None
-    return rows_of(System(ruleset, builder, data), Setting())
+    return rows_of(System(ruleset, builder, data), Configuration())
 
 
 def compared(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:

@@ -15,7 +15,7 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.evidence.samples import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.predict import predictors_for
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.system import System
@@ -71,7 +71,7 @@ def test_held_out_errors_are_as_promised(folder: Path) -> None:
     told = found(folder)["fit"]
     own = predictors_for(system, ("A.pump", "A.power"), frozenset({"A.dp", "A.T"}))
     predictor = next(p for p in own if p.signal.id == told["signal"])
-    off = data.values[predictor.signal.id] - predictor.predicted(Setting())
+    off = data.values[predictor.signal.id] - predictor.predicted(Configuration())
     kept = predictor.points & (data.part == HELDOUT)
     rms = float(np.sqrt(np.mean(off[kept] ** 2))) / predictor.signal.factor
     assert told["heldout"]["points"] == int(kept.sum())

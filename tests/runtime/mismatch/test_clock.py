@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
@@ -70,8 +70,8 @@ def test_files_of_their_own_have_none() -> None:
     """Of files that begin anew no fault begins, and no driver that nobody recorded has a course."""
     for one_clock in (True, False):
         system = system_of(replace(leaking(), one_clock=one_clock))
-        rows = rows_of(system, Setting())
-        plain = fit(rows, Setting(), system.data.open)
+        rows = rows_of(system, Configuration())
+        plain = fit(rows, Configuration(), system.data.open)
         free_in_time = [*coming_and_going(plain, system.candidates), *hidden_trials(plain)]
         assert one_clock == bool(free_in_time)
 

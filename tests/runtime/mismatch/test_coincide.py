@@ -7,20 +7,20 @@ import pytest
 
 from rulec.mismatch.evidence.steady.configuration import Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted
-from rulec.mismatch.evidence.steady.screen import Trial
+from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.search import coincide
 from rulec.mismatch.search.coincide import with_settings
 from tests.runtime.mismatch.made import alone
 from tests.runtime.mismatch.test_screen import plain
 
 
-def coming(fitted: Fitted, there: np.ndarray) -> Trial:
+def coming(fitted: Fitted, there: np.ndarray) -> InitialCandidate:
     """A leakage that is there at some points."""
     candidate = next(c for c in alone()[1].candidates if c.id == "A.leakage")
     segment = np.where(there, 0, -1)
     spans = (Span(0.0, 1.0, 0), Span(2.0, 3.0, 0))
     course = Course(candidate.unknowns[0].id, segment, spans)
-    return Trial(
+    return InitialCandidate(
         candidate=candidate,
         values=dict.fromkeys(course.names(), 0.1),
         fixed={},

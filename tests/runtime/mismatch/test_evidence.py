@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from rulec_runtime.recordings.recording import Recording, read_recording
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.rows_used import TOO_MANY, UNSETTLED, evidence_of
@@ -23,7 +23,7 @@ def counted(recording: Recording) -> tuple[Evidence, ...]:
     rules, builder = alone()
     data = prepare(recording, rules)
     assert data is not None
-    rows = rows_of(System(rules, builder, data), Setting())
+    rows = rows_of(System(rules, builder, data), Configuration())
     return evidence_of(recording, data, rows)
 
 

@@ -6,12 +6,12 @@ import functools
 
 import pytest
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.evidence.steady.screen import Trial, screen
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.search import exchange
 from rulec.mismatch.search.accepted import Won
-from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.compete import CrossValidated, contest
 from rulec.mismatch.search.exchange import exchanged, weighed
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour
 
@@ -23,15 +23,15 @@ WRONG = "A.filling-loss@Q_geo", "A.viscous-friction@P_law"
 
 
 @functools.cache
-def trials() -> tuple[Contestant, dict[str, Trial]]:
+def trials() -> tuple[CrossValidated, dict[str, InitialCandidate]]:
     """The plain model of a recording with both laws, and all that may be missing in it."""
     rules, builder = alone()
     rows = rows_at(alone(), recorded(alone(), tour(rules, 240), BUILT))
-    plain = fit(rows, Setting(), rows.system.data.open)
+    plain = fit(rows, Configuration(), rows.system.data.open)
     return contest(plain, None), {t.candidate.id: t for t in screen(plain, builder.candidates)}
 
 
-def explained(*names: str) -> tuple[Contestant, tuple[Won, ...]]:
+def explained(*names: str) -> tuple[CrossValidated, tuple[Won, ...]]:
     """A model with some explanations; each has the one that was built in as its other."""
     plain, known = trials()
     setting = plain.fitted.setting

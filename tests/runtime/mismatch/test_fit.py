@@ -11,7 +11,7 @@ import pytest
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
 from rulec.mismatch.evidence.steady.model import model_of
 from rulec.mismatch.inference.interval import profile
@@ -40,19 +40,19 @@ def recording(built: Built | None = None, **how: object) -> Recording:
     return recorded(alone(), given, built, **how)  # type: ignore[arg-type]
 
 
-def joined(name: str, start: Mapping[str, float], fixed: Mapping[str, float]) -> Setting:
+def joined(name: str, start: Mapping[str, float], fixed: Mapping[str, float]) -> Configuration:
     """The plain model with a candidate in it."""
     candidate = next(c for c in alone()[1].candidates if c.id == name)
-    return Setting().joining(
+    return Configuration().joining(
         candidate,
         {f"{name}.{k}": v for k, v in start.items()},
         {f"{name}.{k}": v for k, v in fixed.items()},
     )
 
 
-def fitted(of: Recording, setting: Setting | None = None) -> Fitted:
+def fitted(of: Recording, setting: Configuration | None = None) -> Fitted:
     rows = rows_at(alone(), of)
-    return fit(rows, setting or Setting(), rows.system.data.open)
+    return fit(rows, setting or Configuration(), rows.system.data.open)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
@@ -107,7 +107,10 @@ def test_a_release_loosens_only_its_module() -> None:
     """Precision falls by the square of the factor there, and nowhere else."""
     rules, _ = opened("abc")
     system = rows_at(opened("abc"), recorded(opened("abc"), tour(rules, 120))).system
-    plain, freed = prior_of(system, Setting()), prior_of(system, Setting(released=frozenset("A")))
+    plain, freed = (
+        prior_of(system, Configuration()),
+        prior_of(system, Configuration(released=frozenset("A"))),
+    )
     ratio = np.diag(plain.precision) / np.diag(freed.precision)
     for name, factor in zip(plain.names, ratio, strict=True):
         expected = RELEASE**2 if name.startswith("A.") else 1.0
@@ -117,7 +120,9 @@ def test_a_release_loosens_only_its_module() -> None:
 def test_held_values_stay() -> None:
     """A value that is held is where it was put, and the others still move."""
     rows = rows_at(alone(), recording(TRUE))
-    found = fit(rows, Setting(), rows.system.data.open, held={"A.C2": 0.0, ERROR + "A.dp": 0.5})
+    found = fit(
+        rows, Configuration(), rows.system.data.open, held={"A.C2": 0.0, ERROR + "A.dp": 0.5}
+    )
     assert 0.0 == found.setting.values["A.C2"]
     assert 0.5 == found.setting.values[ERROR + "A.dp"]
     assert found.setting.values["A.C0"] != alone()[1].parameters.values[0]
@@ -167,7 +172,7 @@ def test_a_bent_valley_is_followed_to_its_end() -> None:
     given = {"main.dp": BAR * (124.0 + 43.0 * np.mod(np.arange(600) // 12 * 0.618, 1.0))}
     rows = rows_at(plant, recorded(plant, given, {name: {"c": true}}, moved=False))
     candidate = next(c for c in plant[1].candidates if c.id == name)
-    plain = fit(rows, Setting(), rows.system.data.open)
+    plain = fit(rows, Configuration(), rows.system.data.open)
     begun = plain.setting.joining(candidate, {f"{name}.c": 0.01 * true}, {})
     found = fit(rows, begun, rows.system.data.open)
     assert found.setting.values[f"{name}.c"] == pytest.approx(true, rel=0.05)
@@ -184,10 +189,10 @@ def test_a_contradicted_data_sheet_counts_only_where_it_is_trusted() -> None:
     doubted = replace(known, sheet=sheet, contradicted=frozenset({"A"}))
     there = rules, Sure(builder, doubted)
     rows = rows_at(there, recorded(alone(), tour(rules, SAMPLES), moved=False))  # type: ignore[arg-type]
-    held = fit(rows, Setting(), rows.system.data.open)
+    held = fit(rows, Configuration(), rows.system.data.open)
     assert held.contradiction > 10.0
-    assert held.strain > 10.0
-    ways = Setting().wider(("A",), doubted.contradicted)
+    assert held.negative_log_prior > 10.0
+    ways = Configuration().wider(("A",), doubted.contradicted)
     wide, trusted = (prior_of(rows.system, way) for way in ways)
     i = wide.names.index("A.eta")
     u = float(np.sqrt(known.covariance[known.ids.index("A.eta"), known.ids.index("A.eta")]))
@@ -208,5 +213,5 @@ def test_where_a_law_has_no_value_it_is_not_right() -> None:
     rows = rows_at(there, recorded(there, tour(there[0], SAMPLES), moved=False))
     slope = next(c for c in there[1].candidates if c.id == "A.dp.low")
     (share,) = slope.unknowns
-    nothing = Setting().joining(slope, {share.id: 1.0}, {})
+    nothing = Configuration().joining(slope, {share.id: 1.0}, {})
     assert fit(rows, nothing, rows.system.data.open, steps=0).objective == np.inf

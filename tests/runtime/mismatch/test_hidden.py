@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.compete import contest, refit
 from rulec.mismatch.search.latent_input import described, hidden_trials, reconstruct
@@ -89,7 +89,7 @@ def test_what_drives_a_slip_shows_in_its_parameter() -> None:
     """The pressure moves; an error that adds to the flow would have to move with it."""
     unrecorded = replace(run(), values={n: v for n, v in run().values.items() if n != "A.T"})
     rows = rows_at(alone(), unrecorded)
-    plain = fit(rows, Setting(), rows.system.data.open)
+    plain = fit(rows, Configuration(), rows.system.data.open)
     best = best_of([refit(plain, trial) for trial in hidden_trials(plain)], contest(plain, None))
     assert best is not None
     (wandering,) = best.fitted.setting.joined

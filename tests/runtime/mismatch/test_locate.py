@@ -9,7 +9,7 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.evidence.model import Variable
 from rulec.mismatch.evidence.region import periods_of, region_of
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.locate import (
     alike,
     noise_scale,
@@ -110,7 +110,7 @@ def test_predictions_solve_the_residual(plant: str) -> None:
     found = rows_at(where, recording).system
     predictor = predictors_for(found, tuple(o.id for o in found.observers), frozenset())[0]
     assert not predictor.signal.is_input
-    predicted = predictor.predicted(Setting())
+    predicted = predictor.predicted(Configuration())
     judged = predictor.points
     measured = found.data.values[predictor.signal.id]
     assert measured[judged] == pytest.approx(predicted[judged], rel=1e-9)
@@ -122,10 +122,10 @@ def test_predictions_are_off_by_the_noise() -> None:
     recording = recorded(alone(), tour(rules, 600, hold=60), moved=False)
     found = rows_at(alone(), recording).system
     predictor = predictors_for(found, ("A.pump",), frozenset())[0]
-    off = (found.data.values[predictor.signal.id] - predictor.predicted(Setting()))[
+    off = (found.data.values[predictor.signal.id] - predictor.predicted(Configuration()))[
         predictor.points
     ]
-    expected = predictor.noise(Setting())[predictor.points]
+    expected = predictor.noise(Configuration())[predictor.points]
     ratio = off / expected
     assert 1.0 == pytest.approx(float(np.std(ratio)), rel=0.2)
 

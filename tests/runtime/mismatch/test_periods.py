@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.screen import Trial, columns_of
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
 from rulec.mismatch.limits import ODD, STEP_PENALTY
 from rulec.mismatch.search.compete import refit
 from rulec.mismatch.search.periods import degree_course, in_periods
@@ -132,10 +132,10 @@ def plain(*degrees: tuple[int, int, float]) -> Fitted:
         degree[since:until] = x
     recording = recorded(opened("abc"), tour(rules, 300), {"A.leakage": {"x": degree}})
     rows = rows_at(opened("abc"), recording)
-    return fit(rows, Setting(), rows.system.data.open)
+    return fit(rows, Configuration(), rows.system.data.open)
 
 
-def trial(name: str, *degrees: tuple[int, int, float]) -> Trial | None:
+def trial(name: str, *degrees: tuple[int, int, float]) -> InitialCandidate | None:
     """The fault looked for as one that comes and goes."""
     candidates = opened("abc")[1].candidates
     return in_periods(plain(*degrees), next(c for c in candidates if c.id == name))

@@ -7,7 +7,7 @@ import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
@@ -28,7 +28,7 @@ SAMPLES = 120
 
 def errors(rows: Rows) -> Array:
     """Whitened errors at the plain setting."""
-    return rows.errors(rows.system.flows(Setting()))[0]
+    return rows.errors(rows.system.flows(Configuration()))[0]
 
 
 def quiet(plant: str) -> Recording:
@@ -91,8 +91,8 @@ def test_rescaling_a_relation_changes_nothing(factor: float) -> None:
     recording = recorded(alone(), tour(rules, SAMPLES))
     data = prepare(recording, rules)
     assert data is not None
-    plain = rows_of(System(rules, builder, data), Setting())
-    scaled = rows_of(System(rules, Rescaled(builder, factor), data), Setting())
+    plain = rows_of(System(rules, builder, data), Configuration())
+    scaled = rows_of(System(rules, Rescaled(builder, factor), data), Configuration())
     assert errors(plain) == pytest.approx(errors(scaled), rel=1e-6, abs=1e-6)
 
 
@@ -132,13 +132,13 @@ def test_columns_are_derivatives_of_rows() -> None:
     _, builder = opened("abc")
     rows = rows_at(opened("abc"), quiet("abc"))
     system, known = rows.system, builder.parameters
-    flows = system.flows(Setting(), known.ids)
+    flows = system.flows(Configuration(), known.ids)
     maps = rows.maps(flows)
     base = errors(rows)
     for name in ("A.C2", "A.k2", "B.eta", "C.k2"):
         i = known.ids.index(name)
         step = 1e-3 * np.sqrt(known.covariance[i, i])
-        moved = Setting(values={name: float(known.values[i] + step)})
+        moved = Configuration(values={name: float(known.values[i] + step)})
         expected = (rows.errors(system.flows(moved))[0] - base) / step
         found = rows.column(maps, flows.by_value[name])
         size = float(np.abs(expected).max())

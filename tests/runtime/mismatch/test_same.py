@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.result import Rival
-from rulec.mismatch.search.compete import Contestant, contest, entered
+from rulec.mismatch.search.compete import CrossValidated, contest, entered
 from rulec.mismatch.search.weigh import net_gain, odds_of, says_the_same
 from rulec.mismatch.search.winner import recorded as records_of
 from tests.runtime.mismatch.made import alone, recorded, rows_at, tour
@@ -20,15 +20,15 @@ OFFSET, STANDBY = "A.offset-power@P_el", "A.standby-power@P_law"
 
 
 @functools.cache
-def before() -> Contestant:
+def before() -> CrossValidated:
     """The plain model of a pump that takes 30 W more, or seems to."""
     recording = recorded(alone(), tour(alone()[0], 240), {OFFSET: {"z": 30.0}})
     rows = rows_at(alone(), recording)
-    return contest(fit(rows, Setting(), rows.system.data.open), None)
+    return contest(fit(rows, Configuration(), rows.system.data.open), None)
 
 
 @functools.cache
-def after(name: str) -> Contestant:
+def after(name: str) -> CrossValidated:
     (trial,) = screen(before().fitted, [c for c in alone()[1].candidates if c.id == name])
     return entered(before().fitted, trial)
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import (
-    Trial,
+    InitialCandidate,
     columns_of,
-    looks_at,
+    score_tests_at,
     screen,
     with_open_references,
 )
@@ -36,11 +36,11 @@ def plain(name: str) -> Fitted:
     rules, _ = alone()
     given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
     rows = rows_at(alone(), recorded(alone(), given, PLANTED.get(name, {})))
-    return fit(rows, Setting(), rows.system.data.open)
+    return fit(rows, Configuration(), rows.system.data.open)
 
 
 @functools.cache
-def trials(name: str) -> tuple[Trial, ...]:
+def trials(name: str) -> tuple[InitialCandidate, ...]:
     return tuple(screen(plain(name), alone()[1].candidates))
 
 
@@ -65,7 +65,7 @@ def test_the_first_guess_is_near_the_truth(name: str) -> None:
 def test_sets_of_terms_gain_what_each_gains_alone() -> None:
     """All pairs at once are what they are one by one, within the ends of their ranges."""
     fitted = plain("A.slip-temperature@Q_geo")
-    look = looks_at(fitted)[0]
+    look = score_tests_at(fitted)[0]
     columns = [columns_of(fitted, t.candidate, t.values, t.fixed) for t in trials("healthy")[:6]]
     table = np.concatenate([c for c in columns if c is not None], axis=1)
     n = table.shape[1]
@@ -130,7 +130,7 @@ def test_a_calibration_at_another_temperature_bends_no_law() -> None:
     there = rules, Sure(builder, sure)
     given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
     rows = rows_at(there, recorded(alone(), given, PLANTED[SLIP]))
-    begun = fit(rows, Setting(), rows.system.data.open)
+    begun = fit(rows, Configuration(), rows.system.data.open)
     (trial,) = (t for t in screen(begun, builder.candidates) if t.candidate.id == SLIP)
     fitted, chosen = refit(begun, trial)
     b, usual = f"{SLIP}.b", f"{SLIP}.T0"

@@ -6,10 +6,10 @@ import functools
 
 from rulec_runtime.recordings.recording import Recording
 
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
-from rulec.mismatch.evidence.steady.screen import Trial, screen
-from rulec.mismatch.search.compete import Contestant, contest, entered
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
+from rulec.mismatch.search.compete import CrossValidated, contest, entered
 from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
@@ -28,17 +28,17 @@ def run(warm: bool = True) -> Recording:
 def plain(warm: bool = True) -> Fitted:
     """The plain model refitted."""
     rows = rows_at(alone(), run(warm))
-    return fit(rows, Setting(), rows.system.data.open)
+    return fit(rows, Configuration(), rows.system.data.open)
 
 
 @functools.cache
-def before(warm: bool = True) -> Contestant:
+def before(warm: bool = True) -> CrossValidated:
     """The plain model, judged on blocks it was not fitted to."""
     return contest(plain(warm), None)
 
 
 @functools.cache
-def trial(name: str = SLIP, warm: bool = True) -> Trial:
+def trial(name: str = SLIP, warm: bool = True) -> InitialCandidate:
     """A candidate as the screen found it."""
     candidate = next(c for c in alone()[1].candidates if c.id == name)
     (found,) = screen(plain(warm), [candidate])
@@ -46,6 +46,6 @@ def trial(name: str = SLIP, warm: bool = True) -> Trial:
 
 
 @functools.cache
-def after(name: str = SLIP, warm: bool = True) -> Contestant:
+def after(name: str = SLIP, warm: bool = True) -> CrossValidated:
     """The model with the candidate, judged likewise."""
     return entered(plain(warm), trial(name, warm))

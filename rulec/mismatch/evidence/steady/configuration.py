@@ -68,7 +68,7 @@ class Course:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class Configuration:
     """What is joined and the values of what is free; numbers in SI.
 
     `values` holds base parameters, sensor errors (`ERROR`), unknowns and degrees of periods;
@@ -124,7 +124,7 @@ class Setting:
         values: Mapping[str, float],
         fixed: Mapping[str, float],
         course: Course | None = None,
-    ) -> Setting:
+    ) -> Configuration:
         """With one more candidate."""
         return replace(
             self,
@@ -134,12 +134,14 @@ class Setting:
             courses=self.courses if course is None else (*self.courses, course),
         )
 
-    def letting_go(self, modules: Iterable[str], trusted: Iterable[str] = ()) -> Setting:
+    def letting_go(self, modules: Iterable[str], trusted: Iterable[str] = ()) -> Configuration:
         """With the calibrations of modules let go, and the data sheets of some of them trusted."""
         released = self.released.union(modules, trusted)
         return replace(self, released=released, trusted=self.trusted.union(trusted))
 
-    def wider(self, modules: Iterable[str], contradicted: frozenset[str]) -> tuple[Setting, ...]:
+    def wider(
+        self, modules: Iterable[str], contradicted: frozenset[str]
+    ) -> tuple[Configuration, ...]:
         """The ways to let the calibrations of modules go that are new."""
         own = frozenset(modules)
         found = []
@@ -149,11 +151,11 @@ class Setting:
             found.append(self.letting_go(own, own & contradicted))
         return tuple(found)
 
-    def calibrated(self) -> Setting:
+    def calibrated(self) -> Configuration:
         """With all calibrations as they are stated."""
         return replace(self, released=frozenset(), trusted=frozenset())
 
-    def leaving(self, candidate: str) -> Setting:
+    def leaving(self, candidate: str) -> Configuration:
         """Without one of the candidates."""
         gone = {u.id for c in self.joined if c.id == candidate for u in c.unknowns}
         return replace(

@@ -18,7 +18,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.rows import Maps, Rows
 from rulec.mismatch.evidence.steady.system import System
 
@@ -39,7 +39,7 @@ class Prior:
 
 
 def prior_of(
-    system: System, setting: Setting, anchors: Mapping[str, tuple[float, float]] | None = None
+    system: System, setting: Configuration, anchors: Mapping[str, tuple[float, float]] | None = None
 ) -> Prior:
     """What is known of the free values before the recording.
 
@@ -99,7 +99,7 @@ def prior_of(
     )
 
 
-def _adrift(setting: Setting) -> set[str]:
+def _adrift(setting: Configuration) -> set[str]:
     """Errors of sensors that drift: when or at which temperature they were right is not known."""
     return {
         f"{ERROR}{c.module}.{c.place}" for c in setting.joined if c.sort == "sensor" and c.drivers
@@ -110,20 +110,20 @@ def _adrift(setting: Setting) -> set[str]:
 class Fitted:
     """A setting refitted to some points.
 
-    `scale` is that of the residuals in units of their noise; `temper` how many neighbouring groups
-    of rows say as much as one alone would (they are alike where something is left out). `used`
-    flags points, shape (n,); `residual`, shape (rows,), is in units of its noise.
+    `scale` is that of the residuals in units of their noise; `variance_inflation` how many
+    neighbouring groups of rows say as much as one alone would (they are alike where something is
+    left out). `used` flags points, shape (n,); `residual`, shape (rows,), is in units of its noise.
     `predicted` are the readings as reconciled by the model, shape (n,), SI. `likelihood` shape
     (groups,): log likelihood of every group of rows, also of those that were not used. Slopes
     are worked out when they are asked for: a step that is not taken, and a fit that is only
     judged, need none.
     """
 
-    setting: Setting
+    setting: Configuration
     rows: Rows
     prior: Prior
     used: np.ndarray
-    temper: float
+    variance_inflation: float
     scale: float
     residual: Array
     predicted: Mapping[str, Array]
@@ -170,7 +170,7 @@ class Fitted:
         """Weights of the rows in the normal matrix, shape (rows,)."""
         use = self.used[self.rows.point]
         robust = student_weights(self.rows, self.residual, self.scale)
-        weights: Array = robust * use / (self.scale**2 * self.temper)
+        weights: Array = robust * use / (self.scale**2 * self.variance_inflation)
         return weights
 
     @cached_property
@@ -182,7 +182,7 @@ class Fitted:
         return covariance
 
     @cached_property
-    def strain(self) -> float:
+    def negative_log_prior(self) -> float:
         """How much what was known before is strained, in log likelihood.
 
         Parameters are stated wrongly now and then: their tails are those of a Student distribution,
@@ -205,7 +205,7 @@ class Fitted:
 
     @cached_property
     def contradiction(self) -> float:
-        """The strain on data sheets that calibrations contradict, where these are not trusted."""
+        """Negative log prior of data sheets that calibrations contradict, if not trusted."""
         parameters = self.rows.system.builder.parameters
         far = self._off_sheet(parameters.contradicted - self.setting.trusted)
         return 0.5 * (limits.FREEDOM + 1.0) * float(np.sum(np.log1p(far**2 / limits.FREEDOM)))
@@ -229,11 +229,11 @@ class Fitted:
 
 def fit(
     rows: Rows,
-    setting: Setting,
+    setting: Configuration,
     used: np.ndarray,
     steps: int = limits.FIT_STEPS,
     held: Mapping[str, float] | None = None,
-    temper: float = 1.0,
+    variance_inflation: float = 1.0,
     anchors: Mapping[str, tuple[float, float]] | None = None,
 ) -> Fitted:
     """Find the most probable values given some points.
@@ -243,7 +243,7 @@ def fit(
     setting : where to start.
     used : shape (n,), points to fit to.
     held : values that must stay where they are put.
-    temper : divides the log likelihood against the priors.
+    variance_inflation : divides the log likelihood against the priors.
     anchors : means and standard deviations of unknowns that are held loosely.
     """
     system = rows.system
@@ -254,12 +254,12 @@ def fit(
     for i, name in enumerate(prior.names):
         at[i] = held.get(name, at[i])
     use = used[rows.point]
-    current = _evaluated(rows, setting, prior, at, used, temper, None)
+    current = _evaluated(rows, setting, prior, at, used, variance_inflation, None)
     damping, harder = 1e-3, 2.0
     for _ in range(steps):
         step = _step(current, prior, at, free, damping)
         trial_at = np.clip(at + step, prior.lowest, prior.highest)
-        trial = _evaluated(rows, setting, prior, trial_at, used, temper, current.scale)
+        trial = _evaluated(rows, setting, prior, trial_at, used, variance_inflation, current.scale)
         gain = current.objective - trial.objective
         if not np.isfinite(trial.objective) or gain < 0:
             damping, harder = damping * harder, 2.0 * harder
@@ -303,11 +303,11 @@ def _step(now: Fitted, prior: Prior, at: Array, free: np.ndarray, damping: float
 
 def _evaluated(
     rows: Rows,
-    setting: Setting,
+    setting: Configuration,
     prior: Prior,
     at: Array,
     used: np.ndarray,
-    temper: float,
+    variance_inflation: float,
     scale: float | None,
 ) -> Fitted:
     """Residuals, scale and objective at some values."""
@@ -321,16 +321,26 @@ def _evaluated(
     likelihood = _likelihood(rows, residual, scale)
     off = at - prior.mean
     objective = float(
-        0.5 * off @ prior.precision @ off - likelihood[used[rows.group_point]].sum() / temper
+        0.5 * off @ prior.precision @ off
+        - likelihood[used[rows.group_point]].sum() / variance_inflation
     )
     if not np.isfinite(errors[use]).any():
         objective = np.inf  # where a law has no value anywhere, nothing is wrong any more
     return Fitted(
-        placed, rows, prior, used, temper, scale, residual, predicted, likelihood, objective
+        placed,
+        rows,
+        prior,
+        used,
+        variance_inflation,
+        scale,
+        residual,
+        predicted,
+        likelihood,
+        objective,
     )
 
 
-def temper_of(fitted: Fitted) -> float:
+def variance_inflation_of(fitted: Fitted) -> float:
     """How many neighbouring groups of rows are as good as one, by means over batches of time.
 
     Source: batch means (Geyer 1992).

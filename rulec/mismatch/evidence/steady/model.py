@@ -23,14 +23,19 @@ class SteadyModel(Model):
     fitted: Fitted
 
     def line(self, name: str) -> Line:
-        """All other values refitted; neighbours count as what they are worth (`temper`)."""
+        """All other values refitted; neighbours count as what they are worth."""
         fitted, prior = self.fitted, self.fitted.prior
         i, value, u = prior.names.index(name), fitted.setting.values[name], fitted.u(name)
 
         def fall(step: float) -> float:
             held: Mapping[str, float] = {name: value + step}
             there = fit(
-                fitted.rows, fitted.setting, fitted.used, limits.HELD_STEPS, held, fitted.temper
+                fitted.rows,
+                fitted.setting,
+                fitted.used,
+                limits.HELD_STEPS,
+                held,
+                fitted.variance_inflation,
             )
             return there.objective - fitted.objective
 

@@ -15,7 +15,7 @@ from rulec_runtime.recordings.reading_unit import parse_unit
 
 from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.system import System
 from rulec.simulation.shut_off import is_flow
 
@@ -34,7 +34,7 @@ class Predictor:
         """Is the reading a volume flow?"""
         return is_flow(self.signal, self.system.ruleset)
 
-    def predicted(self, setting: Setting) -> Array:
+    def predicted(self, setting: Configuration) -> Array:
         """The reading by a model, shape (n,), SI; NaN where there is none."""
         system = self.system
         measured = system.data.values[self.signal.id]
@@ -54,7 +54,7 @@ class Predictor:
                 break
         return np.where(self.points & (settled < 1e-3 * size), at, np.nan)
 
-    def _value(self, setting: Setting, at: Array) -> tuple[Array, Array]:
+    def _value(self, setting: Configuration, at: Array) -> tuple[Array, Array]:
         """The residual and its slope by the reading."""
         system = self.system
         inputs = system.corrected(setting)
@@ -70,7 +70,7 @@ class Predictor:
             slope = slope + term.sign * slopes[key].get(self.signal.id, np.zeros(1))
         return value, slope
 
-    def noise(self, setting: Setting) -> Array:
+    def noise(self, setting: Configuration) -> Array:
         """Standard uncertainty of measured less predicted by the noise of all readings, (n,)."""
         system = self.system
         flows = system.flows(setting)

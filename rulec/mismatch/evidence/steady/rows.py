@@ -19,7 +19,7 @@ from rulec_runtime.diagnosis.steady.redundancy import blocks_of, patterns_of, re
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.cell import Cell, Linear
-from rulec.mismatch.evidence.steady.configuration import Setting
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.small_systems import inverses, inverses_of
 from rulec.mismatch.evidence.steady.system import Flows, System
 
@@ -160,7 +160,7 @@ class Rows:
         return sums
 
 
-def rows_of(system: System, setting: Setting) -> Rows:
+def rows_of(system: System, setting: Configuration) -> Rows:
     """Find what checks what, and the noise of the outputs' errors at a setting."""
     flows = system.flows(setting)
     cells: list[Cell] = []

@@ -24,7 +24,7 @@ from rulec.mismatch.evidence.steady.system import System
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class InitialCandidate:
     """A candidate with the values to start a refit from; `gain` in log likelihood, linearised.
 
     `along` are others that must be joined with it; `held` is the gain under a calibration that
@@ -36,12 +36,12 @@ class Trial:
     fixed: Mapping[str, float]
     gain: float
     course: Course | None = None
-    along: tuple[Trial, ...] = ()
+    along: tuple[InitialCandidate, ...] = ()
     held: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class ScoreTest:
     """The weighted linear problem around a fit; what base values can mend is projected out.
 
     `pull` is the slope of the priors there, in units of the weighted squares, shape (values,).
@@ -100,7 +100,7 @@ class Look:
         return amplitudes, -0.5 * self.count * np.log1p(-share)
 
 
-def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
+def score_tests_at(fitted: Fitted, prior: Prior | None = None) -> tuple[ScoreTest, ScoreTest]:
     """Two looks: by the weights of the robust fit, and with far points counting more.
 
     The first sees what is small and everywhere, the second what is large and rare. `prior` stands
@@ -115,26 +115,26 @@ def looks_at(fitted: Fitted, prior: Prior | None = None) -> tuple[Look, Look]:
     return _look(fitted, robust * use, known), _look(fitted, huber * use, known)
 
 
-def _look(fitted: Fitted, weights: Array, prior: Prior) -> Look:
+def _look(fitted: Fitted, weights: Array, prior: Prior) -> ScoreTest:
     jacobian, scale = fitted.jacobian, fitted.scale
-    normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.temper)
+    normal = jacobian.T @ (weights[:, None] * jacobian) / (scale**2 * fitted.variance_inflation)
     normal = normal + prior.precision
     size = np.sqrt(np.maximum(np.diag(normal), 0.0))
     size = np.where(size > 0.0, size, 1.0)  # a value that nothing speaks of has no scale
     inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-    inverse = inverse / np.outer(size, size) / (scale**2 * fitted.temper)
+    inverse = inverse / np.outer(size, size) / (scale**2 * fitted.variance_inflation)
     # The weighted optimum need not be that of the fit: what is left must be free of base values.
     at = np.array([fitted.setting.values[name] for name in fitted.prior.names])
-    unit = scale**2 * fitted.temper
+    unit = scale**2 * fitted.variance_inflation
     pull = unit * prior.precision @ (at - prior.mean)
     part = inverse @ (jacobian.T @ (weights * fitted.residual) + pull)
     residual = fitted.residual - jacobian @ part
     pull = pull - unit * prior.precision @ part
-    # What can fall is also the strain on the priors.
+    # What can fall is also the negative log prior.
     strained = float(pull @ (at - part - prior.mean))
     total = float(np.sum(weights * residual**2)) + max(strained, 0.0)
     count = int(np.sum(weights > 0))
-    return Look(
+    return ScoreTest(
         weights=weights,
         residual=residual,
         jacobian=jacobian,
@@ -145,17 +145,17 @@ def _look(fitted: Fitted, weights: Array, prior: Prior) -> Look:
     )
 
 
-def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
+def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[InitialCandidate]:
     """The best start of each candidate that could help, best first.
 
     Physics is also looked at with the calibration of its module let go: one that was made on data
     that contain the physics has made room for it.
     """
-    looks = looks_at(fitted)
-    eased: dict[tuple[str, ...], tuple[Look, ...]] = {}
+    looks = score_tests_at(fitted)
+    eased: dict[tuple[str, ...], tuple[ScoreTest, ...]] = {}
     trials = []
     for candidate in candidates:
-        own: tuple[Look, ...] = ()
+        own: tuple[ScoreTest, ...] = ()
         if candidate.sort in ("physics", "ageing"):
             if candidate.modules not in eased:
                 eased[candidate.modules] = _eased(fitted, candidate.modules)
@@ -164,22 +164,22 @@ def screen(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Trial]:
     return sorted(trials, key=lambda t: (-t.gain, t.candidate.id))
 
 
-def _eased(fitted: Fitted, modules: Sequence[str]) -> tuple[Look, ...]:
+def _eased(fitted: Fitted, modules: Sequence[str]) -> tuple[ScoreTest, ...]:
     """Looks with the calibrations of modules let go."""
     system = fitted.rows.system
     ways = fitted.setting.wider(modules, system.contradicted)
-    return tuple(look for way in ways for look in looks_at(fitted, prior_of(system, way)))
+    return tuple(look for way in ways for look in score_tests_at(fitted, prior_of(system, way)))
 
 
 def _best_of(
-    fitted: Fitted, looks: Sequence[Look], eased: Sequence[Look], candidate: Candidate
-) -> list[Trial]:
+    fitted: Fitted, looks: Sequence[ScoreTest], eased: Sequence[ScoreTest], candidate: Candidate
+) -> list[InitialCandidate]:
     system = fitted.rows.system
     if not _has_drivers(system, candidate):
         return []
     fixed = references(system, candidate)
     amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
-    best: Trial | None = None
+    best: InitialCandidate | None = None
     held = 0.0
     null = {u.id: u.null for u in amplitudes if u.null is not None}
     for shape, at in itertools.product(starts(system, candidate), _bends(amplitudes, null)):
@@ -195,7 +195,7 @@ def _best_of(
                 values = {
                     u.id: null[u.id] + float(a) for u, a in zip(amplitudes, found, strict=True)
                 }
-                best = Trial(
+                best = InitialCandidate(
                     candidate=candidate, values={**values, **shape}, fixed=fixed, gain=gain
                 )
     return [replace(best, held=held)] if best is not None and best.gain > 0 else []
@@ -260,7 +260,7 @@ def references(system: System, candidate: Candidate) -> dict[str, float]:
     return found
 
 
-def with_open_references(system: System, trial: Trial) -> Trial | None:
+def with_open_references(system: System, trial: InitialCandidate) -> InitialCandidate | None:
     """The trial with the conditions at which the plain law holds searched for; None without such.
 
     Those of a calibration on an earlier run were others than the usual ones of this recording.

@@ -11,12 +11,12 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.limits import NORMAL_SPREAD
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.result import Changed, Repair
 
 
-def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> Fitted:
+def with_sensors_as_they_are(fitted: Fitted, setting: Configuration | None = None) -> Fitted:
     """Refit a setting (that of the fit unless given) with no error of any sensor.
 
     Terms without physics behind them are left out: nobody should rely on them.
@@ -26,7 +26,9 @@ def with_sensors_as_they_are(fitted: Fitted, setting: Setting | None = None) -> 
         if candidate.sort == "free":
             setting = setting.leaving(candidate.id)
     none = {ERROR + name: 0.0 for name in fitted.rows.system.shared}
-    return fit(fitted.rows, setting, fitted.used, held=none, temper=fitted.temper)
+    return fit(
+        fitted.rows, setting, fitted.used, held=none, variance_inflation=fitted.variance_inflation
+    )
 
 
 def repair_of(settled: Fitted) -> Repair:
@@ -138,7 +140,7 @@ def _near(off: Array) -> np.ndarray:
     return flags
 
 
-def plain_of(setting: Setting) -> Setting:
+def plain_of(setting: Configuration) -> Configuration:
     """The plain model to compare with; faults that come and go are no part of any model."""
     for candidate in setting.joined:
         if not setting.in_periods & {u.id for u in candidate.unknowns}:

@@ -14,7 +14,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, Candidate
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch.evidence.steady.configuration import CHANGE, ERROR, Setting
+from rulec.mismatch.evidence.steady.configuration import CHANGE, ERROR, Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 
 Slopes = dict[str, dict[int, Array]]
@@ -97,7 +97,7 @@ class System:
         return {name: u for name, u in self.data.points.systematic.items() if name in used}
 
     def corrected(
-        self, setting: Setting, at: Mapping[str, Array] | None = None
+        self, setting: Configuration, at: Mapping[str, Array] | None = None
     ) -> dict[str, Array | float]:
         """Plan inputs, SI: readings, shape (n,), less errors of their sensors; all values."""
         inputs = {**self.inputs, **(at or {}), **setting.fixed, **setting.values}
@@ -115,7 +115,7 @@ class System:
 
     def flows(
         self,
-        setting: Setting,
+        setting: Configuration,
         by: Sequence[str] = (),
         spots: Sequence[str] = (),
         modules: Sequence[str] | None = None,
@@ -153,7 +153,7 @@ class System:
                     table.setdefault(name, {})[i] = slope
         return Flows(values, by_reading, self._of_values(by, raw, by_reading))
 
-    def built_in(self, setting: Setting) -> tuple[str, ...]:
+    def built_in(self, setting: Configuration) -> tuple[str, ...]:
         """Places with an error that plans must have an input for; a parameter is one anyway."""
         places = {s.id for s in self.builder.spots}
         return tuple(s for s in setting.spots if s in places)

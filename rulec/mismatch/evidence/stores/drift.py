@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,14 @@ class Drift:
         return np.where(kept, errors, 0.0)
 
 
-def no_drift(bench: Bench) -> Drift:
+def no_drift(bench: SimulationProblem) -> Drift:
     """Sensors without errors."""
     return Drift(np.zeros((len(bench.signals) * len(bench.time), 0)), ())
 
 
-def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float]) -> Drift:
+def drift_of(
+    bench: SimulationProblem, joined: tuple[str, ...], values: Mapping[str, float]
+) -> Drift:
     """What each error within a class does."""
     record = bench.record
     columns: list[Array] = []
@@ -87,7 +89,7 @@ def drift_of(bench: Bench, joined: tuple[str, ...], values: Mapping[str, float])
 
 def moved_again(
     drift: Drift,
-    bench: Bench,
+    bench: SimulationProblem,
     joined: tuple[str, ...],
     values: Mapping[str, float],
     inputs: Mapping[str, Array],
@@ -106,7 +108,7 @@ def moved_again(
 
 
 def _stacked(
-    bench: Bench,
+    bench: SimulationProblem,
     joined: tuple[str, ...],
     values: Mapping[str, float],
     inputs: Mapping[str, Array],

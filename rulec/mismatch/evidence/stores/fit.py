@@ -19,7 +19,11 @@ from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import Drift
 from rulec.mismatch.evidence.stores.noise import Noise, noise_of
-from rulec.mismatch.evidence.stores.simulation_problem import Bench, Simulated, unknowns_of
+from rulec.mismatch.evidence.stores.simulation_problem import (
+    Simulated,
+    SimulationProblem,
+    unknowns_of,
+)
 
 
 @dataclass(frozen=True)
@@ -28,10 +32,10 @@ class Fitted:
 
     `values` holds free and fixed parameters, SI, by id; `free` names those in `covariance`, shape
     (free, free). `errors` are simulated less measured less what slow errors of inputs explain, per
-    signal, shape (n,); `noise` is what they show. `strain` is half the squares of what the priors
-    cost, those of sensors too. `slow` holds errors within the class of sensors, in their
-    uncertainties, `inputs` what was given, put right by them, and `drift` what they do. `pressed`
-    names unknowns that stand at an end of what is possible and would go on.
+    signal, shape (n,); `noise` is what they show. `negative_log_prior` is half the
+    squares of what the priors cost, those of sensors too. `slow` holds errors within the class of
+    sensors, in their uncertainties, `inputs` what was given, put right by them, and `drift` what
+    they do. `pressed` names unknowns that stand at an end of what is possible and would go on.
     """
 
     joined: tuple[Candidate, ...]
@@ -39,7 +43,7 @@ class Fitted:
     free: tuple[str, ...]
     noise: Mapping[str, Noise]
     errors: Mapping[str, Array]
-    strain: float
+    negative_log_prior: float
     covariance: Array
     slow: Array
     inputs: Mapping[str, Array]
@@ -97,7 +101,7 @@ class Fitter:
     """
 
     def __init__(
-        self, bench: Bench, joined: tuple[Candidate, ...], fixed: Mapping[str, float]
+        self, bench: SimulationProblem, joined: tuple[Candidate, ...], fixed: Mapping[str, float]
     ) -> None:
         self.bench, self.joined, self.fixed = bench, joined, dict(fixed)
         self.ids = tuple(c.id for c in joined)
@@ -192,7 +196,7 @@ class Fitter:
         inputs = judged.drift.put_right(self.bench.record.inputs, judged.slow)
         return self.bench.simulate(self.ids, self.values(at), seeds, inputs)
 
-    def _strain(self, at: Array) -> Array:
+    def _off_prior(self, at: Array) -> Array:
         return np.asarray(self._prior @ ((at[: self._count] - self._mean) / self._u))
 
     def residual(self, at: Array, judged: Judged, basis: Array) -> tuple[Array, Array]:
@@ -203,11 +207,11 @@ class Fitter:
         slopes = [said.slopes[n] * self._scale for n in self.bench.signals]
         columns = np.column_stack([np.concatenate(errors), np.concatenate(slopes)])
         columns = _projected((columns / weights[:, None])[flags], basis, judged.slow)
-        strain = np.zeros((self._count, len(self.free)))
-        strain[:, : self._count] = self._prior * self._scale[: self._count] / self._u
+        of_prior = np.zeros((self._count, len(self.free)))
+        of_prior[:, : self._count] = self._prior * self._scale[: self._count] / self._u
         return (
-            np.concatenate([columns[:, 0], self._strain(at)]),
-            np.concatenate([columns[:, 1:], strain]),
+            np.concatenate([columns[:, 0], self._off_prior(at)]),
+            np.concatenate([columns[:, 1:], of_prior]),
         )
 
     def cost(self, at: Array, judged: Judged, basis: Array) -> float:
@@ -218,7 +222,9 @@ class Fitter:
             return float("inf")
         errors = [said.shown[n] - v for n, v in self.bench.record.measured.items()]
         column = (np.concatenate(errors) / judged.weights())[judged.flags(), None]
-        total = np.sum(_projected(column, basis, judged.slow) ** 2) + np.sum(self._strain(at) ** 2)
+        total = np.sum(_projected(column, basis, judged.slow) ** 2) + np.sum(
+            self._off_prior(at) ** 2
+        )
         return 0.5 * float(total)
 
     def gentle(self, at: Array, known: Mapping[str, float]) -> Array:
@@ -325,14 +331,14 @@ class Fitter:
             errors, slow = self.errors(at, judged)
             noise, given = self._noise(errors, judged), judged.drift.given(slow)
             judged = replace(judged, noise=noise, slow=given)
-        strain = 0.5 * float(np.sum(self._strain(at) ** 2) + np.sum(slow**2))
+        negative_log_prior = 0.5 * float(np.sum(self._off_prior(at) ** 2) + np.sum(slow**2))
         return Fitted(
             self.joined,
             self.values(at),
             self.free,
             judged.noise,
             errors,
-            strain,
+            negative_log_prior,
             np.zeros((0, 0)),
             judged.slow,
             judged.drift.put_right(self.bench.record.inputs, judged.slow),

@@ -19,7 +19,7 @@ from rulec_runtime.simulation.balances import RanAway
 from rulec.effects.candidate import Spot
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 
 STORED = ("balance", "reading")
 
@@ -37,7 +37,7 @@ class Suspect:
     share: float
 
 
-def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
+def suspects(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> list[Suspect]:
     """Places by what an error there explains, the likeliest first."""
     found: list[Suspect] = []
     for knots in limits.COURSE_KNOTS:
@@ -48,7 +48,9 @@ def suspects(bench: Bench, fitted: Fitted, judged: Judged) -> list[Suspect]:
     return found
 
 
-def _suspects(bench: Bench, fitted: Fitted, judged: Judged, knots: int) -> list[Suspect]:
+def _suspects(
+    bench: SimulationProblem, fitted: Fitted, judged: Judged, knots: int
+) -> list[Suspect]:
     flags, weights, left = _left(bench, fitted, judged)
     found = []
     for spot in bench.builder.spots:
@@ -62,7 +64,9 @@ def _suspects(bench: Bench, fitted: Fitted, judged: Judged, knots: int) -> list[
     return sorted(found, key=lambda s: -s.gain)
 
 
-def smooth_gain(bench: Bench, fitted: Fitted, judged: Judged, spot: Spot, count: int) -> float:
+def smooth_gain(
+    bench: SimulationProblem, fitted: Fitted, judged: Judged, spot: Spot, count: int
+) -> float:
     """What as many free parameters without physics would gain at a place: a smooth course in time.
 
     By linear response, in log likelihood with the size of the noise unknown.
@@ -77,7 +81,7 @@ def smooth_gain(bench: Bench, fitted: Fitted, judged: Judged, spot: Spot, count:
     return 0.5 * before * float(np.log(before / max(after, 1e-300)))
 
 
-def _left(bench: Bench, fitted: Fitted, judged: Judged) -> tuple[Flags, Array, Array]:
+def _left(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> tuple[Flags, Array, Array]:
     """Samples that count, all signals stacked; what errors there are divided by, and those errors
     over that, shape (counting samples,)."""
     flags = judged.flags()
@@ -88,7 +92,7 @@ def _left(bench: Bench, fitted: Fitted, judged: Judged) -> tuple[Flags, Array, A
 
 
 def _response(
-    bench: Bench, fitted: Fitted, spot: Spot, knots: int
+    bench: SimulationProblem, fitted: Fitted, spot: Spot, knots: int
 ) -> tuple[Array, list[Array], float] | None:
     """What unit errors at a place do to all readings, stacked; None where nothing sees it.
 

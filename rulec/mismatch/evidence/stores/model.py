@@ -13,7 +13,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
-from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SHOWN, SimulationProblem
 from rulec.mismatch.result import Estimate, Period
 
 
@@ -21,7 +21,7 @@ from rulec.mismatch.result import Estimate, Period
 class StoresModel(Model):
     """Output error of a simulation; `kept` are values that stay, SI by id."""
 
-    bench: Bench
+    bench: SimulationProblem
     fitted: Fitted
     judged: Judged
     kept: Mapping[str, float]
@@ -110,7 +110,7 @@ class StoresModel(Model):
 
 
 def model_of(
-    bench: Bench, fitted: Fitted, judged: Judged, kept: Mapping[str, float]
+    bench: SimulationProblem, fitted: Fitted, judged: Judged, kept: Mapping[str, float]
 ) -> StoresModel:
     """What an answer asks of a fit; `kept` are values that stay, SI by id."""
     return StoresModel(
@@ -128,7 +128,7 @@ def model_of(
 
 
 def period_of(
-    bench: Bench, candidate: Candidate, estimates: Mapping[str, Estimate]
+    bench: SimulationProblem, candidate: Candidate, estimates: Mapping[str, Estimate]
 ) -> tuple[Period, ...]:
     """When a fault that begins was there, and its degree."""
     onset = candidate.onset

@@ -33,7 +33,7 @@ class Simulated:
     course: Course
 
 
-class Bench:
+class SimulationProblem:
     """The plant, what may join it, and the recording."""
 
     def __init__(self, ruleset: Ruleset, builder: ModelBuilder, record: Record) -> None:

@@ -15,7 +15,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.screen import Look
+from rulec.mismatch.evidence.steady.screen import ScoreTest
 from rulec.mismatch.evidence.stores.fit import Fitted
 from rulec.mismatch.search.pair_gains import pair_gains
 from rulec.mismatch.search.stores.beam import Task
@@ -43,7 +43,7 @@ def hiding_pairs(
     terms = list(_terms(searcher, plain, candidates, len(residual)))
     if len(terms) < 2:
         return []
-    look = Look(
+    look = ScoreTest(
         weights=np.ones(len(residual)),
         residual=residual,
         jacobian=slopes,

@@ -16,7 +16,7 @@ from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import drift_of, no_drift
 from rulec.mismatch.evidence.stores.fit import Fitted, Judged
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.stores.beam import distinct, swaps_of, tasks_of
 from rulec.mismatch.search.stores.masked_pair import hiding_pairs
 from rulec.mismatch.search.stores.nested_models import begun_alike, with_kin
@@ -43,7 +43,7 @@ class Found:
     singles: tuple[Fitted, ...] = ()
 
 
-def search(bench: Bench, tell: Progress, workers: int = 2) -> Found:
+def search(bench: SimulationProblem, tell: Progress, workers: int = 2) -> Found:
     """Find what is missing."""
     candidates = bench.candidates
     tell("recalibrating the plain model")

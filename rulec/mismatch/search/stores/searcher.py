@@ -17,7 +17,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.stores.drift import moved_again
 from rulec.mismatch.evidence.stores.fit import Fitted, Fitter, Judged
 from rulec.mismatch.evidence.stores.noise import Noise, gain
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.stores.beam import Task
 from rulec.mismatch.search.stores.price import needed, price_of
 
@@ -25,7 +25,7 @@ from rulec.mismatch.search.stores.price import needed, price_of
 class Searcher:
     """Fits trials, several at a time."""
 
-    def __init__(self, bench: Bench, judged: Judged, workers: int) -> None:
+    def __init__(self, bench: SimulationProblem, judged: Judged, workers: int) -> None:
         self.bench, self.judged, self.workers = bench, judged, workers
         self.samples = {n: int(k.sum()) for n, k in judged.known.items()}
 
@@ -212,7 +212,11 @@ class Searcher:
 
         Models of one level stand in this order: by what they leave, not by how it looks.
         """
-        gained = plain.strain - fitted.strain - price_of(fitted, self.news(plain))
+        gained = (
+            plain.negative_log_prior
+            - fitted.negative_log_prior
+            - price_of(fitted, self.news(plain))
+        )
         for name, noise in fitted.noise.items():
             before = plain.noise[name]
             count = self.samples[name] / before.memory
@@ -222,7 +226,7 @@ class Searcher:
     def gain(self, after: Fitted, before: Fitted) -> float:
         """Gain in log likelihood over another model, prices of both counted."""
         found = sum(gain(before.noise[n], after.noise[n], self.samples[n]) for n in before.noise)
-        found += before.strain - after.strain
+        found += before.negative_log_prior - after.negative_log_prior
         return found - price_of(after, self.news(after)) + price_of(before, self.news(after))
 
     def news(self, fitted: Fitted) -> float:

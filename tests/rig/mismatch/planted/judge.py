@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.steady.predict import predictors_for
 from rulec.mismatch.evidence.steady.settle import with_sensors_as_they_are
 from rulec.mismatch.limits import NEEDED, WORTH
 from rulec.mismatch.result import Finding, Mismatch
-from rulec.mismatch.search.compete import Contestant
+from rulec.mismatch.search.compete import CrossValidated
 from rulec.mismatch.search.search import Search, search
 from rulec.mismatch.steady import models_of, prove
 from tests.rig.mismatch.planted.build import Built, drawn, opened, recorded, with_term
@@ -197,7 +197,7 @@ def analysed(plant: str, recording: Recording) -> tuple[Mismatch, Search | None]
     return found, kept[-1] if kept else None
 
 
-def _ratio(found: Mismatch, true: Contestant) -> float:
+def _ratio(found: Mismatch, true: CrossValidated) -> float:
     """Held-out error over that of the true model, of the first predicted signal."""
     if found.fit is None:
         return float("nan")

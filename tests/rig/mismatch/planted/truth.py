@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from rulec.mismatch.evidence.steady.configuration import ERROR, Setting
-from rulec.mismatch.evidence.steady.fit import Fitted, fit, temper_of
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import references
-from rulec.mismatch.search.compete import Contestant, contest
+from rulec.mismatch.search.compete import CrossValidated, contest
 from rulec.mismatch.search.weigh import net_gain
 from tests.rig.mismatch.planted.build import Built
 
 
-def true_model(plain: Contestant, built: Built) -> Contestant:
+def true_model(plain: CrossValidated, built: Built) -> CrossValidated:
     """The model with the truth in it, refitted from the true values, judged as any other."""
     rows: Rows = plain.fitted.rows
-    setting = Setting(values=plain.fitted.setting.values)
+    setting = Configuration(values=plain.fitted.setting.values)
     for candidate in built.joined:
         own = {u.id: built.values[u.id] for u in candidate.unknowns if not u.fixed}
         setting = setting.joining(candidate, own, references(rows.system, candidate))
@@ -27,19 +27,19 @@ def true_model(plain: Contestant, built: Built) -> Contestant:
     return contest(_refitted(plain.fitted, setting), None)
 
 
-def released(plain: Contestant, true: Contestant) -> Contestant:
+def released(plain: CrossValidated, true: CrossValidated) -> CrossValidated:
     """The plain model with the calibration of the modules of the truth let go."""
     setting = replace(plain.fitted.setting, released=true.fitted.setting.released)
     return contest(_refitted(plain.fitted, setting), None)
 
 
-def _refitted(was: Fitted, setting: Setting) -> Fitted:
+def _refitted(was: Fitted, setting: Configuration) -> Fitted:
     """Refitted twice, the second time with neighbours counted as what they are worth."""
-    first = fit(was.rows, setting, was.used, temper=was.temper)
-    return fit(was.rows, first.setting, was.used, temper=temper_of(first))
+    first = fit(was.rows, setting, was.used, variance_inflation=was.variance_inflation)
+    return fit(was.rows, first.setting, was.used, variance_inflation=variance_inflation_of(first))
 
 
-def net(one: Contestant, other: Contestant) -> float:
+def net(one: CrossValidated, other: CrossValidated) -> float:
     """Gain less the price of what it has more, and of what it asks of sensors and calibration."""
     return net_gain(one, other) - _strain(one.fitted) + _strain(other.fitted)
 

@@ -12,7 +12,7 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.evidence.stores.record import record_of
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from tests.conftest import ROOT
 
 STEP = 4.0
@@ -78,9 +78,9 @@ def made(
     )
 
 
-def bench(recording: Recording) -> Bench:
+def bench(recording: Recording) -> SimulationProblem:
     """The recording on its bench."""
     ruleset, builder = tanks()
     record = record_of(recording, ruleset, builder.given)
     assert record is not None
-    return Bench(ruleset, builder, record)
+    return SimulationProblem(ruleset, builder, record)

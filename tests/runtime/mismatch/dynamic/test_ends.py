@@ -10,7 +10,7 @@ from rulec_runtime.simulation.balances import RanAway
 
 from rulec.mismatch.evidence.stores.drift import no_drift
 from rulec.mismatch.evidence.stores.fit import Fitter, Judged
-from rulec.mismatch.evidence.stores.simulation_problem import Bench
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.stores.searcher import Searcher
 from tests.runtime.mismatch.dynamic.benches import bench, made
 
@@ -37,7 +37,7 @@ def test_a_model_that_runs_away_is_no_explanation(monkeypatch: pytest.MonkeyPatc
     assert own.polished(plain) is plain
 
 
-def shown(own: Bench) -> np.ndarray:
+def shown(own: SimulationProblem) -> np.ndarray:
     """What the sensor would show with its zero far below."""
     said = own.simulate((), {**own.plain_values, "lower.y0": -8.0})
     return np.asarray(said.shown["lower.y"])

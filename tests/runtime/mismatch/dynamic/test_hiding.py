@@ -65,7 +65,7 @@ class Ranked:
 
     def gain(self, fitted: Fitted, plain: Fitted) -> float:
         """In place of the likelihood."""
-        return fitted.strain
+        return fitted.negative_log_prior
 
 
 def test_the_whitest_are_carried_along() -> None:
