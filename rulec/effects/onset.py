@@ -58,6 +58,7 @@ def degree_unknown(id_: str, variant: Variant) -> Unknown:
         lowest=float(variant.lowest),
         highest=float(variant.highest),
         starts=(start,),
+        usual=variant.usual,
     )
 
 

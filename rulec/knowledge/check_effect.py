@@ -11,6 +11,7 @@ from typing import Any
 from rulec.knowledge.check_join import TIME, JoinReader, needed_by
 from rulec.knowledge.effect import PLAIN, Driver, Effect, EffectParameter, EffectState, Join
 from rulec.knowledge.try_effect import fails_at_null, is_neutral
+from rulec.knowledge.usual import USUAL_HINT, usual_of
 from rulec.language.diagnostics import did_you_mean
 from rulec.language.document import Path_
 from rulec.language.reader import Reader
@@ -58,6 +59,8 @@ class EffectReader(Reader):
             self._check_used(effect, joins)
             self._check_text(effect)
             self._check_null(effect, joins)
+        if len(self.found) == before:
+            self._check_usual(effect)
         if len(self.found) > before:
             return effect
         neutral = {n: p.fixed and is_neutral(effect, n) for n, p in parameters.items()}
@@ -134,6 +137,7 @@ class EffectReader(Reader):
             starts=tuple(unit.to_si(start) for start in part.get("starts", ())),
             quantiles=tuple(part.get("quantiles", ())),
             driver=self._quantiles(path, part, drivers, unit),
+            usual=usual_of(part, unit),
         )
 
     def _fixed(
@@ -230,3 +234,17 @@ class EffectReader(Reader):
             reason = fails_at_null(effect, join)
             if reason:
                 self.report(("joins", i, "law"), "KB106", reason, "check signs and 'null'")
+
+    def _check_usual(self, effect: Effect) -> None:
+        """What can be switched off says how large it usually is, and nothing else does."""
+        for name, parameter in effect.parameters.items():
+            part, path = self._group("parameters")[name], ("parameters", name)
+            if parameter.null is not None and "usual" not in part:
+                message = f"how large '{name}' usually is is missing"
+                self.report_key(path, "KB108", message, USUAL_HINT)
+            elif parameter.null is None and "usual" in part:
+                message = f"'{name}' has no null, so no usual size"
+                self.report((*path, "usual"), "KB108", message, "remove it, or add 'null'")
+            elif parameter.usual is not None and not parameter.usual.size:
+                message = "the usual size is nothing"
+                self.report((*path, "usual", "median"), "KB108", message, "away from the null")

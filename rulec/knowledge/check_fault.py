@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import sympy
 
 from rulec.knowledge.check_length import check_law
 from rulec.knowledge.degree_unit import UNIT
 from rulec.knowledge.knowledge import FaultType, Variant
+from rulec.knowledge.usual import USUAL_HINT, usual_of
 from rulec.language.document import Path_
 from rulec.language.expression import Expression
 from rulec.language.invert import invert
@@ -17,6 +21,7 @@ from rulec.language.symbolic import to_sympy
 def check_fault(reader: Reader) -> FaultType:
     """Read a fault type; mistakes go to the reader."""
     data = reader.document.data
+    before = len(reader.found)
     parts = data.get("variants") or {"": data}
     variants = []
     for name, part in parts.items():
@@ -31,8 +36,12 @@ def check_fault(reader: Reader) -> FaultType:
                 lowest=lowest,
                 highest=highest,
                 meaning=part["degree"]["meaning"],
+                usual=usual_of(part["degree"]),
             )
         )
+    if len(reader.found) == before:
+        for name, part in parts.items():
+            _check_usual(reader, ("variants", name) if name else (), part["degree"])
     return FaultType(
         name=data["fault"],
         title=data["title"],
@@ -44,6 +53,17 @@ def check_fault(reader: Reader) -> FaultType:
         action=data["action"],
         origin=reader.origin("fault", source=data["source"]),
     )
+
+
+def _check_usual(reader: Reader, path: Path_, degree: Mapping[str, Any]) -> None:
+    """A fault says how large it usually is."""
+    usual = usual_of(degree)
+    if usual is None:
+        message = "how large this fault usually is is missing"
+        reader.report_key((*path, "degree"), "KB108", message, USUAL_HINT)
+    elif not usual.size:
+        where = (*path, "degree", "usual", "median")
+        reader.report(where, "KB108", "the usual size is nothing", "above 0")
 
 
 def _law(reader: Reader, path: Path_) -> Expression:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rulec.knowledge.effect import Effect
+from rulec.knowledge.effect import Effect, Usual
 from rulec.knowledge.module_type import Fluid, ModuleType
 from rulec.language.expression import Expression
 from rulec.language.origin import Origin
@@ -51,6 +51,7 @@ class Variant:
     highest: float
     meaning: str
     unit: str = ""
+    usual: Usual | None = None
 
     @property
     def scale(self) -> float:

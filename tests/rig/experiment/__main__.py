@@ -24,7 +24,7 @@ from rulec.prove.truth.sealed import Answer, Planted
 from rulec.prove.truth.settled import suite
 from tests.conftest import recordings_folder
 from tests.rig.experiment.search import Posterior, search
-from tests.rig.experiment.states import averaged
+from tests.rig.experiment.states import averaged, with_wobble
 from tests.rig.mismatch import adopted
 
 COUNTS = {"clean": 8, "single": 8, "calibrated": 2, "correlated": 2, "sensor": 4, "fault": 4}
@@ -74,8 +74,10 @@ def _asked(case: suite.Planned) -> tuple[str, Counter[str]]:
     if posterior is None:
         return f"{case.name}: nothing to compare", Counter()
     counts = Counter(dict(_judged(made.answer, posterior)))
+    wrong = [n for n, p in posterior.names.items() if p >= NAMED and not _of_truth(n, made.answer)]
+    told = f"; wrong: {', '.join(wrong)}" if wrong else ""
     planted = " + ".join(f"{p.module}.{p.effect}" for p in made.answer.effects) or "nothing"
-    return f"{planted}: {_text(posterior)}; {seconds:.0f} s", counts
+    return f"{planted}: {_text(posterior)}; {seconds:.0f} s{told}", counts
 
 
 def _text(posterior: Posterior) -> str:
@@ -105,6 +107,7 @@ def answer(plant: Path, file: Path) -> Posterior | None:
     system = System(ruleset, builder, data)
     system = replace(system, data=averaged(system))
     rows = rows_of(system, Configuration())
+    rows = rows_of(replace(system, data=with_wobble(rows)), Configuration())
     return search(rows) if len(rows) else None
 
 
@@ -115,7 +118,8 @@ def _judged(answer: Answer, posterior: Posterior) -> Iterator[tuple[str, int]]:
         yield "clean called clean", int(posterior.nothing > 0.5)
     named = {name for name, p in posterior.names.items() if p >= NAMED}
     right = {n: [p for p in answer.effects if _is_right(n, p)] for n in posterior.names}
-    yield "false names", sum(not right[name] for name in named)
+    yield "false names", sum(not right[name] for name in named if "~" not in name)
+    yield "places told without a name", sum("~" in name for name in named)
     if not answer.effects:
         return
     best = [
@@ -125,6 +129,10 @@ def _judged(answer: Answer, posterior: Posterior) -> Iterator[tuple[str, int]]:
     yield "planted", len(best)
     yield "named", sum(p >= NAMED for p in best)
     yield "left open", sum(OPEN <= p < NAMED for p in best)
+
+
+def _of_truth(name: str, answer: Answer) -> bool:
+    return any(_is_right(name, planted) for planted in answer.effects)
 
 
 def _is_right(name: str, planted: Planted) -> bool:

@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import gammaln
+from scipy.stats import t as student
 
-from rulec.effects.candidate import TIME, Unknown
+from rulec.effects.candidate import TIME, Candidate, Unknown
 from rulec.mismatch.evidence.steady import fit as steady
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, Prior
 from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import references, starts
+from rulec.mismatch.evidence.steady.system import System
 from tests.rig.experiment.states import likeness
 
 FREEDOM = 4.0
@@ -35,11 +38,51 @@ FORM = 0.01
 SCALES = np.array([0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0])
 """Sizes of the noise that are tried, in units of what was expected: half as likely at 1.7 times."""
 
+SIZES = np.geomspace(1.0, 3000.0, 8)
+"""Sizes of terms without a name that are tried, in units of the noise of one point."""
+
 EFFECT_FORM = 0.03
 """Error of form of an effect's own law, as share of it [assumed]."""
 
 OFF = 0.3
 """An error of form below this many standard deviations of the noise is not carried along."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A change at a place that follows a driver in a way without a name.
+
+    `columns`, shape (seen rows, functions), are smooth functions of the driver, each as it shows;
+    how large they are is found with the errors of form.
+    """
+
+    name: str
+    columns: Array
+
+
+@dataclass(frozen=True)
+class Random:
+    """Columns whose sizes are found: errors of form, and terms without a name."""
+
+    forms: Array
+    terms: tuple[Term, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return self.forms.shape[1] + sum(t.columns.shape[1] for t in self.terms)
+
+    def ratio(self, form: float, sizes: Sequence[float]) -> Array:
+        """Standard deviation of each column's number, shape (columns,)."""
+        parts = [np.full(self.forms.shape[1], form)]
+        parts += [np.full(t.columns.shape[1], s) for t, s in zip(self.terms, sizes, strict=True)]
+        return np.concatenate(parts)
+
+    def loads(self, form: float, sizes: Sequence[float]) -> Array:
+        """Columns in units of those, shape (rows, columns)."""
+        whole = np.concatenate([self.forms, *(t.columns for t in self.terms)], axis=1)
+        loaded: Array = whole * self.ratio(form, sizes)
+        return loaded
 
 
 class Geometry:
@@ -48,6 +91,7 @@ class Geometry:
     def __init__(self, rows: Rows) -> None:
         system = rows.system
         self.rows = rows
+        self._sizes: dict[str, Size] = {}
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
         self.forms = self._forms(likeness(system))
@@ -55,6 +99,12 @@ class Geometry:
         self.rank = np.bincount(self.group).astype(float)
         constants = gammaln((FREEDOM + self.rank) / 2) - self.rank / 2 * np.log(FREEDOM)
         self.constant = float(np.sum(constants - gammaln(FREEDOM / 2)))
+
+    def size(self, candidate: Candidate, unknown: Unknown) -> Size:
+        """The prior of an amplitude."""
+        if unknown.id not in self._sizes:
+            self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
+        return self._sizes[unknown.id]
 
     def _forms(self, alike: Array) -> Array:
         """Rows of errors of form of unit size, shape (rows, errors)."""
@@ -105,6 +155,7 @@ class Model:
     prior: Prior
     at: Array
     forms: Array
+    terms: tuple[Term, ...]
     form: float
     scale: float
     evidence: float
@@ -119,29 +170,73 @@ class Model:
         return self.fitted.setting
 
 
-def usual_size(unknown: Unknown) -> float:
-    """Size that an amplitude usually has: twice the largest start, else a part of its range."""
-    assert unknown.null is not None
-    sizes = [abs(start - unknown.null) for start in unknown.starts if start != unknown.null]
-    width = unknown.highest - unknown.lowest
-    return 2.0 * max(sizes) if sizes else (width / 4.0 if np.isfinite(width) else 1.0)
+@dataclass(frozen=True)
+class Size:
+    """Prior of an amplitude: Student about its null with this scale and degrees of freedom.
+
+    Half of all amplitudes are below the usual one, and the tail falls as that of the log-normal
+    distribution does at two of its standard deviations.
+    """
+
+    scale: float
+    freedom: float
+
+    @property
+    def peak(self) -> float:
+        """Log density at the null, less that of the normal distribution of the same scale."""
+        n = self.freedom
+        gain = float(gammaln((n + 1) / 2) - gammaln(n / 2))
+        return gain - 0.5 * float(np.log(n * np.pi)) + 0.5 * float(np.log(2 * np.pi))
+
+
+def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
+    """The prior of an amplitude by what its entry says is usual."""
+    usual = unknown.usual
+    if usual is None:
+        width = unknown.highest - unknown.lowest
+        return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
+    freedom = 2.0 / float(np.log(usual.factor))
+    median = usual.size / _share(system, candidate, unknown) if usual.of_place else usual.size
+    return Size(median / float(student.ppf(0.75, freedom)), freedom)
+
+
+def _share(system: System, candidate: Candidate, unknown: Unknown) -> float:
+    """The share by which estimates change per amplitude, the most at any shape."""
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+    fixed, shares = references(system, candidate), []
+    plain = system.flows(Configuration()).values
+    for shape in starts(system, candidate):
+        setting = Configuration().joining(candidate, {**null, **shape}, fixed)
+        modules = system.reached(candidate.observers)
+        slopes = system.flows(setting, [unknown.id], modules=modules).by_value[unknown.id]
+        for i, slope in slopes.items():
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = np.broadcast_to(slope, plain[i].shape) / plain[i]
+            share = share[system.data.open & system.valid[i] & np.isfinite(share)]
+            shares.append(float(np.sqrt(np.mean(share**2))) if len(share) else 0.0)
+    return max(shares, default=0.0) or 1.0
 
 
 class _Prior:
     """What is known of the values: those of the plant, amplitudes of effects, their shapes."""
 
-    def __init__(self, rows: Rows, setting: Configuration) -> None:
-        own = {u.id: u for c in setting.joined for u in c.unknowns}
+    def __init__(self, geometry: Geometry, setting: Configuration) -> None:
+        rows = geometry.rows
+        own = {u.id: (c, u) for c in setting.joined for u in c.unknowns}
         plain = steady.prior_of(rows.system, setting)
         mean, precision = plain.mean.copy(), plain.precision.copy()
         stems = [name.partition("#")[0] for name in plain.names]
         self.effect = np.array([stem in own for stem in stems])
         self.amplitude = np.zeros(len(stems), dtype=bool)
+        self.freedom = np.ones(len(stems))
+        self.peak = 0.0
         for i in np.flatnonzero(self.effect):
-            unknown = own[stems[i]]
+            candidate, unknown = own[stems[i]]
             if unknown.null is not None:
-                mean[i], precision[i, i] = unknown.null, usual_size(unknown) ** -2
-                self.amplitude[i] = True
+                size = geometry.size(candidate, unknown)
+                mean[i], precision[i, i] = unknown.null, size.scale**-2
+                self.amplitude[i], self.freedom[i] = True, size.freedom
+                self.peak += size.peak
             else:
                 mean[i], width = _range_of(rows, unknown, setting.values[plain.names[i]])
                 precision[i, i] = 12.0 / width**2
@@ -167,8 +262,9 @@ class _Prior:
         precision[np.ix_(plant, plant)] = (self._ways * weight) @ self._ways.T * outer
         size = off**2 * np.diag(self.stated)
         wide = np.flatnonzero(self.amplitude)
-        tails -= float(np.sum(np.log1p(size[wide])))
-        precision[wide, wide] *= 2.0 / (1.0 + size[wide])
+        free = self.freedom[wide]
+        tails -= 0.5 * float(np.sum((free + 1.0) * np.log1p(size[wide] / free)))
+        precision[wide, wide] *= (free + 1.0) / (free + size[wide])
         rest = ~self._plant & ~self.amplitude
         return tails - 0.5 * float(np.sum(size[rest])), precision
 
@@ -187,10 +283,11 @@ def _range_of(rows: Rows, unknown: Unknown, start: float) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class _Chosen:
-    """Error of form, noise, and the linear solution with them."""
+    """Error of form, sizes of terms, noise, and the linear solution with them."""
 
     score: float
     form: float
+    sizes: tuple[float, ...]
     scale: float
     solution: Array
     weights: Array
@@ -198,25 +295,37 @@ class _Chosen:
 
 
 def refitted(
-    geometry: Geometry, setting: Configuration, near: Model | None = None, steps: int = 25
+    geometry: Geometry,
+    setting: Configuration,
+    near: Model | None = None,
+    terms: tuple[Term, ...] = (),
+    steps: int = 25,
 ) -> Model:
     """Refit all values, errors of form among them; `near` is a model that is much alike."""
     rows, seen = geometry.rows, geometry.seen
-    known = _Prior(rows, setting)
+    known = _Prior(geometry, setting)
     prior, n = known.prior, len(known.prior.names)
     values = [setting.values.get(a, m) for a, m in zip(prior.names, prior.mean, strict=True)]
     at = np.clip(np.array(values), prior.lowest, prior.highest)
-    forms = np.zeros(geometry.forms.shape[1]) if near is None else near.forms
+    random = Random(geometry.forms, terms)
+    forms = np.zeros(random.count)
+    if near is not None:
+        kept = min(len(forms), len(near.forms))
+        forms[:kept] = near.forms[:kept]
     form, scale = (0.004, 1.0) if near is None else (near.form, near.scale)
+    sizes = tuple(1.0 for _ in terms)
     now = _evaluated(rows, setting, prior, at)
     damping, cost = 1e-3, np.inf
     for step in range(steps):
         if step in (0, 4):
-            found = _choose(geometry, known, now, at, forms, form, np.zeros((int(seen.sum()), 0)))
+            begin = at, forms, form, sizes
+            found = _choose(geometry, known, random, now, begin, np.zeros((int(seen.sum()), 0)))
             form, scale, forms = found.form, found.scale, found.solution[n:]
-            cost = _cost(geometry, known, now, at, forms, form, scale)
-        residual = now.residual[seen] + geometry.forms @ forms * form
-        table = np.concatenate([now.jacobian[seen], geometry.forms * form], axis=1)
+            sizes = found.sizes
+            loads = random.loads(form, sizes)
+            cost = _cost(geometry, known, now, at, forms, loads, scale)
+        residual = now.residual[seen] + loads @ forms
+        table = np.concatenate([now.jacobian[seen], loads], axis=1)
         weights = geometry.weights(residual, scale)
         precision = np.eye(table.shape[1])
         precision[:n, :n] = known.density(at)[1]
@@ -237,7 +346,7 @@ def refitted(
             there = np.clip(at + change[:n], prior.lowest, prior.highest)
             moved = forms + change[n:]
             trial = _evaluated(rows, setting, prior, there)
-            after = _cost(geometry, known, trial, there, moved, form, scale)
+            after = _cost(geometry, known, trial, there, moved, loads, scale)
             gain = cost - after if np.isfinite(after) else -1.0
             if gain >= -1e-9:
                 at, forms, now, cost = there, moved, trial, after
@@ -246,7 +355,7 @@ def refitted(
             damping = max(damping, 1e-6) * 8.0
         if gain < 1e-2:
             break
-    return _weighed(geometry, known, now, at, forms, form)
+    return _weighed(geometry, known, random, now, (at, forms, form, sizes))
 
 
 def _evaluated(rows: Rows, setting: Configuration, prior: Prior, at: Array) -> Fitted:
@@ -259,40 +368,43 @@ def _cost(
     now: Fitted,
     at: Array,
     forms: Array,
-    form: float,
+    loads: Array,
     scale: float,
 ) -> float:
-    residual = now.residual[geometry.seen] + geometry.forms @ forms * form
+    residual = now.residual[geometry.seen] + loads @ forms
     likelihood = geometry.likelihood(residual, scale)
     return -likelihood - known.density(at)[0] + 0.5 * float(forms @ forms)
 
 
+Begin = tuple[Array, Array, float, tuple[float, ...]]
+"""Values, random numbers, error of form and sizes of terms to begin with."""
+
+
 def _choose(
-    geometry: Geometry,
-    known: _Prior,
-    now: Fitted,
-    at: Array,
-    forms: Array,
-    form: float,
-    more: Array,
+    geometry: Geometry, known: _Prior, random: Random, now: Fitted, begin: Begin, more: Array
 ) -> _Chosen:
-    """The error of form and the noise under which the recording is most probable.
+    """Error of form, sizes of terms and noise under which the recording is most probable.
 
     `more` are columns of errors of the effects' own forms.
     """
-    n, k = len(at), geometry.forms.shape[1]
+    at, forms, form, sizes = begin
+    n = len(at)
     jacobian = now.jacobian[geometry.seen]
     off = at - known.prior.mean
     left = now.residual[geometry.seen] - jacobian @ off
-    table = np.concatenate([jacobian, geometry.forms, more], axis=1)
-    precision = _joint(known.density(at)[1], k, more.shape[1])
-    start = np.concatenate([off, forms * form, np.zeros(more.shape[1])])
+    table = np.concatenate([jacobian, random.loads(1.0, [1.0] * len(sizes)), more], axis=1)
+    precision = _joint(known.density(at)[1], random.count, more.shape[1])
+    begun = random.ratio(form, sizes) * forms
+    start = np.concatenate([off, begun, np.zeros(more.shape[1])])
     best: _Chosen | None = None
 
-    def tried(form: float, scale: float, normal: Array, moment: Array, weights: Array) -> None:
+    def tried(
+        form: float, sizes: tuple[float, ...], scale: float, known_: tuple[Array, ...]
+    ) -> None:
         nonlocal best
+        normal, moment, weights = known_
         ratio = np.ones(len(precision))
-        ratio[n : n + k] = form
+        ratio[n : n + random.count] = random.ratio(form, sizes)
         whole = normal * np.outer(ratio, ratio) + precision
         size = np.sqrt(np.diag(whole))
         factor = cho_factor(whole / np.outer(size, size) + 1e-13 * np.eye(len(size)))
@@ -302,19 +414,25 @@ def _choose(
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
         score -= 0.5 * (form / FORM) ** 2 + 0.5 * (np.log(scale) / np.log(1.5)) ** 2
         if best is None or score > best.score:
-            best = _Chosen(score, form, scale, solution, weights, table * ratio)
+            best = _Chosen(score, form, sizes, scale, solution, weights, table * ratio)
+
+    def products(weights: Array) -> tuple[Array, ...]:
+        return table.T @ (table * weights[:, None]), table.T @ (weights * left), weights
 
     for scale in SCALES.tolist():
-        weights = geometry.weights(left + table @ start, scale)
-        normal, moment = table.T @ (table * weights[:, None]), table.T @ (weights * left)
+        parts = products(geometry.weights(left + table @ start, scale))
         for share in FORMS.tolist():
-            tried(share, scale, normal, moment, weights)
+            tried(share, sizes, scale, parts)
     assert best is not None
+    for i in range(len(sizes)):
+        parts = products(best.weights)
+        for size in SIZES.tolist():
+            for share in FORMS.tolist():
+                tried(share, (*best.sizes[:i], size, *best.sizes[i + 1 :]), best.scale, parts)
     for _ in range(3):
         before = best
-        weights = geometry.weights(left + best.table @ best.solution, best.scale)
-        normal, moment = table.T @ (table * weights[:, None]), table.T @ (weights * left)
-        tried(best.form, best.scale, normal, moment, weights)
+        parts = products(geometry.weights(left + best.table @ best.solution, best.scale))
+        tried(best.form, best.sizes, best.scale, parts)
         if best is before:
             break
     return best
@@ -329,30 +447,31 @@ def _joint(values: Array, forms: int, more: int) -> Array:
     return joint
 
 
-def _weighed(
-    geometry: Geometry, known: _Prior, now: Fitted, at: Array, forms: Array, form: float
-) -> Model:
+def _weighed(geometry: Geometry, known: _Prior, random: Random, now: Fitted, begin: Begin) -> Model:
+    at = begin[0]
     more = forms_of_effects(geometry, now)
-    found = _choose(geometry, known, now, at, forms, form, more)
+    found = _choose(geometry, known, random, now, begin, more)
     density, tangent = known.density(at)
     off = at - known.prior.mean
     jacobian = now.jacobian[geometry.seen]
     # The normal density of the linear solution gives way to that of the Student distribution.
     evidence = found.score + density + 0.5 * float(off @ tangent @ off)
-    stated = _joint(known.stated, geometry.forms.shape[1], more.shape[1])
+    stated = _joint(known.stated, random.count, more.shape[1])
     evidence += 0.5 * float(np.linalg.slogdet(stated)[1])
-    evidence += float(np.log(np.sqrt(2.0 / np.pi))) * int(known.amplitude.sum())
+    evidence += known.peak
+    evidence -= len(random.terms) * float(np.log(len(SIZES)))
     return Model(
         fitted=now,
         prior=known.prior,
         at=at,
-        forms=forms,
+        forms=begin[1],
+        terms=random.terms,
         form=found.form,
         scale=found.scale,
         evidence=evidence,
         table=found.table,
         left=now.residual[geometry.seen] - jacobian @ off,
-        precision=_joint(tangent, geometry.forms.shape[1], more.shape[1]),
+        precision=_joint(tangent, random.count, more.shape[1]),
         weights=found.weights,
     )
 

@@ -10,10 +10,24 @@ import numpy as np
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.rows import Rows
 from tests.rig.experiment.model import Geometry, Model, refitted
-from tests.rig.experiment.scan import ODDS, ONSETS, Found, columns, joined, scan
+from tests.rig.experiment.scan import (
+    NAMELESS,
+    ODDS,
+    ONSETS,
+    WORTH,
+    Found,
+    columns,
+    joined,
+    nameless,
+    scan,
+    terms,
+)
 
 WIDTH, ROUNDS, LARGEST, REFITTED = 2, 8, 4, 12
 """Sets that are grown in a round, rounds, explanations of a set, sets that are refitted of each."""
+
+NAMELESS_REFITTED = 3
+"""Terms without a name that are refitted of each set."""
 
 LET_GO = -2.0
 """Log odds of a calibration that no longer holds [assumed]."""
@@ -71,11 +85,17 @@ def _grow(
                 scored = _with(geometry, model, found, number)
                 if scored is not None:
                     models[names | found.names] = scored
+        every = terms(geometry, model)
+        for gain, term in nameless(model, every, NAMELESS_REFITTED):
+            if gain > WORTH and names | {term.name} not in models:
+                refit = refitted(geometry, model.setting, model, (*model.terms, term))
+                cost = NAMELESS - float(np.log(len(every)))
+                models[names | {term.name}] = _score(refit, number, cost * len(refit.terms)), refit
     for candidate in model.setting.joined if len(names) > 1 else ():
         less = frozenset(n for n in names if n.rstrip("!") != candidate.id)
         if less not in models:
-            bare = refitted(geometry, model.setting.leaving(candidate.id), model)
-            models[less] = _score(bare, number), bare
+            bare = refitted(geometry, model.setting.leaving(candidate.id), model, model.terms)
+            models[less] = _score(bare, number, _unnamed(geometry, model)), bare
 
 
 def _with(
@@ -89,16 +109,23 @@ def _with(
     scored = []
     for way in ways:
         try:
-            refit = refitted(geometry, way, model)
+            refit = refitted(geometry, way, model, model.terms)
         except np.linalg.LinAlgError:
             continue
-        scored.append((_score(refit, number), refit))
+        scored.append((_score(refit, number, _unnamed(geometry, model)), refit))
     return max(scored, key=lambda s: s[0], default=None)
 
 
-def _score(model: Model, number: int) -> float:
+def _unnamed(geometry: Geometry, model: Model) -> float:
+    """What terms without a name cost before the recording."""
+    if not model.terms:
+        return 0.0
+    return len(model.terms) * (NAMELESS - float(np.log(len(terms(geometry, model)))))
+
+
+def _score(model: Model, number: int, unnamed: float = 0.0) -> float:
     """Evidence and what was expected before the recording, in nats."""
     setting = model.setting
     expected = sum(ODDS[c.sort] - np.log(number) for c in setting.joined)
     expected += LET_GO * len(setting.released) - np.log(ONSETS) * len(setting.courses)
-    return model.evidence + float(expected)
+    return model.evidence + float(expected) + unnamed

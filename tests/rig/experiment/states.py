@@ -15,11 +15,19 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.observe import Points
 from rulec_runtime.recordings.stationary import Stretches
 
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
+from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.system import System
 
 ALIKE_SHARE, ALIKE_NOISE = 0.03, 4.0
 """Inputs agree within this share of their range, or this many times their noise."""
+
+FEWEST_STEPS = 6
+"""Differences within states from which noise is told [assumed]."""
+
+NORMAL_MEDIAN = 0.6745
+"""Median of the absolute value of a standard normal number."""
 
 LENGTH = 0.3
 """Distance of inputs, as share of their range, over which errors of form are alike [assumed]."""
@@ -104,6 +112,35 @@ def averaged(system: System) -> Data:
         moving=_at(data.moving, first),
         stretches=stretches,
     )
+
+
+def with_wobble(rows: Rows) -> Data:
+    """The data with the noise of each output raised to what repeated visits to its states show.
+
+    A mean over a block has less noise than its samples only where these are independent; what
+    wobbles slowly does not average out. Seen are differences between blocks that follow each other
+    in one state: what is wrong with a law is the same in both.
+    """
+    system, data = rows.system, rows.system.data
+    state = states_of(system)
+    setting = Configuration()
+    residual = rows.errors(system.flows(setting))[0]
+    noise = {name: values.copy() for name, values in data.noise.items()}
+    for cell in rows.cells:
+        off = np.einsum("nrs,ns->nr", np.linalg.inv(cell.whitener), cell.table(residual).T)
+        for name, errors in zip(cell.outputs, off.T, strict=True):
+            square = _between(state[cell.points], data.open[cell.points], errors)
+            noise[name][cell.points] = np.maximum(noise[name][cell.points], np.sqrt(square))
+    return replace(data, noise=noise)
+
+
+def _between(state: NDArray[np.intp], open_: np.ndarray, errors: Array) -> float:
+    """Variance of errors between visits to one state, robust; 0 where too few are seen."""
+    steps = [np.diff(errors[(state == s) & open_ & np.isfinite(errors)]) for s in np.unique(state)]
+    every = np.abs(np.concatenate(steps))
+    if len(every) < FEWEST_STEPS:
+        return 0.0
+    return float(np.median(every) / NORMAL_MEDIAN) ** 2 / 2.0
 
 
 def _groups(system: System) -> NDArray[np.intp]:
