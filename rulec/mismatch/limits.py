@@ -732,3 +732,6 @@ COARSE_BEYOND = 5.0
 COARSE_UNEVEN = 0.1
 """How far a level of a coarse display may be off the raster of the others, in steps. Origin:
 assumed."""
+
+NO_VALUE = 1e6
+"""Error, in units of its noise, of an estimate that a law cannot give. Origin: numerical."""

@@ -18,7 +18,7 @@ from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.evidence.stores.fit import Fitted as FittedStores
 from rulec.mismatch.search.compete import CrossValidated, entered
 from rulec.mismatch.search.free_form import _parts, _varying
-from rulec.mismatch.search.latent_input import _trial, reconstruct
+from rulec.mismatch.search.latent_input import free_course, reconstruct
 from rulec.mismatch.search.stores.nonparametric_term import curves
 from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.mismatch.search.time_varying import wandering
@@ -41,7 +41,7 @@ def _trials(fitted: Fitted, place: Suspect) -> Iterator[InitialCandidate]:
     if not fitted.rows.system.data.of_rows:
         for way in (place, *wandering(fitted, place.spot)):
             if (way.weight > 0).sum() > 1:
-                yield _trial(fitted, way)
+                yield free_course(fitted, way)
     for name in _varying(fitted, place.spot.module):
         parts = _parts(fitted, name)
         pieces = [i for i in range(parts + 1) if i != parts // 2]

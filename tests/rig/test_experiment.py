@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rulec_runtime.recordings.recording import read_recording
+
+from rulec.effects.model_builder import open_builder
 from rulec.prove.truth.settled import suite
+from tests.conftest import ROOT
 from tests.rig.experiment.__main__ import COUNTS, answer
-from tests.rig.experiment.search import Posterior
+from tests.rig.experiment.sets import Posterior
+from tests.rig.experiment.told import search
+from tests.runtime.mismatch.made import rows_at
 
 
 def asked(name: str, folder: Path) -> Posterior | None:
@@ -28,3 +34,17 @@ def test_what_was_left_out_is_named(tmp_path: Path) -> None:
     assert found is not None
     assert found.names["B.valve-delay@Q_geo"] > 0.9
     assert abs(sum(found.sets.values()) - 1.0) < 1e-9
+
+
+def test_the_most_probable_set_is_told() -> None:
+    """The shipped example: slip by temperature, and the temperature at which the law holds."""
+    plant = ROOT / "plants" / "abc"
+    opened = open_builder(plant)
+    recording = read_recording(plant / "examples" / "warm_A.csv", opened[0])
+    found = search(rows_at(opened, recording), lambda text: None)
+    (accepted,) = found.accepted
+    assert accepted.candidate.id == "A.slip-temperature@Q_geo"
+    assert accepted.probability > 0.9
+    values = found.fitted.setting.values
+    slope = values["A.slip-temperature@Q_geo.b"]
+    assert abs(slope - 0.03) < 3.0 * found.fitted.u("A.slip-temperature@Q_geo.b")

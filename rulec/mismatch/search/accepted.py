@@ -14,17 +14,21 @@ Odds = tuple[tuple[Candidate, float], ...]
 
 @dataclass(frozen=True)
 class Accepted:
-    """An explanation that the final model has: its own gain, and the odds of others instead."""
+    """An explanation that the final model has: its own gain, and the odds of others instead.
+
+    `unnamed` are the odds of what has no name, and of nothing.
+    """
 
     candidate: Candidate
     gain: float
     others: Odds
     rivals: tuple[Rival, ...]
+    unnamed: float = 0.0
 
     @property
     def probability(self) -> float:
-        """Against all others that would do."""
-        return 1.0 / (1.0 + sum(odds for _, odds in self.others))
+        """Against all others that would do, and against what has no name, or nothing."""
+        return 1.0 / (1.0 + self.unnamed + sum(odds for _, odds in self.others))
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def hidden_trials(fitted: Fitted) -> list[InitialCandidate]:
     found = []
     for place in places[: limits.LATENT_PLACES]:
         own = [w for w in wandering(fitted, place.spot) if w.spot.id not in taken]
-        found += [_trial(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
+        found += [free_course(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
     return found
 
 
@@ -60,7 +60,8 @@ def _told(fitted: Fitted, suspect: Suspect) -> float:
     return float(best)
 
 
-def _trial(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
+def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
+    """An error at a place whose course is free in time."""
     data = fitted.rows.system.data
     spot = suspect.spot
     known = np.flatnonzero((suspect.weight > 0) & fitted.used)

@@ -8,7 +8,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -23,8 +22,7 @@ from rulec.prove import analyst
 from rulec.prove.truth.sealed import Answer, Planted
 from rulec.prove.truth.settled import suite
 from tests.conftest import recordings_folder
-from tests.rig.experiment.search import Posterior, search
-from tests.rig.experiment.states import averaged, with_wobble
+from tests.rig.experiment.sets import Posterior, explain
 from tests.rig.mismatch import adopted
 
 COUNTS = {"clean": 8, "single": 8, "calibrated": 2, "correlated": 2, "sensor": 4, "fault": 4}
@@ -104,11 +102,8 @@ def answer(plant: Path, file: Path) -> Posterior | None:
     data = prepare(read_recording(file, ruleset), ruleset)
     if data is None:
         return None
-    system = System(ruleset, builder, data)
-    system = replace(system, data=averaged(system))
-    rows = rows_of(system, Configuration())
-    rows = rows_of(replace(system, data=with_wobble(rows)), Configuration())
-    return search(rows) if len(rows) else None
+    rows = rows_of(System(ruleset, builder, data), Configuration())
+    return explain(rows, lambda text: None) if len(rows) else None
 
 
 def _judged(answer: Answer, posterior: Posterior) -> Iterator[tuple[str, int]]:

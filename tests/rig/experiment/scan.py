@@ -2,43 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME, Candidate, Unknown
+from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
-from rulec.mismatch.evidence.steady.fit import prior_of
-from rulec.mismatch.evidence.steady.locate import spot_column
-from rulec.mismatch.evidence.steady.screen import _has_drivers, columns_of, references, starts
+from rulec.mismatch.evidence.steady.fit import fit, prior_of
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import columns_of, has_drivers, references, starts
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.search.free_form import _varying
-from tests.rig.experiment.model import SIZES, Geometry, Model, Term
-
-ODDS = {"physics": 0.0, "ageing": -0.5, "fault": -1.0, "sensor": -2.0, "free": -20.0}
-"""How much less expected each sort is, in log odds [assumed]."""
-
-ONSETS = 23
-"""Times at which a fault may begin that are tried."""
-
-PAIRED = 500
-"""Columns of which all pairs are scanned: those that gain most alone."""
-
-ALONE = 40
-"""Sets that are tried at first [assumed]."""
-
-WORTH = -2.0
-"""Log odds to first order from which on a set is refitted."""
+from rulec.mismatch.search.periods import coming_and_going
+from tests.rig.experiment import limits
+from tests.rig.experiment.geometry import Geometry
+from tests.rig.experiment.refit import Model
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
     """One amplitude of a candidate, with all else that it brings held; `rows` are its slopes.
 
-    `since` is when a fault begins, s.
+    `since` is when a fault begins, s, `course` the periods of one that comes and goes.
     """
 
     candidate: Candidate
@@ -47,11 +34,13 @@ class Column:
     fixed: dict[str, float]
     rows: Array
     since: float | None = None
+    course: Course | None = None
 
     @property
     def name(self) -> str:
-        """The id of the candidate, marked where it begins while the recording runs."""
-        return self.candidate.id + ("" if self.since is None else "!")
+        """The id of the candidate, marked where it begins, or comes and goes."""
+        lasts = self.since is None and self.course is None
+        return self.candidate.id + ("" if lasts else "!")
 
 
 Start = tuple[Column, float]
@@ -66,18 +55,23 @@ class Found:
     starts: tuple[Start, ...]
 
     @property
+    def ids(self) -> frozenset[str]:
+        """Ids of candidates."""
+        return frozenset(column.candidate.id for column, _ in self.starts)
+
+    @property
     def names(self) -> frozenset[str]:
         """What is joined."""
         return frozenset(column.name for column, _ in self.starts)
 
 
-def columns(geometry: Geometry, model: Model) -> list[Column]:
+def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
     """A column for each amplitude of each candidate, at several shapes and onsets."""
     system, seen = geometry.rows.system, geometry.seen
-    joined = {c.id for c in model.setting.joined}
+    joined = shut_out(model, alike)
     found: list[Column] = []
     for candidate in system.candidates:
-        if candidate.id in joined or not _has_drivers(system, candidate):
+        if candidate.id in joined or not has_drivers(system, candidate):
             continue
         amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
         null = {u.id: u.null for u in amplitudes if u.null is not None}
@@ -102,7 +96,7 @@ def columns(geometry: Geometry, model: Model) -> list[Column]:
 def _begun(geometry: Geometry, every: Sequence[Column]) -> list[Column]:
     """Faults that begin while the recording runs."""
     time = geometry.rows.system.data.time
-    onsets = np.quantile(time, np.linspace(0.06, 0.94, ONSETS)).tolist()
+    onsets = np.quantile(time, np.linspace(0.06, 0.94, limits.ONSETS)).tolist()
     begun = [
         replace(c, since=since, rows=c.rows * (time[geometry.point] >= since))
         for c in every
@@ -112,21 +106,96 @@ def _begun(geometry: Geometry, every: Sequence[Column]) -> list[Column]:
     return [c for c in begun if c.rows.any()]
 
 
-def scan(geometry: Geometry, model: Model, every: Sequence[Column], most: int) -> list[Found]:
+Alike = Mapping[str, frozenset[str]]
+"""Per fault those that show as it does, or the other way round: there is one of them at a time."""
+
+
+def alike_faults(found: Sequence[Column]) -> Alike:
+    """Faults whose columns point the same way or against each other."""
+    faults = {c.candidate.id: c.rows for c in found if c.candidate.sort == "fault" if not c.since}
+    alike: dict[str, frozenset[str]] = {}
+    for name, rows in faults.items():
+        cosines = {
+            other: abs(float(rows @ own)) / float(np.linalg.norm(rows) * np.linalg.norm(own))
+            for other, own in faults.items()
+        }
+        alike[name] = frozenset(o for o, cosine in cosines.items() if cosine > limits.SAME_PATTERN)
+    return alike
+
+
+def shut_out(model: Model, alike: Alike) -> frozenset[str]:
+    """What cannot be joined any more: what is there, and faults that show as one that is."""
+    joined = {c.id for c in model.setting.joined}
+    return frozenset(joined).union(*(alike.get(name, frozenset()) for name in joined))
+
+
+def coming(every: Rows, model: Model, alike: Alike, times: Array) -> list[Found]:
+    """Faults that come and go, found among all points; `times` are those of means, which blur."""
+    known = shut_out(model, alike)
+    setting = model.setting
+    courses = tuple(at_times(course, every.system.data.time) for course in setting.courses)
+    fitted = fit(every, replace(setting, courses=courses), every.system.data.open, 0)
+    free = [c for c in every.system.candidates if c.id not in known]
+    found = []
+    for trial in coming_and_going(fitted, free):
+        assert trial.course is not None
+        amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
+        course = at_times(trial.course, times)
+        if set(range(course.levels)) <= set(course.segment.tolist()):
+            column = Column(
+                candidate=trial.candidate,
+                amplitude=amplitude,
+                values=dict(trial.values),
+                fixed={},
+                rows=np.zeros(0),
+                course=course,
+            )
+            found.append(Found(trial.gain, ((column, 0.0),)))
+    return found
+
+
+def at_times(course: Course, time: Array) -> Course:
+    """The same periods at other points; what lasts to the end does so there too."""
+    segment = np.full(len(time), -1)
+    for span in course.periods:
+        segment[(time >= span.since) & (time <= span.until)] = span.level
+    last = course.periods[-1]
+    if course.segment[-1] >= 0:
+        segment[time > last.until] = last.level
+    return replace(course, segment=segment)
+
+
+def scan(
+    geometry: Geometry,
+    model: Model,
+    every: Sequence[Column],
+    alike: Alike,
+    most: int,
+    of: Set[str] | None = None,
+) -> list[Found]:
     """The best sets of one column or two beside a model, under three views of the recording.
 
     As it is weighed in the model; with all rows alike, in which what is large and rare shows; and
-    with all calibrations let go, which may have been made with the effect in it.
+    with all calibrations let go, which may have been made with the effect in it. `of` are ids of
+    the only candidates that count.
     """
-    alike = replace(model, weights=np.full(len(model.left), model.scale**-2))
-    views = [(model, most), (alike, most // 2), (_let_go(geometry, model), most // 2)]
+    every = [c for c in every if of is None or c.candidate.id in of]
+    level = replace(model, weights=np.full(len(model.left), model.scale**-2))
+    views = [(model, most), (level, most // 2), (_let_go(geometry, model), most // 2)]
     # Far from the model a slope says little of what a large effect would gain: at first each one
     # that may gain is tried.
     found = [f for view, count in views for f in _scanned(geometry, view, every, count)]
     if not model.setting.joined and not model.terms:
-        alone = _scanned(geometry, alike, every, ALONE, 0)
+        alone = _scanned(geometry, level, every, limits.FIRST_SETS, 0)
         found += alone
+    found = [f for f in found if not _twice(f, alike)]
     return sorted(found, key=lambda f: -f.gain)
+
+
+def _twice(found: Found, alike: Alike) -> bool:
+    """Does it hold two faults that show alike?"""
+    ids = [column.candidate.id for column, _ in found.starts]
+    return any(b in alike.get(a, ()) for i, a in enumerate(ids) for b in ids[i + 1 :])
 
 
 def _let_go(geometry: Geometry, model: Model) -> Model:
@@ -147,7 +216,11 @@ def _is_of_effect(name: str) -> bool:
 
 
 def _scanned(
-    geometry: Geometry, model: Model, every: Sequence[Column], most: int, paired: int = PAIRED
+    geometry: Geometry,
+    model: Model,
+    every: Sequence[Column],
+    most: int,
+    paired: int = limits.PAIRED_COLUMNS,
 ) -> list[Found]:
     weights, table = model.weights, model.table
     size = np.array([geometry.size(c.candidate, c.amplitude).scale for c in every])
@@ -183,7 +256,7 @@ def _scanned(
             for i, a in zip(members, amplitudes, strict=True)
         )
         found = Found(score, begins)
-        if np.isfinite(score) and score > WORTH:
+        if np.isfinite(score) and score > limits.WORTH_A_REFIT:
             result.setdefault(found.names, found)
     return list(result.values())[:most]
 
@@ -224,8 +297,9 @@ def _odds(every: Sequence[Column]) -> Array:
     """Log odds of each column before the recording: of its sort, among so many ways."""
     names = [c.candidate.id for c in every]
     ways = {name: names.count(name) for name in set(names)}
-    each = [ODDS[c.candidate.sort] - 0.5 * np.log(ways[c.candidate.id]) for c in every]
-    return np.array(each) - np.log(len(ways))
+    each = [limits.SORT_ODDS[c.candidate.sort] - 0.5 * np.log(ways[c.candidate.id]) for c in every]
+    odds: Array = np.array(each) - np.log(len(ways))
+    return odds
 
 
 def joined(system: System, setting: Configuration, begins: Sequence[Start]) -> Configuration:
@@ -235,6 +309,8 @@ def joined(system: System, setting: Configuration, begins: Sequence[Start]) -> C
         candidate, name = column.candidate, column.amplitude.id
         if candidate.id in {c.id for c in setting.joined}:
             setting = replace(setting, values={**setting.values, name: value})
+        elif column.course is not None:
+            setting = setting.joining(candidate, column.values, column.fixed, column.course)
         elif column.since is None:
             setting = setting.joining(candidate, {**column.values, name: value}, column.fixed)
         else:
@@ -242,67 +318,3 @@ def joined(system: System, setting: Configuration, begins: Sequence[Start]) -> C
             course = Course(name, segment, (Span(column.since, float(time[-1]), 0),))
             setting = setting.joining(candidate, {f"{name}#0": value}, column.fixed, course)
     return setting
-
-
-FUNCTIONS = 6
-"""Smooth functions of a driver that a term without a name may hold."""
-
-NAMELESS = -1.0
-"""Log odds of a term without a name against a law [assumed]."""
-
-
-def terms(geometry: Geometry, model: Model) -> list[Term]:
-    """A term for each place and each driver that no model predicts."""
-    system, found = geometry.rows.system, []
-    for spot in system.builder.spots:
-        column = spot_column(model.fitted, spot)
-        if column is None:
-            continue
-        drivers = _varying(model.fitted, spot.module)
-        for name in [*drivers, *([TIME] if system.data.timed else [])]:
-            values = system.data.time if name == TIME else system.data.values[name]
-            table = column[geometry.seen, None] * _smooth(values)[geometry.point]
-            size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-            if size > 0.0 and np.isfinite(table).all():
-                found.append(Term(f"{spot.id}~{name}", table / size))
-    return found
-
-
-def _smooth(values: Array) -> Array:
-    """Independent smooth functions of a driver, of unit prior size, shape (n, functions)."""
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-    low, high = np.quantile(known, [0.02, 0.98])
-    z = np.clip((known - low) / max(float(high - low), 1e-300), -0.1, 1.1)
-    knots = np.linspace(0.0, 1.0, 41)
-    kernel = np.exp(-0.5 * ((knots[:, None] - knots[None, :]) / SMOOTH) ** 2) + 1.0
-    size, ways = np.linalg.eigh(kernel)
-    best = np.argsort(-size)[:FUNCTIONS]
-    table = [np.interp(z, knots, ways[:, i] * np.sqrt(size[i])) for i in best]
-    return np.stack(table, axis=1)
-
-
-SMOOTH = 0.4
-"""Distance, as share of a driver's range, over which a term without a name is alike [assumed]."""
-
-
-def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float, Term]]:
-    """The terms that gain most beside a model, with the log odds they would gain."""
-    weights, table = model.weights, model.table
-    normal = table.T @ (table * weights[:, None]) + model.precision
-    unit = np.sqrt(np.diag(normal))
-    factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
-    known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
-    found = []
-    for term in every:
-        rows = term.columns
-        imitated = np.linalg.solve(factor, (table / unit).T @ (rows * weights[:, None]))
-        gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
-        moment = rows.T @ (model.left * weights) - imitated.T @ known
-        own, ways = np.linalg.eigh(gram)
-        square, own = (ways.T @ moment) ** 2, np.maximum(own, 0.0)
-        gains = [
-            0.5 * float(np.sum(square / (own + s**-2.0)) - np.sum(np.log1p(own * s**2)))
-            for s in SIZES.tolist()
-        ]
-        found.append((max(gains) + NAMELESS - float(np.log(len(every) * len(SIZES))), term))
-    return sorted(found, key=lambda f: -f[0])[:most]

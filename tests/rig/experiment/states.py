@@ -13,31 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.limits import NORMAL_SPREAD
 from rulec_runtime.recordings.stationary import Stretches
 
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
-from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
-
-ALIKE_SHARE, ALIKE_NOISE = 0.03, 4.0
-"""Inputs agree within this share of their range, or this many times their noise."""
-
-FEWEST_STEPS = 6
-"""Differences within states from which noise is told [assumed]."""
-
-NORMAL_MEDIAN = 0.6745
-"""Median of the absolute value of a standard normal number."""
-
-LENGTH = 0.3
-"""Distance of inputs, as share of their range, over which errors of form are alike [assumed]."""
+from tests.rig.experiment import limits
 
 
 def states_of(system: System) -> NDArray[np.intp]:
     """Number of the operating state of each point, shape (n,)."""
     columns = []
     for values, noise in _inputs(system):
-        tolerance = max(ALIKE_SHARE * float(np.ptp(values)), ALIKE_NOISE * noise)
+        tolerance = max(limits.ALIKE_SHARE * float(np.ptp(values)), limits.ALIKE_NOISE * noise)
         columns.append(values / max(tolerance, 1e-300))
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 1))
     centres: list[Array] = []
@@ -62,7 +52,7 @@ def likeness(system: System) -> Array:
     for values, noise in _inputs(system):
         span = float(np.subtract(*np.quantile(values, [0.95, 0.05])))
         if span > 6.0 * noise:
-            columns.append(values / (LENGTH * span))
+            columns.append(values / (limits.FORM_LENGTH * span))
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
     square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
     alike: Array = np.exp(-0.5 * square)
@@ -80,6 +70,12 @@ def _inputs(system: System) -> list[tuple[Array, float]]:
     return found
 
 
+def rows_of_states(system: System) -> Rows:
+    """Rows whose points are means per operating state and block of time."""
+    rows = rows_of(replace(system, data=averaged(system)), Configuration())
+    return rows_of(replace(rows.system, data=with_wobble(rows)), Configuration())
+
+
 def averaged(system: System) -> Data:
     """The data with one point for each state and block."""
     data = system.data
@@ -92,7 +88,8 @@ def averaged(system: System) -> Data:
     first = first[order]
 
     def mean(values: Array) -> Array:
-        return (np.bincount(group, values) / count)[order]
+        means: Array = (np.bincount(group, values) / count)[order]
+        return means
 
     noise = {n: (np.sqrt(np.bincount(group, v**2)) / count)[order] for n, v in data.noise.items()}
     values = {name: mean(v) for name, v in data.points.values.items()}
@@ -138,9 +135,9 @@ def _between(state: NDArray[np.intp], open_: np.ndarray, errors: Array) -> float
     """Variance of errors between visits to one state, robust; 0 where too few are seen."""
     steps = [np.diff(errors[(state == s) & open_ & np.isfinite(errors)]) for s in np.unique(state)]
     every = np.abs(np.concatenate(steps))
-    if len(every) < FEWEST_STEPS:
+    if len(every) < limits.FEWEST_VISITS:
         return 0.0
-    return float(np.median(every) / NORMAL_MEDIAN) ** 2 / 2.0
+    return (NORMAL_SPREAD * float(np.median(every))) ** 2 / 2.0
 
 
 def _groups(system: System) -> NDArray[np.intp]:
@@ -148,9 +145,24 @@ def _groups(system: System) -> NDArray[np.intp]:
     data = system.data
     moving = [np.asarray(flags, dtype=int) for flags in data.moving.values()]
     bad = [np.asarray(flags) != 0 for flags in data.points.bad.values()]
-    key = np.stack([states_of(system), data.block, *moving, *bad], axis=1).astype(int)
+    state = states_of(system)
+    key = np.stack([state, _stretch(data, state), *moving, *bad], axis=1).astype(int)
     group: NDArray[np.intp] = np.unique(key, axis=0, return_inverse=True)[1].ravel()
     return group
+
+
+def _stretch(data: Data, state: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Number of the stretch of time of each point, shape (n,): within its block, and so many that
+    there are about as many means as are wanted."""
+    n, states = len(data), int(state.max(initial=0)) + 1
+    blocks = int(data.block.max(initial=0)) + 1
+    parts = max(-(-limits.MOST_MEANS // (states * blocks)), 1) if n > limits.MOST_MEANS else n
+    inside = np.zeros(n, dtype=np.intp)
+    for block in np.unique(data.block):
+        at = np.flatnonzero(data.block == block)
+        inside[at] = np.arange(len(at)) * parts // max(len(at), 1)
+    stretch: NDArray[np.intp] = data.block * parts + inside
+    return stretch
 
 
 def _at(flags: Mapping[str, np.ndarray], chosen: NDArray[np.intp]) -> dict[str, np.ndarray]:

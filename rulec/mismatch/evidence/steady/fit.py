@@ -340,6 +340,13 @@ def _evaluated(
     )
 
 
+def evaluated(
+    rows: Rows, setting: Configuration, prior: Prior, at: Array, used: np.ndarray
+) -> Fitted:
+    """A setting at some values, not fitted; `used` has shape (n,)."""
+    return _evaluated(rows, setting, prior, at, used, 1.0, None)
+
+
 def variance_inflation_of(fitted: Fitted) -> float:
     """How many neighbouring groups of rows are as good as one, by means over batches of time.
 
@@ -370,7 +377,8 @@ def _sound(residual: Array) -> Array:
     bad = ~np.isfinite(residual)
     if not bad.any():
         return residual
-    worst = 10.0 * float(np.max(np.abs(residual[~bad]), initial=1.0))
+    # Less would pay: a law without a value where something is wrong would explain all of it.
+    worst = max(10.0 * float(np.max(np.abs(residual[~bad]), initial=1.0)), limits.NO_VALUE)
     return np.where(bad, worst, residual)
 
 

@@ -175,7 +175,7 @@ def _best_of(
     fitted: Fitted, looks: Sequence[ScoreTest], eased: Sequence[ScoreTest], candidate: Candidate
 ) -> list[InitialCandidate]:
     system = fitted.rows.system
-    if not _has_drivers(system, candidate):
+    if not has_drivers(system, candidate):
         return []
     fixed = references(system, candidate)
     amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
@@ -230,7 +230,7 @@ def columns_of(
     return columns if np.any(columns) else None
 
 
-def _has_drivers(system: System, candidate: Candidate) -> bool:
+def has_drivers(system: System, candidate: Candidate) -> bool:
     """Is everything recorded that drives it, and does it vary by more than its noise?
 
     A law that bends where a reading is at rest would only fit the noise of that reading.

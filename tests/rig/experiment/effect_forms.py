@@ -1,0 +1,46 @@
+"""The error of form that an effect's own law has: no effect obeys its formula either."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch.evidence.steady.fit import Fitted
+from tests.rig.experiment.geometry import Geometry
+
+
+def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:
+    """Each effect's own term times smooth functions of its drivers, shape (rows, functions)."""
+    rows, setting = geometry.rows, now.setting
+    system, columns = rows.system, []
+    for candidate in setting.joined:
+        null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+        if not null or candidate.sort == "fault":
+            continue
+        modules = system.reached(candidate.observers)
+        bare = replace(setting, values={**setting.values, **null})
+        there, plain = (
+            system.flows(s, at=now.predicted, modules=modules).values for s in (setting, bare)
+        )
+        term = {
+            i: np.nan_to_num(v) for i, v in enumerate(there - plain) if np.any(np.nan_to_num(v))
+        }
+        for name in dict.fromkeys(candidate.drivers.values()):
+            for shape in _shapes(system.inputs[name]):
+                column = rows.column(now.maps, {i: v * shape for i, v in term.items()})
+                columns.append(column[geometry.seen])
+    return np.stack(columns, axis=1) if columns else np.zeros((int(geometry.seen.sum()), 0))
+
+
+def _shapes(driver: Array | float) -> Sequence[Array]:
+    """A bend and an S over the range of a driver, of unit size."""
+    values = np.asarray(driver, dtype=float)
+    values = np.nan_to_num(values, nan=float(np.nanmedian(values)))
+    low, high = np.quantile(values, [0.02, 0.98])
+    if high <= low:
+        return ()
+    z = np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.2, 1.2)
+    return np.sqrt(5.0) * (3.0 * z**2 - 1.0) / 4.0, np.sqrt(7.0) * (5.0 * z**3 - 3.0 * z) / 4.0

@@ -1,0 +1,123 @@
+"""What stays the same for all models of one recording: errors of form, and how rows count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from scipy.special import gammaln
+
+from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch.evidence.steady.rows import Rows
+from tests.rig.experiment import limits
+from tests.rig.experiment.sizes import Size, size_of
+from tests.rig.experiment.states import likeness
+
+
+def number_of_terms(rows: Rows) -> int:
+    """How many terms without a name there may be: places, and what may drive them."""
+    system = rows.system
+    inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
+    drivers: int = len(inputs) + (1 if system.data.timed else 0)
+    places: int = len(system.builder.spots)
+    return places * max(drivers, 1)
+
+
+@dataclass(frozen=True)
+class Term:
+    """A change at a place that follows a driver in a way without a name.
+
+    `columns`, shape (seen rows, functions), are smooth functions of the driver, each as it shows;
+    how large they are is found with the errors of form.
+    """
+
+    name: str
+    columns: Array
+
+
+@dataclass(frozen=True)
+class Random:
+    """Columns whose sizes are found: errors of form, and terms without a name."""
+
+    forms: Array
+    terms: tuple[Term, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return self.forms.shape[1] + sum(t.columns.shape[1] for t in self.terms)
+
+    def ratio(self, form: float, sizes: Sequence[float]) -> Array:
+        """Standard deviation of each column's number, shape (columns,)."""
+        parts = [np.full(self.forms.shape[1], form)]
+        parts += [np.full(t.columns.shape[1], s) for t, s in zip(self.terms, sizes, strict=True)]
+        return np.concatenate(parts)
+
+    def loads(self, form: float, sizes: Sequence[float]) -> Array:
+        """Columns in units of those, shape (rows, columns)."""
+        whole = np.concatenate([self.forms, *(t.columns for t in self.terms)], axis=1)
+        loaded: Array = whole * self.ratio(form, sizes)
+        return loaded
+
+
+class Geometry:
+    """What stays the same for all models of one recording; `rows` are those that may be seen."""
+
+    def __init__(self, rows: Rows) -> None:
+        system = rows.system
+        self.rows = rows
+        self.terms = number_of_terms(rows)
+        self._sizes: dict[str, Size] = {}
+        self.seen = system.data.open[rows.point]
+        self.point = rows.point[self.seen]
+        self.forms = self._forms(likeness(system))
+        self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
+        self.rank = np.bincount(self.group).astype(float)
+        constants = gammaln((limits.STUDENT + self.rank) / 2) - self.rank / 2 * np.log(
+            limits.STUDENT
+        )
+        self.constant = float(np.sum(constants - gammaln(limits.STUDENT / 2)))
+
+    def size(self, candidate: Candidate, unknown: Unknown) -> Size:
+        """The prior of an amplitude."""
+        if unknown.id not in self._sizes:
+            self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
+        return self._sizes[unknown.id]
+
+    def _forms(self, alike: Array) -> Array:
+        """Rows of errors of form of unit size, shape (rows, errors)."""
+        rows, columns = self.rows, []
+        values = rows.system.data.values
+        for cell in rows.cells:
+            size, ways = np.linalg.eigh(alike[np.ix_(cell.points, cell.points)])
+            kept = size > 1e-3 * size.max()
+            smooth = ways[:, kept] * np.sqrt(size[kept])
+            for i, name in enumerate(cell.outputs):
+                usual = np.sqrt(np.nanmean(values[name][rows.system.data.open] ** 2))
+                table = np.zeros((len(rows), smooth.shape[1]))
+                weight = (cell.whitener[:, :, i] * usual).T.ravel()
+                table[cell.rows] = weight[:, None] * np.tile(smooth, (cell.rank, 1))
+                columns.append(table[self.seen])
+        left, size, _ = np.linalg.svd(np.concatenate(columns, axis=1), full_matrices=False)
+        kept = size * limits.FORM_SHARES[-1] > limits.FORM_NOT_SEEN
+        forms: Array = left[:, kept] * size[kept]
+        return forms
+
+    def _distance(self, residual: Array, scale: float) -> Array:
+        distance: Array = np.bincount(self.group, residual**2) / scale**2
+        return distance
+
+    def likelihood(self, residual: Array, scale: float) -> float:
+        """Log likelihood of the seen rows."""
+        far = np.log1p(self._distance(residual, scale) / limits.STUDENT)
+        tails = self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far
+        return self.constant - float(tails.sum())
+
+    def weights(self, residual: Array, scale: float) -> Array:
+        """Weights of the rows in the normal matrix."""
+        each = (limits.STUDENT + self.rank) / (limits.STUDENT + self._distance(residual, scale))
+        weights: Array = each[self.group] / scale**2
+        return weights

@@ -1,0 +1,117 @@
+"""Terms without a name: a place that follows a driver in any smooth way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.effects.candidate import TIME
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search.time_varying import wandering
+from tests.rig.experiment import limits
+from tests.rig.experiment.geometry import Geometry, Term
+from tests.rig.experiment.refit import Model
+
+
+def terms(geometry: Geometry, model: Model) -> list[Term]:
+    """A term for each place and each driver that no model predicts."""
+    system, found = geometry.rows.system, []
+    for spot in system.builder.spots:
+        column = spot_column(model.fitted, spot)
+        if column is None:
+            continue
+        ways = [(spot.id, column, name) for name in varying(model.fitted, spot.module)]
+        if system.data.timed:
+            ways.append((spot.id, column, TIME))
+            # What drives a law seldom adds to it: it changes what stands in it.
+            ways += [(w.spot.id, w.column, TIME) for w in wandering(model.fitted, spot)]
+        for id_, slopes, name in ways:
+            values = system.data.time if name == TIME else system.data.values[name]
+            table = slopes[geometry.seen, None] * _smooth(values)[geometry.point]
+            size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
+            if size > 0.0 and np.isfinite(table).all():
+                found.append(Term(f"{id_}~{name}", table / size))
+    return found
+
+
+def _smooth(values: Array) -> Array:
+    """Independent smooth functions of a driver, of unit prior size, shape (n, functions)."""
+    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
+    low, high = np.quantile(known, [0.02, 0.98])
+    z = np.clip((known - low) / max(float(high - low), 1e-300), -0.1, 1.1)
+    knots = np.linspace(0.0, 1.0, 41)
+    kernel = np.exp(-0.5 * ((knots[:, None] - knots[None, :]) / limits.TERM_LENGTH) ** 2) + 1.0
+    size, ways = np.linalg.eigh(kernel)
+    best = np.argsort(-size)[: limits.TERM_FUNCTIONS]
+    table = [np.interp(z, knots, ways[:, i] * np.sqrt(size[i])) for i in best]
+    return np.stack(table, axis=1)
+
+
+def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float, Term]]:
+    """The terms that gain most beside a model, with the log odds they would gain."""
+    weights, table = model.weights, model.table
+    normal = table.T @ (table * weights[:, None]) + model.precision
+    unit = np.sqrt(np.diag(normal))
+    factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
+    known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
+    found = []
+    for term in every:
+        rows = term.columns
+        imitated = np.linalg.solve(factor, (table / unit).T @ (rows * weights[:, None]))
+        gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
+        moment = rows.T @ (model.left * weights) - imitated.T @ known
+        own, ways = np.linalg.eigh(gram)
+        square, own = (ways.T @ moment) ** 2, np.maximum(own, 0.0)
+        gains = [
+            0.5 * float(np.sum(square / (own + s**-2.0)) - np.sum(np.log1p(own * s**2)))
+            for s in limits.TERM_SIZES
+        ]
+        found.append(
+            (
+                max(gains) + limits.TERM_ODDS - float(np.log(len(every) * len(limits.TERM_SIZES))),
+                term,
+            )
+        )
+    return sorted(found, key=lambda f: -f[0])[:most]
+
+
+def varying(fitted: Fitted, module: str) -> list[str]:
+    """Readings that may drive something: given from outside, and varying by more than their noise.
+
+    What the model predicts from others follows whatever is wrong, and explains nothing.
+    """
+    system, data = fitted.rows.system, fitted.rows.system.data
+    read = {name for o in system.observers for name in o.signals}
+    names = []
+    for name, values in variables_of(system, module).items():
+        signal, noise = system.ruleset.signal_by_id.get(name), data.noise.get(name)
+        given = (name not in read and not _is_flow(system, name)) or (
+            signal is not None and signal.is_input
+        )
+        spread = float(np.nanstd(values[data.open]))
+        if (
+            given
+            and noise is not None
+            and spread > limits.FEATURE_VARIES * float(np.nanmedian(noise))
+        ):
+            names.append(name)
+    return names
+
+
+def _is_flow(system: System, name: str) -> bool:
+    """Is a reading a flow that the estimates of its module predict anyway?"""
+    flows = system.flows(Configuration())
+    values = system.data.values[name]
+    own = [i for i, o in enumerate(system.observers) if o.module == name.partition(".")[0]]
+    used = system.data.open & np.isfinite(values)
+    for i in own:
+        there = used & np.isfinite(flows.values[i]) & system.valid[i]
+        ratio = values[there] / flows.values[i][there]
+        if len(ratio) and abs(float(np.median(ratio)) - 1.0) < limits.SAME_FLOW:
+            return True
+    return False

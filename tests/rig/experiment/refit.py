@@ -1,0 +1,252 @@
+"""A set of explanations refitted, and its evidence by Laplace's approximation.
+
+Errors of the outputs follow a Student distribution per point. Each output may besides be off by an
+error of form: a share of its usual size that is smooth over the inputs. How large that share is,
+and how large the noise, is found anew for every set of explanations: fitted to nothing, an error of
+form would swallow the truth.
+
+Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gaussian process).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from scipy.linalg import cho_factor, cho_solve
+
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
+from rulec.mismatch.evidence.steady.fit import Prior as Known
+from rulec.mismatch.evidence.steady.rows import Rows
+from tests.rig.experiment import limits
+from tests.rig.experiment.effect_forms import forms_of_effects
+from tests.rig.experiment.geometry import Geometry, Random, Term
+from tests.rig.experiment.prior import Prior
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A refitted set of explanations.
+
+    `table` shape (rows, values) are slopes by the values, errors of form and errors of the
+    effects' forms; `left`, shape (rows,), the residual at the means of the values; `precision` that
+    of the prior, `weights` those of the rows. `evidence` is the log marginal likelihood.
+    """
+
+    fitted: Fitted
+    prior: Known
+    at: Array
+    forms: Array
+    terms: tuple[Term, ...]
+    form: float
+    scale: float
+    evidence: float
+    table: Array
+    left: Array
+    precision: Array
+    weights: Array
+
+    @property
+    def setting(self) -> Configuration:
+        """What is joined, and all values."""
+        return self.fitted.setting
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """Error of form, sizes of terms, noise, and the linear solution with them."""
+
+    score: float
+    form: float
+    sizes: tuple[float, ...]
+    scale: float
+    solution: Array
+    weights: Array
+    table: Array
+
+
+def refitted(
+    geometry: Geometry,
+    setting: Configuration,
+    near: Model | None = None,
+    terms: tuple[Term, ...] = (),
+    steps: int = 25,
+) -> Model:
+    """Refit all values, errors of form among them; `near` is a model that is much alike."""
+    rows, seen = geometry.rows, geometry.seen
+    known = Prior(geometry, setting)
+    prior, n = known.prior, len(known.prior.names)
+    values = [setting.values.get(a, m) for a, m in zip(prior.names, prior.mean, strict=True)]
+    at = np.clip(np.array(values), prior.lowest, prior.highest)
+    random = Random(geometry.forms, terms)
+    forms = np.zeros(random.count)
+    if near is not None:
+        kept = min(len(forms), len(near.forms))
+        forms[:kept] = near.forms[:kept]
+    form, scale = (0.004, 1.0) if near is None else (near.form, near.scale)
+    sizes = tuple(1.0 for _ in terms)
+    now = _evaluated(rows, setting, prior, at)
+    damping, cost = 1e-3, np.inf
+    for step in range(steps):
+        if step in (0, 4):
+            begin = at, forms, form, sizes
+            found = _choose(geometry, known, random, now, begin, np.zeros((int(seen.sum()), 0)))
+            form, scale, forms = found.form, found.scale, found.solution[n:]
+            sizes = found.sizes
+            loads = random.loads(form, sizes)
+            cost = _cost(geometry, known, now, at, forms, loads, scale)
+        residual = now.residual[seen] + loads @ forms
+        table = np.concatenate([now.jacobian[seen], loads], axis=1)
+        weights = geometry.weights(residual, scale)
+        precision = np.eye(table.shape[1])
+        precision[:n, :n] = known.density(at)[1]
+        normal = table.T @ (table * weights[:, None]) + precision
+        slope = table.T @ (weights * residual)
+        slope += precision @ np.concatenate([at - prior.mean, forms])
+        stopped = np.zeros(len(slope), dtype=bool)
+        stopped[:n] = (at <= prior.lowest) & (slope[:n] > 0)
+        stopped[:n] |= (at >= prior.highest) & (slope[:n] < 0)
+        free = np.flatnonzero(~stopped)
+        size = np.sqrt(np.diag(normal))[free]
+        scaled = normal[np.ix_(free, free)] / np.outer(size, size)
+        gain = -1.0
+        for _ in range(10):
+            change = np.zeros(len(slope))
+            damped = scaled + damping * np.eye(len(free))
+            change[free] = -np.linalg.solve(damped, slope[free] / size) / size
+            there = np.clip(at + change[:n], prior.lowest, prior.highest)
+            moved = forms + change[n:]
+            trial = _evaluated(rows, setting, prior, there)
+            after = _cost(geometry, known, trial, there, moved, loads, scale)
+            gain = cost - after if np.isfinite(after) else -1.0
+            if gain >= -1e-9:
+                at, forms, now, cost = there, moved, trial, after
+                damping = max(damping / 8.0, 1e-9)
+                break
+            damping = max(damping, 1e-6) * 8.0
+        if gain < 1e-2:
+            break
+    return _weighed(geometry, known, random, now, (at, forms, form, sizes))
+
+
+def _evaluated(rows: Rows, setting: Configuration, prior: Known, at: Array) -> Fitted:
+    return evaluated(rows, setting, prior, at, rows.system.data.open)
+
+
+def _cost(
+    geometry: Geometry,
+    known: Prior,
+    now: Fitted,
+    at: Array,
+    forms: Array,
+    loads: Array,
+    scale: float,
+) -> float:
+    residual = now.residual[geometry.seen] + loads @ forms
+    likelihood = geometry.likelihood(residual, scale)
+    return -likelihood - known.density(at)[0] + 0.5 * float(forms @ forms)
+
+
+Begin = tuple[Array, Array, float, tuple[float, ...]]
+"""Values, random numbers, error of form and sizes of terms to begin with."""
+
+
+def _choose(
+    geometry: Geometry, known: Prior, random: Random, now: Fitted, begin: Begin, more: Array
+) -> _Chosen:
+    """Error of form, sizes of terms and noise under which the recording is most probable.
+
+    `more` are columns of errors of the effects' own forms.
+    """
+    at, forms, form, sizes = begin
+    n = len(at)
+    jacobian = now.jacobian[geometry.seen]
+    off = at - known.prior.mean
+    left = now.residual[geometry.seen] - jacobian @ off
+    table = np.concatenate([jacobian, random.loads(1.0, [1.0] * len(sizes)), more], axis=1)
+    precision = _joint(known.density(at)[1], random.count, more.shape[1])
+    begun = random.ratio(form, sizes) * forms
+    start = np.concatenate([off, begun, np.zeros(more.shape[1])])
+    best: _Chosen | None = None
+
+    def tried(
+        form: float, sizes: tuple[float, ...], scale: float, known_: tuple[Array, ...]
+    ) -> None:
+        nonlocal best
+        normal, moment, weights = known_
+        ratio = np.ones(len(precision))
+        ratio[n : n + random.count] = random.ratio(form, sizes)
+        whole = normal * np.outer(ratio, ratio) + precision
+        size = np.sqrt(np.diag(whole))
+        factor = cho_factor(whole / np.outer(size, size) + 1e-13 * np.eye(len(size)))
+        solution = -cho_solve(factor, moment * ratio / size) / size
+        residual = left + table @ (ratio * solution)
+        score = geometry.likelihood(residual, scale) - 0.5 * float(solution @ precision @ solution)
+        score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
+        score -= (
+            0.5 * (form / limits.USUAL_FORM) ** 2
+            + 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
+        )
+        if best is None or score > best.score:
+            best = _Chosen(score, form, sizes, scale, solution, weights, table * ratio)
+
+    def products(weights: Array) -> tuple[Array, ...]:
+        return table.T @ (table * weights[:, None]), table.T @ (weights * left), weights
+
+    for scale in limits.NOISE_SCALES:
+        parts = products(geometry.weights(left + table @ start, scale))
+        for share in limits.FORM_SHARES:
+            tried(share, sizes, scale, parts)
+    assert best is not None
+    for i in range(len(sizes)):
+        parts = products(best.weights)
+        for size in limits.TERM_SIZES:
+            for share in limits.FORM_SHARES:
+                tried(share, (*best.sizes[:i], size, *best.sizes[i + 1 :]), best.scale, parts)
+    for _ in range(3):
+        before = best
+        parts = products(geometry.weights(left + best.table @ best.solution, best.scale))
+        tried(best.form, best.sizes, best.scale, parts)
+        if best is before:
+            break
+    return best
+
+
+def _joint(values: Array, forms: int, more: int) -> Array:
+    """Precision of values, of errors of form and of those of the effects' forms."""
+    n = len(values)
+    joint = np.eye(n + forms + more)
+    joint[:n, :n] = values
+    joint[n + forms :, n + forms :] *= limits.EFFECT_FORM**-2
+    return joint
+
+
+def _weighed(geometry: Geometry, known: Prior, random: Random, now: Fitted, begin: Begin) -> Model:
+    at = begin[0]
+    more = forms_of_effects(geometry, now)
+    found = _choose(geometry, known, random, now, begin, more)
+    density, tangent = known.density(at)
+    off = at - known.prior.mean
+    jacobian = now.jacobian[geometry.seen]
+    # The normal density of the linear solution gives way to that of the Student distribution.
+    evidence = found.score + density + 0.5 * float(off @ tangent @ off)
+    stated = _joint(known.stated, random.count, more.shape[1])
+    evidence += 0.5 * float(np.linalg.slogdet(stated)[1])
+    evidence += known.peak
+    evidence -= len(random.terms) * float(np.log(len(limits.TERM_SIZES)))
+    return Model(
+        fitted=now,
+        prior=known.prior,
+        at=at,
+        forms=begin[1],
+        terms=random.terms,
+        form=found.form,
+        scale=found.scale,
+        evidence=evidence,
+        table=found.table,
+        left=now.residual[geometry.seen] - jacobian @ off,
+        precision=_joint(tangent, random.count, more.shape[1]),
+        weights=found.weights,
+    )

@@ -1,0 +1,257 @@
+"""Sets of explanations grown from the best ones, each refitted, and what they say together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rulec.effects.candidate import Candidate
+from rulec.mismatch.evidence.steady.configuration import Configuration, Span
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_references
+from rulec.mismatch.evidence.steady.system import System
+from tests.rig.experiment import limits
+from tests.rig.experiment.geometry import Geometry, Term
+from tests.rig.experiment.nameless import nameless, terms
+from tests.rig.experiment.refit import Model, refitted
+from tests.rig.experiment.scan import Found, alike_faults, columns, coming, joined, scan
+from tests.rig.experiment.states import rows_of_states
+
+Names = frozenset[str]
+"""Ids of candidates, those that begin or come and go marked, and names of terms."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Models of the sets that were refitted, and their log odds, nats."""
+
+    models: Mapping[Names, Model]
+    odds: Mapping[Names, float]
+
+    @property
+    def best(self) -> Names:
+        """The most probable set."""
+        return max(self.odds, key=lambda names: (self.odds[names], sorted(names)))
+
+    @property
+    def sets(self) -> dict[Names, float]:
+        """Probability of each set."""
+        most = max(self.odds.values())
+        weight = {names: float(np.exp(odds - most)) for names, odds in self.odds.items()}
+        total = sum(weight.values())
+        return {names: w / total for names, w in weight.items()}
+
+    @property
+    def nothing(self) -> float:
+        """Probability that nothing is left out."""
+        return self.sets[frozenset()]
+
+    @property
+    def names(self) -> dict[str, float]:
+        """Probability of each explanation: the share of the sets that have it."""
+        sets = self.sets
+        every = sorted({name for names in sets for name in names})
+        return {name: sum(p for names, p in sets.items() if name in names) for name in every}
+
+
+@dataclass(frozen=True)
+class Search:
+    """Refits sets of explanations, and keeps them; `every` has all settled points."""
+
+    geometry: Geometry
+    every: Rows
+    alike: dict[str, frozenset[str]] = field(default_factory=dict)
+    models: dict[Names, Model] = field(default_factory=dict)
+    odds: dict[Names, float] = field(default_factory=dict)
+
+    def refit(
+        self, setting: Configuration, near: Model | None, own: tuple[Term, ...] = ()
+    ) -> Model:
+        """Refit a set from where another one lies."""
+        return refitted(self.geometry, setting, near, own)
+
+    def keep(self, names: Names, model: Model) -> None:
+        """Keep a model, if it is the best one of its set so far."""
+        odds = self.score(model)
+        if odds > self.odds.get(names, -np.inf):
+            self.models[names], self.odds[names] = model, odds
+
+    def score(self, model: Model) -> float:
+        """Evidence and what was expected before the recording, nats."""
+        setting = model.setting
+        number = max(len({c.id for c in self.geometry.rows.system.candidates}), 1)
+        expected = sum(limits.SORT_ODDS[c.sort] - np.log(number) for c in setting.joined)
+        expected -= limits.COMMON * sum(bool(c.members) for c in setting.joined)
+        expected += limits.LET_GO_ODDS * len(setting.released)
+        ends = sum(2 * len(c.periods) - 1 for c in setting.courses)
+        expected -= ends * float(np.log(limits.ONSETS))
+        places = max(self.geometry.terms, 1)
+        expected += len(model.terms) * (limits.TERM_ODDS - float(np.log(places)))
+        return model.evidence + float(expected)
+
+    def posterior(self) -> Posterior:
+        """What all sets say together."""
+        return Posterior(dict(self.models), dict(self.odds))
+
+
+def _coming(search: Search, model: Model) -> list[Found]:
+    return coming(search.every, model, search.alike, search.geometry.rows.system.data.time)
+
+
+def begun(every: Rows) -> Search:
+    """A search that has refitted the plain model to means of operating states."""
+    states = rows_of_states(every.system)
+    search = Search(Geometry(states if len(states) else every), every)
+    search.keep(frozenset(), search.refit(Configuration(), None))
+    search.alike.update(alike_faults(columns(search.geometry, search.models[frozenset()], {})))
+    return search
+
+
+def with_laws(every: Rows, laws: Sequence[Collection[str]]) -> Posterior:
+    """One of some candidates after the other, by their ids: how likely known laws are."""
+    search = begun(every)
+    names: Names = frozenset()
+    for ids in laws:
+        model = search.models[names]
+        own = columns(search.geometry, model, search.alike)
+        found = scan(search.geometry, model, own, search.alike, limits.SETS_REFITTED, set(ids))
+        come = _coming(search, model)
+        for one in [*found, *(f for f in come if f.ids <= set(ids))]:
+            _join(search, names, one)
+        more = [n for n in search.odds if n > names]
+        names = max(more, key=lambda n: search.odds[n], default=names)
+    return search.posterior()
+
+
+def with_terms(every: Rows, places: Collection[str]) -> Posterior:
+    """Terms without a name at some places alone: how likely what has no name is there."""
+    search = begun(every)
+    spots = {s.id for s in every.system.builder.spots if f"{s.module}.{s.place}" in places}
+    every_term = terms(search.geometry, search.models[frozenset()])
+    here = [t for t in every_term if t.name.rpartition("~")[0] in spots]
+    _join_terms(search, frozenset(), here)
+    return search.posterior()
+
+
+def explain(every: Rows, progress: Progress) -> Posterior:
+    """The sets of explanations of a recording, with their odds."""
+    search = begun(every)
+    grown: set[Names] = set()
+    for number in range(1, limits.ROUNDS + 1):
+        best = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_GROWN]
+        todo = [names for names in best if names not in grown]
+        if not todo:
+            break
+        for names in todo:
+            grown.add(names)
+            progress(f"round {number}: {len(search.odds)} sets of explanations refitted")
+            _sharpen(search, names)
+            _grow(search, names)
+            _prune(search, names)
+    return search.posterior()
+
+
+def _grow(search: Search, names: Names) -> None:
+    """Refit a set with what would gain most beside it."""
+    if len(names) >= limits.LARGEST_SET:
+        return
+    geometry, model = search.geometry, search.models[names]
+    every = columns(geometry, model, search.alike)
+    found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
+    for one in [*found, *_coming(search, model)]:
+        if names | one.names not in search.odds:
+            _join(search, names, one)
+    _join_terms(search, names, terms(geometry, model))
+
+
+def _join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
+    """Refit a set with the terms without a name that would gain most beside it."""
+    model = search.models[names]
+    for gain, term in nameless(model, every, limits.TERMS_REFITTED):
+        if gain > limits.WORTH_A_REFIT and names | {term.name} not in search.odds:
+            own = (*model.terms, term)
+            search.keep(names | {term.name}, search.refit(model.setting, model, own))
+
+
+def _join(search: Search, names: Names, found: Found) -> None:
+    """Calibrations held, and those under new physics let go: the better one is kept."""
+    model = search.models[names]
+    setting = joined(search.geometry.rows.system, model.setting, found.starts)
+    new = [column.candidate for column, _ in found.starts]
+    modules = frozenset(m for c in new if c.sort in ("physics", "ageing") for m in c.modules)
+    ways = [setting] if modules <= setting.released else [setting, setting.letting_go(modules)]
+    elsewhere = _with_open_references(search.geometry.rows.system, setting, new)
+    ways += [elsewhere] if elsewhere is not None else []
+    for way in ways:
+        try:
+            search.keep(names | found.names, search.refit(way, model, model.terms))
+        except np.linalg.LinAlgError:
+            continue
+
+
+def _with_open_references(
+    system: System, setting: Configuration, new: Sequence[Candidate]
+) -> Configuration | None:
+    """A setting in which stated laws hold at other conditions than the usual ones of the recording;
+    None where none can."""
+    there = None
+    for candidate in new:
+        values = {u.id: setting.values[u.id] for u in candidate.unknowns if u.id in setting.values}
+        trial = InitialCandidate(candidate=candidate, values=values, fixed=setting.fixed, gain=0.0)
+        opened = with_open_references(system, trial)
+        if opened is not None and not setting.in_periods & {u.id for u in candidate.unknowns}:
+            bare = (there or setting).leaving(candidate.id)
+            there = bare.joining(opened.candidate, opened.values, opened.fixed)
+    return there
+
+
+def _prune(search: Search, names: Names) -> None:
+    """A set without each of its members."""
+    model = search.models[names]
+    for candidate in model.setting.joined if len(names) > 1 else ():
+        less = without(names, candidate)
+        if less not in search.odds:
+            setting = model.setting.leaving(candidate.id)
+            search.keep(less, search.refit(setting, model, model.terms))
+    for term in model.terms if len(names) > 1 else ():
+        if names - {term.name} not in search.odds:
+            own = tuple(t for t in model.terms if t.name != term.name)
+            search.keep(names - {term.name}, search.refit(model.setting, model, own))
+
+
+def without(names: Names, candidate: Candidate) -> Names:
+    """A set less one candidate, however it is there."""
+    return frozenset(n for n in names if n.rstrip("!") != candidate.id)
+
+
+def _sharpen(search: Search, names: Names) -> None:
+    """Move onsets as long as that is likelier: those that were tried lie far apart."""
+    time = search.geometry.rows.system.data.time
+    for number, course in enumerate(search.models[names].setting.courses):
+        for step in limits.ONSET_STEPS if len(course.periods) == 1 else ():
+            for way in (-step, step):
+                while _moved(search, names, number, way, time):
+                    pass
+
+
+def _moved(search: Search, names: Names, number: int, by: int, time: np.ndarray) -> bool:
+    """Is it likelier that a fault began so many points later?"""
+    model = search.models[names]
+    course = model.setting.courses[number]
+    span = course.periods[0]
+    at = int(np.searchsorted(time, span.since)) + by
+    if not 0 < at < len(time) or course.segment[-1] < 0:
+        return False
+    since = float(time[at])
+    segment = np.where(time >= since, 0, -1)
+    there = replace(course, segment=segment, periods=(Span(since, span.until, span.level),))
+    courses = list(model.setting.courses)
+    courses[number] = there
+    before = search.odds[names]
+    setting = replace(model.setting, courses=tuple(courses))
+    search.keep(names, search.refit(setting, model, model.terms))
+    return search.odds[names] > before

@@ -1,0 +1,61 @@
+"""How large an amplitude may be before the recording is seen, as its entry says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaln
+from scipy.stats import t as student
+
+from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.screen import references, starts
+from rulec.mismatch.evidence.steady.system import System
+
+
+@dataclass(frozen=True)
+class Size:
+    """Prior of an amplitude: Student about its null with this scale and degrees of freedom.
+
+    Half of all amplitudes are below the usual one, and the tail falls as that of the log-normal
+    distribution does at two of its standard deviations.
+    """
+
+    scale: float
+    freedom: float
+
+    @property
+    def peak(self) -> float:
+        """Log density at the null, less that of the normal distribution of the same scale."""
+        n = self.freedom
+        gain = float(gammaln((n + 1) / 2) - gammaln(n / 2))
+        return gain - 0.5 * float(np.log(n * np.pi)) + 0.5 * float(np.log(2 * np.pi))
+
+
+def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
+    """The prior of an amplitude by what its entry says is usual."""
+    usual = unknown.usual
+    if usual is None:
+        width = unknown.highest - unknown.lowest
+        return Size(width / 4.0 if np.isfinite(width) else 1.0, 1.0)
+    freedom = 2.0 / float(np.log(usual.factor))
+    median = usual.size / _share(system, candidate, unknown) if usual.of_place else usual.size
+    return Size(median / float(student.ppf(0.75, freedom)), freedom)
+
+
+def _share(system: System, candidate: Candidate, unknown: Unknown) -> float:
+    """The share by which estimates change per amplitude, the most at any shape."""
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+    fixed, shares = references(system, candidate), []
+    plain = system.flows(Configuration()).values
+    for shape in starts(system, candidate):
+        setting = Configuration().joining(candidate, {**null, **shape}, fixed)
+        modules = system.reached(candidate.observers)
+        slopes = system.flows(setting, [unknown.id], modules=modules).by_value[unknown.id]
+        for i, slope in slopes.items():
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = np.broadcast_to(slope, plain[i].shape) / plain[i]
+            share = share[system.data.open & system.valid[i] & np.isfinite(share)]
+            shares.append(float(np.sqrt(np.mean(share**2))) if len(share) else 0.0)
+    return max(shares, default=0.0) or 1.0

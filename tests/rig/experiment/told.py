@@ -1,0 +1,209 @@
+"""The most probable set of explanations, refitted to all settled points, and how sure each is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
+from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspect_at
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import screen
+from rulec.mismatch.result import Rival
+from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.latent_input import free_course
+from rulec.mismatch.search.time_varying import wandering
+from tests.rig.experiment import limits
+from tests.rig.experiment.curve import curve_at
+from tests.rig.experiment.geometry import Term
+from tests.rig.experiment.refit import Model
+from tests.rig.experiment.scan import at_times
+from tests.rig.experiment.sets import Names, Posterior, Progress, explain
+
+
+@dataclass(frozen=True)
+class Search:
+    """What was found: the model fitted to all points, what it says, and all that was weighed."""
+
+    fitted: Fitted
+    accepted: tuple[Accepted, ...]
+    posterior: Posterior
+
+    @property
+    def tried(self) -> int:
+        """Sets of explanations that were refitted."""
+        return len(self.posterior.models)
+
+
+def search(rows: Rows, progress: Progress) -> Search:
+    """Find the sets of explanations that fit a recording, and tell the most probable one."""
+    progress("taking means of operating states")
+    posterior = explain(rows, progress)
+    progress("refitting the most probable explanation to all settled points")
+    model = posterior.models[posterior.best]
+    fitted, candidates = _on_all_points(rows, model, _told(posterior))
+    accepted = tuple(_accepted(posterior, name, c) for name, c in candidates.items())
+    return Search(fitted, accepted, posterior)
+
+
+def _told(posterior: Posterior) -> Names:
+    """Members of the best set that are likelier there than not, by any of their names.
+
+    Of several that fit about equally, each may be unlikely, and one of them is there all the same.
+
+    Source: median probability model (Barbieri and Berger 2004).
+    """
+    best, sets = posterior.best, posterior.sets
+    kept = set()
+    for name in best:
+        rest = best - {name}
+        alike = [names for names in sets if rest < names and len(names) == len(best)]
+        same = frozenset[str]().union(*(names - rest for names in alike))
+        if sum(p for names, p in sets.items() if names & same) >= limits.LIKELIER:
+            kept.add(name)
+    return frozenset(kept)
+
+
+def _on_all_points(rows: Rows, model: Model, told: Names) -> tuple[Fitted, dict[str, Candidate]]:
+    """The model with terms as courses and curves; candidates by their names in the set."""
+    was = model.setting
+    for candidate in was.joined:
+        if not {candidate.id, candidate.id + "!"} & told:
+            was = was.leaving(candidate.id)
+    courses = tuple(at_times(course, rows.system.data.time) for course in was.courses)
+    setting = replace(was, courses=courses)
+    fitted = _fitted(rows, setting)
+    coming = {c.unknown for c in courses}
+    names = {c.id + "!" * any(u.id in coming for u in c.unknowns): c for c in was.joined}
+    for course in courses:
+        fitted = _sharpened(fitted, course)
+    for term in (t for t in model.terms if t.name in told):
+        joined = _with_term(fitted, term)
+        if joined is not None:
+            fitted = joined
+            names[term.name] = fitted.setting.joined[-1]
+    return fitted, names
+
+
+def _fitted(rows: Rows, setting: Configuration) -> Fitted:
+    """Fitted twice, the second time with neighbours counted as what they are worth."""
+    used = rows.system.data.open
+    first = fit(rows, setting, used)
+    return fit(rows, first.setting, used, variance_inflation=variance_inflation_of(first))
+
+
+def _sharpened(fitted: Fitted, course: Course) -> Fitted:
+    """The onset of what lasts, among the points between the means beside it."""
+    time = fitted.rows.system.data.time
+    if len(course.periods) != 1 or course.segment[-1] < 0:
+        return fitted
+    span = course.periods[0]
+    near = np.abs(time - span.since)
+    window = np.sort(np.argsort(near)[: 2 * limits.ONSET_POINTS])
+    best = fitted
+    for at in np.unique(np.linspace(window[0], window[-1], limits.ONSET_POINTS).astype(int)):
+        since = float(time[at])
+        there = replace(
+            course,
+            segment=np.where(time >= since, span.level, -1),
+            periods=(Span(since, float(time[-1]), span.level),),
+        )
+        courses = tuple(there if c.unknown == course.unknown else c for c in best.setting.courses)
+        moved = fit(
+            fitted.rows,
+            replace(best.setting, courses=courses),
+            fitted.used,
+            limits.HALF_STEPS,
+            variance_inflation=fitted.variance_inflation,
+        )
+        best = moved if moved.objective < best.objective else best
+    return best
+
+
+def _with_term(fitted: Fitted, term: Term) -> Fitted | None:
+    """A term without a name as a course in time, or as a curve over its driver."""
+    spot_id, _, driver = term.name.rpartition("~")
+    place = _place(fitted, spot_id)
+    if place is None:
+        return None
+    if driver == TIME:
+        trial = free_course(fitted, place)
+    else:
+        spot = place.spot
+        curve = curve_at(fitted, spot, driver)
+        found = screen(fitted, [curve]) if curve is not None else []
+        if not found:
+            return None
+        trial = found[0]
+    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
+    return _fitted(fitted.rows, setting)
+
+
+def _place(fitted: Fitted, id_: str) -> Suspect | None:
+    """A place, or a parameter of its law, with what an error there explains."""
+    spots = fitted.rows.system.builder.spots
+    for spot in spots:
+        column = spot_column(fitted, spot)
+        if spot.id == id_:
+            return None if column is None else suspect_at(fitted, spot, column)
+    ways = (way for spot in spots for way in wandering(fitted, spot))
+    return next((way for way in ways if way.spot.id == id_), None)
+
+
+def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
+    """How sure an explanation of the best set is, and what may be in its place."""
+    best, sets = posterior.best, posterior.sets
+    own = posterior.names[name]
+    known = _candidates(posterior)
+    others: dict[str, float] = {}
+    for names, probability in sets.items():
+        if name in names:
+            continue
+        for other in names - best:
+            if other in known:
+                others[other] = others.get(other, 0.0) + probability
+    odds = tuple((known[n], p / own) for n, p in sorted(others.items(), key=lambda o: -o[1]))
+    told = sum(p for _, p in odds)
+    unnamed = max(1.0 / own - 1.0 - told, 0.0)
+    gain = _gain(posterior, best, name)
+    return Accepted(candidate, gain, odds, tuple(_rivals(posterior, name)), unnamed)
+
+
+def _candidates(posterior: Posterior) -> dict[str, Candidate]:
+    """All candidates that stand in some set, by their names there."""
+    found: dict[str, Candidate] = {}
+    for names, model in posterior.models.items():
+        for candidate in model.setting.joined:
+            name = candidate.id if candidate.id in names else candidate.id + "!"
+            found[name] = candidate
+    return found
+
+
+def _gain(posterior: Posterior, best: Names, name: str) -> float:
+    """How much likelier the best set is than what it has beside an explanation, nats."""
+    gain = posterior.odds[best] - _beside(posterior, best, name)
+    return max(gain, limits.LEAST_GAIN)
+
+
+def _beside(posterior: Posterior, best: Names, name: str) -> float:
+    """Log odds of the best set of what stands beside an explanation."""
+    rest = best - {name}
+    return max(odds for names, odds in posterior.odds.items() if names <= rest)
+
+
+def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
+    """What must lose against an explanation, and what it gains in its place."""
+    best = posterior.best
+    rest = best - {name}
+    unnamed = [
+        odds
+        for names, odds in posterior.odds.items()
+        if name not in names and all("~" in n for n in names - rest) and names - rest
+    ]
+    if unnamed:
+        gain = max(unnamed) - _beside(posterior, best, name)
+        yield Rival("a term without a name in its place", gain)
