@@ -16,14 +16,14 @@ from rulec.passes.pipeline import compile_plant
 from rulec.prove.truth.tanks import CASCADED, Layout, build
 from rulec.prove.truth.tanks.balance import Course, integrate
 from rulec.prove.truth.tanks.build import LITRE_PER_HOUR, Setup, parameters
+from rulec.prove.truth.tanks.feed import Bypass, Curve, Feed, Kink, Warming
 from rulec.prove.truth.tanks.folder import write_plant
-from rulec.prove.truth.tanks.laws import GRAVITY, outflow, overflow
+from rulec.prove.truth.tanks.laws import GRAVITY, arriving, loss, outflow, overflow, supply
 from rulec.prove.truth.tanks.plant import (
     Body,
-    Bypass,
     Fault,
-    Feed,
     LevelSensor,
+    Opening,
     Plant,
     Power,
     Rim,
@@ -55,6 +55,10 @@ def everything() -> Plant:
         seepage=0.3,
         leak=Fault(0.01, 333.3),
         vortex=Vortex(10.0, 0.2, 50.0),
+        cone=0.02,
+        side=Opening(0.02, 3.0),
+        link=0.01,
+        closing=1e-4,
     )
     lower = replace(
         LOWER, power=Power(0.7, 5.0), height=0.5, rim=Rim(8.0, 20.0, 0.0), clog=Fault(0.2, 505.0)
@@ -67,6 +71,14 @@ def everything() -> Plant:
         lag=7.0,
         delay=9.0,
         bypass=Bypass(9.0, 0.3),
+        lift=0.5,
+        lift_level=0.05,
+        held=0.01,
+        roll=0.03,
+        kink=Kink(2.0, 0.3),
+        curve=Curve(0.2, 3.0),
+        decline=1e-4,
+        warming=Warming(0.2, 200.0),
     )
     return replace(PLAIN, feed=feed, tanks=(upper, lower))
 
@@ -94,8 +106,13 @@ def test_volume_is_conserved(plant: Plant) -> None:
 
 
 def test_volume_is_the_integral_of_the_surface() -> None:
-    """Walls that lean and a body inside."""
-    tank = everything().tanks[0]
+    """Walls that lean and a body inside; a funnel; a lying cylinder with its slots."""
+    _is_integral(everything().tanks[0])
+    _is_integral(replace(UPPER, cone=0.05))
+    _is_integral(replace(UPPER, lying=10.0))
+
+
+def _is_integral(tank: Tank) -> None:
     levels = np.linspace(0.0, 12.0, 20001)
     surface = np.array([tank.surface(level) for level in levels.tolist()])
     whole = float(np.sum(0.5 * (surface[1:] + surface[:-1]) * np.diff(levels)))
@@ -122,6 +139,63 @@ def test_outlets_obey_their_laws() -> None:
         assert outflow(tank, 9.0, 7.0, 0.0) == outflow(UPPER, 7.0, 0.0, 0.0)
     assert outflow(replace(UPPER, height=2.0), 1.9, 0.0, 0.0) == 0.0
     assert overflow(replace(UPPER, rim=Rim(5.0, 3.0, 0.5)), 9.0) == pytest.approx(24.0)
+
+
+def test_openings_let_out_by_their_head() -> None:
+    """At the floor and in the wall; nothing above the level."""
+    torricelli = 0.02 * np.sqrt(2 * GRAVITY * 4.0)
+    assert loss(replace(UPPER, drain=0.02), 4.0) == pytest.approx(torricelli, rel=1e-4)
+    assert loss(replace(UPPER, side=Opening(0.02, 3.0)), 7.0) == pytest.approx(torricelli, rel=1e-4)
+    assert loss(replace(UPPER, side=Opening(0.02, 3.0)), 3.0) == 0.0
+
+
+def test_a_second_pipe_passes_either_way() -> None:
+    """By the difference of the levels; the outlet itself lets nothing back."""
+    joined = replace(UPPER, link=0.03)
+    down, up = (outflow(joined, *levels, 0.0) for levels in ((9.0, 4.0), (4.0, 9.0)))
+    assert down - outflow(UPPER, 9.0, 4.0, 0.0) == pytest.approx(outflow(UPPER, 4.0, 9.0, 0.0) - up)
+    assert down - outflow(UPPER, 9.0, 0.0, 0.0) == pytest.approx(
+        0.03 * np.sqrt(2 * GRAVITY * 5.0), rel=0.01
+    )
+
+
+def test_a_lying_cylinder_is_half_as_deep_where_it_is_widest() -> None:
+    """Its surface is that of the plain tank there, and a slot at its ends."""
+    tank = replace(UPPER, lying=10.0)
+    assert tank.surface(5.0) == pytest.approx(UPPER.area)
+    assert tank.surface(1.0) == pytest.approx(UPPER.area * 0.6)
+    assert tank.volume(10.0) - tank.volume(0.0) == pytest.approx(
+        UPPER.area * 10.0 * np.pi / 4.0, rel=0.01
+    )
+
+
+def test_a_pump_lifts_with_what_its_head_leaves() -> None:
+    """Head by the square of the voltage: 5 V against 3 V is 4 V; levels take their part."""
+    feed = PLAIN.feed
+    assert supply(replace(feed, lift=9.0), 5.0) == pytest.approx(4.0 * 4.0)
+    assert supply(replace(feed, lift=9.0), 2.9) == 0.0
+    lifting = replace(feed, lift_level=0.9)
+    assert arriving(lifting, 20.0, 10.0, 0.0) == pytest.approx(16.0, rel=1e-3)
+    assert arriving(lifting, 4.0, 10.0, 0.0) == 0.0
+    assert arriving(replace(feed, held=0.05), 20.0, 4.0, 0.0) == pytest.approx(16.0)
+
+
+def test_curves_of_pumps() -> None:
+    """Levelling off, a second slope, a power."""
+    feed = PLAIN.feed
+    assert supply(replace(feed, roll=0.25), 4.0) == pytest.approx(8.0)
+    assert supply(replace(feed, kink=Kink(3.0, 0.5)), 5.0) == pytest.approx(20.0 + 4.0)
+    assert supply(replace(feed, curve=Curve(0.5, 4.0)), 1.0) == pytest.approx(2.0)
+
+
+def test_what_ages_and_warms_follows_time() -> None:
+    """A pump that declines, one that warms up, an outlet that fouls."""
+    feed = PLAIN.feed
+    assert arriving(replace(feed, decline=1e-3), 20.0, 4.0, 1000.0) == pytest.approx(10.0)
+    warming = replace(feed, warming=Warming(0.5, 100.0))
+    assert [arriving(warming, 20.0, 4.0, t) for t in (0.0, 1e4)] == pytest.approx([30.0, 20.0])
+    fouled = outflow(replace(UPPER, closing=1e-3), 4.0, 0.0, 1000.0)
+    assert fouled == pytest.approx(0.5 * outflow(UPPER, 4.0, 0.0, 0.0))
 
 
 def test_a_sharp_rim_holds_the_level_a_notch_does_not() -> None:

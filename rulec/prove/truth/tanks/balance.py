@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import odeint
 
 from ..units import Array
-from .laws import bypassed, loss, outflow, overflow, supply
+from .laws import arriving, bypassed, loss, outflow, overflow, supply
 from .plant import LevelSensor, Plant, Tank
 from .step import step
 
@@ -122,6 +122,7 @@ def _flows(
     """Flow of the feed, what falls into each tank, what leaves each by its outlet."""
     count = len(tanks)
     fed = state[count + len(plant.sensors)] if plant.feed.lag else given
+    fed = arriving(plant.feed, fed, state[0], time)
     falls = [0.0] * (count + 1)
     missed = bypassed(plant.feed, fed)
     falls[0] += fed - missed

@@ -15,8 +15,9 @@ import numpy as np
 from ..streams import stream
 from ..units import Array
 from .drive import DRAWN, PROFILES
+from .feed import Feed
 from .laws import GRAVITY
-from .plant import Feed, LevelSensor, Plant, Tank
+from .plant import LevelSensor, Plant, Tank
 
 NOMINAL: Mapping[str, tuple[float, float]] = {
     "k": (3.5, 1.5),

@@ -8,13 +8,27 @@ from dataclasses import dataclass
 from .build import Layout
 from .effect import Effect
 from .feed_effects import FEED_EFFECTS
+from .pump_effects import PUMP_EFFECTS
 from .sensor_effects import SENSOR_EFFECTS
+from .shape_effects import SHAPE_EFFECTS
 from .tank_effects import TANK_EFFECTS
 from .unnamed_effects import UNNAMED_EFFECTS
 
-EFFECTS = (*TANK_EFFECTS, *FEED_EFFECTS, *SENSOR_EFFECTS, *UNNAMED_EFFECTS)
+EFFECTS = (
+    *TANK_EFFECTS,
+    *SHAPE_EFFECTS,
+    *FEED_EFFECTS,
+    *PUMP_EFFECTS,
+    *SENSOR_EFFECTS,
+    *UNNAMED_EFFECTS,
+)
 
-VOLTAGE_ONLY = ("dead-band", "saturation", "droop")
+VOLTAGE_ONLY = (
+    "dead-band",
+    "saturation",
+    "droop",
+    *("held", "lift", "lift-level", "roll-off", "upturn", "exponent", "decline", "warm-up"),
+)
 """A flow meter shows what flows: these are effects of a pump."""
 
 SENSOR = ".y"
@@ -59,7 +73,10 @@ def _shows(layout: Layout, effect: Effect, place: str) -> bool:
             return place in layout.measured
         case "evaporation":
             return place == layout.tanks[0]
-        case "drowned":
+        case "drowned" | "link":
             return place != layout.tanks[-1]
+        case "drain":
+            # A pump whose gain is free makes up for the share that a tank loses.
+            return layout.metered and place != layout.tanks[-1]
         case _:
             return not (layout.metered and effect.name in VOLTAGE_ONLY)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from .effect import Built, Effect, Scene, Values, quantile
-from .plant import Feed, Plant
+from .feed import Feed
+from .plant import Plant
 
 Random = np.random.Generator
 

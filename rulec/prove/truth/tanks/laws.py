@@ -1,6 +1,7 @@
 """Laws of flow: what leaves a tank, what runs over, what a feed gives. cm, s, V.
 
 Source: Torricelli 1643 (orifice); Poleni 1717 (weir); Hagen 1839, Poiseuille 1840 (laminar part);
+Streeter, Wylie, Bedford 1998 (connected tanks); affinity laws of pumps (head by square of speed);
 vortex, bypass: own shapes, made to be in no catalogue.
 """
 
@@ -8,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from .plant import Feed, Tank
+from .feed import Feed
+from .plant import Tank
 
 GRAVITY = 981.0
 """cm/s2"""
@@ -22,6 +24,12 @@ BROAD = (2.0 / 3.0) ** 1.5 * 0.9 * math.sqrt(GRAVITY)
 NEARLY_EMPTY = 1e-4
 """cm of head below which the root is flattened: an empty tank has no infinite slope."""
 
+NEARLY_LEVEL = 0.05
+"""cm between two levels below which the root is flattened: a pipe turns round without a jerk."""
+
+NEARLY_STILL = 1e-4
+"""Share of a pump's head that is left where its flow is flattened to nothing."""
+
 WET = 0.01
 """cm below which a floor that seeps runs dry."""
 
@@ -31,6 +39,18 @@ ONSET = 0.05
 
 def outflow(tank: Tank, level: float, below: float, time: float) -> float:
     """Flow through the outlet; `below` is the level of the next tank, 0 for the reservoir."""
+    return _through_outlet(tank, level, below, time) + _linked(tank, level, below)
+
+
+def _linked(tank: Tank, level: float, below: float) -> float:
+    """Flow through a second pipe, from floor to floor, in either direction."""
+    if tank.link == 0.0:
+        return 0.0
+    head = max(level, 0.0) - max(below, 0.0)
+    return tank.link * math.sqrt(2.0 * GRAVITY) * head / math.sqrt(abs(head) + NEARLY_LEVEL)
+
+
+def _through_outlet(tank: Tank, level: float, below: float, time: float) -> float:
     head = level - tank.height
     if tank.drowned is not None:
         head -= max(below - tank.drowned, 0.0)
@@ -51,7 +71,7 @@ def outflow(tank: Tank, level: float, below: float, time: float) -> float:
         present = 1.0 / (1.0 + math.exp(-max(min(over, 50.0), -50.0)))
         surge = 1.0 + 0.5 * math.sin(2.0 * math.pi * time / tank.vortex.period)
         flow *= 1.0 - tank.vortex.share * present * surge
-    return flow
+    return flow / (1.0 + tank.closing * time)
 
 
 def overflow(tank: Tank, level: float) -> float:
@@ -67,14 +87,41 @@ def loss(tank: Tank, level: float) -> float:
         return 0.0
     lost = tank.seepage * level / (level + WET)
     if tank.leak is not None:
-        lost += tank.leak.size * math.sqrt(2.0 * GRAVITY) * level / math.sqrt(level + NEARLY_EMPTY)
-    return lost
+        lost += _orifice(tank.leak.size, level)
+    if tank.side is not None:
+        lost += _orifice(tank.side.area, level - tank.side.height)
+    return lost + _orifice(tank.drain, level)
+
+
+def _orifice(area: float, head: float) -> float:
+    if head <= 0.0 or area == 0.0:
+        return 0.0
+    return area * math.sqrt(2.0 * GRAVITY) * head / math.sqrt(head + NEARLY_EMPTY)
 
 
 def supply(feed: Feed, shown: float) -> float:
-    """Flow of a feed at an input as recorded, without lag and delay."""
+    """Flow of a feed at an input as recorded, without lag and delay, against no level."""
     driving = max(min(shown + feed.zero, feed.limit) - feed.dead_band, 0.0)
-    return max(feed.gain * driving * (1.0 - feed.droop * driving), 0.0)
+    asked = driving * (1.0 - feed.droop * driving) / (1.0 + feed.roll * driving)
+    if feed.kink is not None:
+        asked += feed.kink.steeper * max(driving - feed.kink.voltage, 0.0)
+    if feed.curve is not None and driving > 0.0:
+        asked *= math.pow(driving / feed.curve.voltage, feed.curve.exponent)
+    if feed.lift > 0.0:
+        asked = math.sqrt(max(asked**2 - feed.lift, 0.0))
+    return max(feed.gain * asked, 0.0)
+
+
+def arriving(feed: Feed, flow: float, level: float, time: float) -> float:
+    """What of a flow arrives against the level of the first tank at a time, cm3/s."""
+    if feed.lift_level > 0.0:
+        head = (flow / feed.gain) ** 2
+        left = max(head - feed.lift_level * max(level, 0.0), 0.0)
+        flow *= left / math.sqrt((left + NEARLY_STILL * head) * head) if head > 0.0 else 0.0
+    flow *= max(1.0 - feed.held * max(level, 0.0), 0.0) / (1.0 + feed.decline * time)
+    if feed.warming is not None:
+        flow *= 1.0 + feed.warming.share * math.exp(-time / feed.warming.constant)
+    return flow
 
 
 def bypassed(feed: Feed, flow: float) -> float:

@@ -9,8 +9,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from .feed import Feed
+
 BODY_EDGE = 0.05
 """cm over which a body ends; a step would only cost the solver time."""
+
+SLOT = 0.1
+"""Least width of a lying cylinder's surface over its diameter: its vents and its sump."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,14 @@ class Vortex:
 
 
 @dataclass(frozen=True)
+class Opening:
+    """A hole in the wall at a height, which lets liquid out of the plant."""
+
+    area: float
+    height: float
+
+
+@dataclass(frozen=True)
 class Tank:
     """An open tank with a free outlet into what lies below.
 
@@ -66,6 +79,9 @@ class Tank:
     laminar : head lost per flow, cm/(cm3/s); `power` : law of the outlet with another exponent
     height : of the outlet above the floor; `drowned` : end of its pipe above the next tank's floor
     seepage : constant loss; `leak` : an orifice to the outside; `clog` : share of the outlet lost
+    cone : width gained per cm of level, in both directions; `lying` : diameter of a lying cylinder
+    drain, side : orifices to the outside that are always open, at the floor and in the wall
+    link : area of a second pipe to the next tank; `closing` : growth, 1/s, of its resistance
     """
 
     name: str
@@ -83,6 +99,12 @@ class Tank:
     leak: Fault | None = None
     clog: Fault | None = None
     vortex: Vortex | None = None
+    cone: float = 0.0
+    lying: float = 0.0
+    drain: float = 0.0
+    side: Opening | None = None
+    link: float = 0.0
+    closing: float = 0.0
 
     def at(self, time: float) -> Tank:
         """The tank with the faults of that time: both begin long ago, or are absent."""
@@ -94,7 +116,9 @@ class Tank:
 
     def surface(self, level: float) -> float:
         """Area of the liquid's surface, cm2."""
-        area = self.area + self.growth * level
+        if self.lying:
+            return self.area * _chord(self.lying, level)
+        area = self.area * (1.0 + self.cone * level) ** 2 + self.growth * level
         if self.body is None:
             return area
         over = min((level - self.body.height) / BODY_EDGE, 500.0)
@@ -102,7 +126,10 @@ class Tank:
 
     def volume(self, level: float) -> float:
         """Liquid below a level, cm3, but for a constant: the integral of `surface`."""
-        volume = self.area * level + 0.5 * self.growth * level**2
+        if self.lying:
+            return self.area * _segment(self.lying, level)
+        wide = 1.0 + self.cone * level + (self.cone * level) ** 2 / 3.0
+        volume = self.area * level * wide + 0.5 * self.growth * level**2
         if self.body is None:
             return volume
         over = (level - self.body.height) / BODY_EDGE
@@ -110,31 +137,20 @@ class Tank:
         return volume - self.body.area * (level - BODY_EDGE * covering)
 
 
-@dataclass(frozen=True)
-class Bypass:
-    """A jet so fast that it misses the first tank: a share of the flow, above a flow."""
-
-    flow: float
-    share: float
+def _chord(diameter: float, level: float) -> float:
+    """Width of a lying cylinder's surface over its diameter; at its ends it is a narrow slot."""
+    across = 4.0 * level * (diameter - level) / diameter**2
+    return math.sqrt(max(across, SLOT**2))
 
 
-@dataclass(frozen=True)
-class Feed:
-    """What the input makes flow into the first tank: `gain` (u - dead_band) (1 - droop (...)).
-
-    `zero` is the error of the output card, `limit` an input beyond which nothing more comes, `lag`
-    a time constant, `delay` what the liquid needs to arrive.
-    """
-
-    name: str
-    gain: float
-    zero: float = 0.0
-    dead_band: float = 0.0
-    limit: float = math.inf
-    droop: float = 0.0
-    lag: float = 0.0
-    delay: float = 0.0
-    bypass: Bypass | None = None
+def _segment(diameter: float, level: float) -> float:
+    """Integral of the chord over the level from the middle, cm; slots included."""
+    half, over = 0.5 * diameter, level - 0.5 * diameter
+    edge = half * math.sqrt(1.0 - SLOT**2)
+    inside = max(min(over, edge), -edge)
+    share = inside / half
+    arc = 0.5 * half * (share * math.sqrt(1.0 - share**2) + math.asin(share))
+    return arc + SLOT * (over - inside)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from .effect import Built, Effect, Scene, quantile
-from .plant import Bypass, Plant, Vortex
+from .feed import Bypass
+from .plant import Plant, Vortex
 
 Random = np.random.Generator
 
@@ -22,15 +23,6 @@ def vortex(scene: Scene, plant: Plant, place: str, size: float, random: Random) 
         "period": (core.period, "s"),
     }
     return Built(plant.with_tank(replace(plant.tank(place), vortex=core)), values)
-
-
-def drowned(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
-    """The pipe of the outlet ends below the level of the next tank, which holds its flow back."""
-    below = scene.below(place)
-    assert below is not None
-    height = (1.0 - size) * float(scene.levels(below).max())
-    tank = replace(plant.tank(place), drowned=height)
-    return Built(plant.with_tank(tank), {"end of the pipe": (height, "cm")})
 
 
 def bypass(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
@@ -51,7 +43,6 @@ def jet(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> 
 
 UNNAMED_EFFECTS = (
     Effect("vortex", "air core, outflow surges", "unnamed", "tank", 0.02, 0.6, vortex),
-    Effect("drowned", "outlet drowns in the next tank", "unnamed", "tank", 0.05, 1.0, drowned),
     Effect("bypass", "jet misses the first tank", "unnamed", "feed", 0.05, 1.0, bypass),
     Effect("jet", "jet hits the pressure cell", "unnamed", "sensor", 0.05, 1.4, jet),
 )

@@ -1,0 +1,69 @@
+"""What feeds the first tank: a pump by its voltage, or a pipe with a flow meter. cm, s, V."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Kink:
+    """Above a voltage the flow rises more steeply, by a share."""
+
+    voltage: float
+    steeper: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Flow by (u / voltage)**(1 + exponent); at `voltage` it is what the plain pump gives."""
+
+    exponent: float
+    voltage: float
+
+
+@dataclass(frozen=True)
+class Warming:
+    """A share by which the flow differs at the start, and the time constant of its end."""
+
+    share: float
+    constant: float
+
+
+@dataclass(frozen=True)
+class Bypass:
+    """A jet so fast that it misses the first tank: a share of the flow, above a flow."""
+
+    flow: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Feed:
+    """What the input makes flow into the first tank: `gain` (u - dead_band) (1 - droop (...)).
+
+    `zero` is the error of the output card, `limit` an input beyond which nothing more comes, `lag`
+    a time constant, `delay` what the liquid needs to arrive.
+
+    Of the square of the voltage, which is the pump's head, `lift` (V2) holds a height and
+    `lift_level` (V2/cm) the level of the first tank. `held` is the share of the flow lost per cm of
+    that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with time.
+    """
+
+    name: str
+    gain: float
+    zero: float = 0.0
+    dead_band: float = 0.0
+    limit: float = math.inf
+    droop: float = 0.0
+    lag: float = 0.0
+    delay: float = 0.0
+    bypass: Bypass | None = None
+    lift: float = 0.0
+    lift_level: float = 0.0
+    held: float = 0.0
+    roll: float = 0.0
+    kink: Kink | None = None
+    curve: Curve | None = None
+    decline: float = 0.0
+    warming: Warming | None = None
