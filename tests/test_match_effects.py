@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
@@ -9,6 +11,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.places import Site
 from rulec.passes.types import Compilation
 from tests.effects import driver, effect, join, parameter, with_effects
+from tests.rig.mismatch.adopted import rig_plant
 from tests.test_amend import opened
 
 Opened = tuple[Compilation, Ruleset, ModelBuilder]
@@ -117,6 +120,41 @@ def test_what_is_not_measured_is_told(station: Opened) -> None:
     lacking = [(m.module, m.place, m.quantity) for m in own.missing]
     assert ("P11", "P_law", "temperature") in lacking
     assert all(m.sensor for m in own.missing)
+
+
+def test_a_reading_that_another_join_does_without_is_not_missed(station: Opened) -> None:
+    """Of several joins the one that lacks least says what to measure, and none if one fits."""
+    models, _, builder = station
+    drivers = {"T": driver("temperature"), "M": driver("torque"), "f": driver("frequency")}
+
+    def missed(*laws: str) -> set[str]:
+        joins = (join(law, gives="electric power", measured=False) for law in laws)
+        entry = effect("warm", *joins, drivers=drivers, parameters={"b": parameter()})
+        own = ModelBuilder(with_effects(models, entry), builder._readings)
+        return {m.quantity for m in own.missing if m.place == "P_law"}
+
+    assert {"temperature", "torque"} == missed("law*(1 + b*T*M)")
+    assert {"temperature"} == missed("law*(1 + b*T*M)", "law*(1 + b*T)")
+    assert set() == missed("law*(1 + b*T)", "law*(1 + b*f)")
+
+
+def test_a_gauge_that_no_equation_reads_may_drive(tmp_path: Path) -> None:
+    """The head is read, so it is none; a reading that the module does not have is not missed."""
+    models, _, builder = opened(str(rig_plant("pump-loop", tmp_path)))
+    gauge = effect(
+        "gauge",
+        join("law*(1 - k*p)", gives="pressure difference", falls_with="Q"),
+        drivers={"Q": driver("volume flow"), "p": driver("pressure difference", "unread")},
+        parameters={"k": parameter()},
+    )
+    own = ModelBuilder(with_effects(models, gauge), builder._readings)
+    assert [{"Q": "pump.Q", "p": "pump.p_s"}] == [
+        dict(c.drivers) for c in own.candidates if c.name == "gauge"
+    ]
+    models, _, builder = opened("esp-pump")
+    own = ModelBuilder(with_effects(models, gauge), builder._readings)
+    assert set() == places(own, "gauge")
+    assert not [m for m in own.missing if m.name == "gauge"]
 
 
 def test_an_effect_joins_a_place_once(rig: Opened) -> None:

@@ -163,3 +163,49 @@ def test_the_suite_has_as_many_cases_as_it_says() -> None:
         assert sum(counts.values()) == len({c.name for c in cases})
         assert cases == list(planned(3, counts))
     assert FULL["clean"] >= 100
+
+
+def bench(effect: str) -> SettledCase:
+    return Planned(
+        f"test {effect}", "single", "bench", "steps", (effect,), 1000.0, small=True
+    ).make()
+
+
+def test_a_metered_pump_is_a_plant_of_its_own(tmp_path: Path) -> None:
+    """Its suction pressure is recorded, a level is not; the tool accepts the plant."""
+    bench("cavitation").write(tmp_path)
+    assert rulec(["check", str(tmp_path / "plant")]) == 0
+    recording = (tmp_path / "recording.csv").read_text(encoding="utf-8")
+    assert "A.p_s [bar]" in recording.partition("\n")[0]
+    assert "A.l [mm]" not in recording.partition("\n")[0]
+
+
+@pytest.mark.parametrize("effect", ["cavitation", "npsh", "part-load-head", "worn-rings"])
+def test_the_true_model_of_a_metered_pump_errs_by_noise_alone(effect: str) -> None:
+    """The head is told as well as its noise allows, that of the flow and of the speed beside it."""
+    case = bench(effect)
+    errors = case.reference(Request(((0.0, 1e9),), {"A.dp": "A.head-flow"})).errors
+    noise = sight(case.scene).noise["A.dp"] / BAR
+    assert 0.8 * noise.mean() < errors["A.dp"] < 1.25 * noise.mean()
+
+
+def test_what_a_metered_pump_has_is_planned_on_a_bench() -> None:
+    """And no effect of a dosing pump or a line with it."""
+    for case in planned(3, {"single": 80, "pair": 20}):
+        metered = {EFFECTS[e].kinds == ("metered",) for e in case.effects}
+        assert (case.family == "bench") == (True in metered)
+        if True in metered:
+            kinds = [EFFECTS[e].kinds for e in case.effects]
+            assert all(not k or "metered" in k for k in kinds)
+
+
+def test_a_pressure_above_which_nothing_is_lost_is_where_cavitation_begins() -> None:
+    """Absolute pressure less vapour: what is planted at a gauge pressure acts below it only."""
+    case = bench("cavitation")
+    (planted,) = case.answer.effects
+    limit = planted.parameters["suction-cavitation"]["p_c"]
+    lost = case.scene.plain["A.dp"] - case.scene.truly(case.terms)["A.dp"]
+    below = case.scene.suction["A"] / BAR < limit
+    assert 0.1 < below.mean() < 0.6
+    assert np.all(lost[below] > 0.0)
+    assert lost[~below] == pytest.approx(0.0, abs=1e-3)

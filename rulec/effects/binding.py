@@ -56,6 +56,9 @@ class Binder:
         if driver.where == "downstream":
             behind = self._behind(module)
             return bool(behind) and not self._ids(behind, driver)
+        if driver.where == "unread":
+            # Of which further reading of that quantity this would be nobody can say.
+            return False
         return not self._own(module, driver)
 
     def _options(self, module: str, site: Site, join: Join, driver: Driver) -> list[str]:
@@ -85,6 +88,9 @@ class Binder:
         kind = self._network.plant.modules[module].type
         if driver.where == "read":
             signals = (s for s in kind.signals.values() if s.name not in kind.readings)
+            return [s.name for s in signals if s.quantity == driver.quantity]
+        if driver.where == "unread":
+            signals = (s for s in kind.signals.values() if s.name not in kind.read)
             return [s.name for s in signals if s.quantity == driver.quantity]
         states = [s.name for s in kind.states.values() if s.quantity == driver.quantity]
         if kind.flows and driver.quantity == FLOW:

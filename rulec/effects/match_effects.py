@@ -148,6 +148,7 @@ class _Matcher:
         if effect.states and not self._stores:
             return
         taken: set[tuple[str, str]] = set()
+        lacking: dict[str, list[Missing]] = {}
         knowledge = self._plant.knowledge
         for join in effect.joins:
             for site in matching(join, self._sites.values(), knowledge, self._module):
@@ -155,12 +156,18 @@ class _Matcher:
                     continue
                 bindings = list(self._binder.bindings(self._module.name, site, effect, join))
                 for binding in bindings:
-                    missing += self._missing(effect, site, binding)
+                    if binding.missing:
+                        asked = list(self._missing(effect, site, binding))
+                        known = lacking.setdefault(site.name, asked)
+                        lacking[site.name] = min(known, asked, key=len)
                     if not binding.missing:
                         several = len(bindings) > 1
                         made = self._candidate(effect, join, site, binding, several)
                         taken |= {site.key} if made else set()
                         yield from made
+        # A reading that another join does without is not worth a sensor.
+        joined = {name for _, name in taken}
+        missing += [m for place, some in lacking.items() if place not in joined for m in some]
 
     def _missing(self, effect: Effect, site: Site, binding: Binding) -> Iterator[Missing]:
         for name in binding.missing:

@@ -19,9 +19,10 @@ PLAIN = "law"
 class Driver:
     """A reading that an effect depends on, by quantity.
 
-    `where` is ``own`` (a signal of the module), ``plant`` (own, or else of any module) or
-    ``downstream`` (a signal of the module behind, as in ``downstream(name)``). The quantity
-    ``time`` means seconds since the beginning of the recording.
+    `where` is ``own`` (a signal of the module), ``read`` (one that no state gives), ``unread`` (an
+    own signal that no equation reads), ``plant`` (own, or else of any module) or ``downstream`` (a
+    signal of the module behind, as in ``downstream(name)``). The quantity ``time`` means seconds
+    since the beginning of the recording.
     """
 
     name: str

@@ -226,6 +226,11 @@ class ModuleType:
         return {name for part in self.with_definitions(expression) for name, _ in part.names()}
 
     @property
+    def read(self) -> set[str]:
+        """Names that any equation reads."""
+        return {name for part in self.equations() for name, _ in part.names()}
+
+    @property
     def cuts(self) -> bool:
         """Need what flows in not flow out: does it store, or has a flow a law of its own?"""
         return bool(self.states) or any(end in self.definitions for end in ENDS)

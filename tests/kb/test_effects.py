@@ -15,7 +15,7 @@ import yaml
 from rulec.effects.model_builder import open_builder
 from rulec.knowledge.check_join import needed_by
 from rulec.knowledge.check_knowledge import check_knowledge
-from rulec.knowledge.effect import Effect, EffectParameter, Join
+from rulec.knowledge.effect import Driver, Effect, EffectParameter, Join
 from rulec.knowledge.effect_law import parse_law
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.read import read_files, read_plant
@@ -25,6 +25,8 @@ from tests.conftest import ROOT
 
 ORDINARY = {
     "pressure difference": (0.5e5, 10e5),
+    "suction pressure": (-0.9e5, 1e5),
+    "ambient pressure": (0.9e5, 1.05e5),
     "rotational speed": (5.0, 50.0),
     "frequency": (30.0, 60.0),
     "volume flow": (1e-5, 1e-3),
@@ -62,12 +64,18 @@ TABLE = yaml.safe_load((ROOT / "tests/kb/effects.yaml").read_text(encoding="utf-
 
 def drawn(effect: Effect, draw: np.random.Generator) -> dict[str, Array]:
     """Readings of all drivers, and the medians that fixed parameters stand for."""
-    known = {
-        n: np.exp(draw.uniform(*np.log(ORDINARY[d.quantity]), POINTS))
-        for n, d in effect.drivers.items()
-    }
+    known = {n: reading(d, draw) for n, d in effect.drivers.items()}
     fixed = {n: np.median(known[p.driver or ""]) for n, p in effect.parameters.items() if p.fixed}
     return {**known, **fixed}
+
+
+def reading(driver: Driver, draw: np.random.Generator) -> Array:
+    """Readings of any size in the ordinary range; a gauge pressure may be below none."""
+    # A pressure that no equation reads stands before or behind something, and not across it.
+    low, high = ORDINARY["suction pressure" if driver.where == "unread" else driver.quantity]
+    if low < 0.0:
+        return draw.uniform(low, high, POINTS)
+    return np.exp(draw.uniform(*np.log((low, high)), POINTS))
 
 
 def function(expression: Expression) -> Callable[[Mapping[str, Array]], Array]:

@@ -10,13 +10,27 @@ from typing import Any
 
 import yaml
 
-from . import line_effects, pump_effects, sensor_effects, unnamed_effects
+from . import (
+    bench_effects,
+    drive_effects,
+    line_effects,
+    pump_effects,
+    sensor_effects,
+    unnamed_effects,
+)
 from .effect import Effect
 from .rig import Rig
 
 EFFECTS: Mapping[str, Effect] = {
     effect.name: effect
-    for group in (pump_effects, line_effects, sensor_effects, unnamed_effects)
+    for group in (
+        pump_effects,
+        drive_effects,
+        bench_effects,
+        line_effects,
+        sensor_effects,
+        unnamed_effects,
+    )
     for effect in group.EFFECTS
 }
 

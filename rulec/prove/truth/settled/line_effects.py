@@ -10,7 +10,10 @@ from ..units import BAR, LITRE_PER_HOUR, Array
 from .effect import DOSING, Effect, Made, warmer
 from .pump_effects import DAY, MINUTE
 from .scene import Scene
-from .term import Term
+from .term import State, Term
+
+ROUNDS = 30
+"""In which a hose and the pressure in it settle."""
 
 
 def laminar(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -51,6 +54,39 @@ def fouling(scene: Scene, module: str, size: float, random: np.random.Generator)
     return Made((Term("friction", module, lambda s: course),), {"w": size / length * DAY})
 
 
+def worn(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """A throttle wears and lets more through, at the end by the share `size` of the flow."""
+    length = float(scene.time[-1])
+    course = (1.0 + size * scene.time / length) ** -2 - 1.0
+    return Made((Term("friction", module, lambda s: course),), {"w": size / length * DAY})
+
+
+def transition(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """Below a flow, `size` times the usual one, the loss is laminar: it is linear in the flow."""
+    limit = size * float(np.median(_flow(scene, module)))
+    friction = scene.values[f"{module}.k2"]
+
+    def law(flow: Array) -> Array:
+        return np.asarray(friction * flow * np.maximum(limit - np.abs(flow), 0.0))
+
+    values = {"p_t": friction * limit**2 / BAR}
+    return Made((Term("loss", module, lambda s: law(s.flow)),), values)
+
+
+def hose(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """A hose widens under the pressure at the pump; size as share of the flow per bar."""
+    static, friction = (scene.values[f"{module}.{name}"] for name in ("k0", "k2"))
+
+    def law(s: State) -> Array:
+        factor = np.ones_like(s.flow)
+        for _ in range(ROUNDS):
+            pressure = s.pressure + static + friction * factor * s.flow * np.abs(s.flow)
+            factor = (1.0 + size * np.maximum(pressure, 0.0) / BAR) ** -2
+        return np.asarray(factor - 1.0)
+
+    return Made((Term("friction", module, law),), {"c": size})
+
+
 def settling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The line passes more at the start, until deposits have settled; size as share of flow."""
     constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
@@ -79,13 +115,19 @@ def _effects() -> Iterator[Effect]:
                  kinds=DOSING, driver="T")  # fmt: skip
     yield Effect("fouling", "friction grows with time", "physics", 2e-4, 0.8, fouling, kinds=DOSING,
                  timed=True)  # fmt: skip
+    yield Effect("worn", "throttle wears", "physics", 2e-4, 0.5, worn, kinds=DOSING,
+                 timed=True)  # fmt: skip
+    yield Effect("hose", "hose widens", "physics", 1e-4, 0.3, hose, kinds=DOSING)
     for name, title, low, high, make in (
         ("mixer-laminar", "laminar part of the mixer", 0.2, 3000, laminar),
         ("mixer-exponent", "mixer's loss with a lower power", 2e-3, 0.6, exponent),
+        ("mixer-transition", "mixer laminar below a flow", 0.5, 2.5, transition),
         ("mixer-fouling", "mixer fouls with time", 2e-4, 1.5, fouling),
     ):
-        timed = make is fouling
-        yield Effect(name, title, "physics", low, high, make, at="mixer", timed=timed)
+        timed, corner = make is fouling, make is transition
+        yield Effect(
+            name, title, "physics", low, high, make, at="mixer", timed=timed, corner=corner
+        )
 
 
 EFFECTS = tuple(_effects())

@@ -19,12 +19,15 @@ from .effects import EFFECTS, Placed, places_of
 from .folder import write_plant
 from .reference import reference
 from .rig import Rig
-from .rigs import dosing_rig, oil_rig
+from .rigs import bench_rig, dosing_rig, oil_rig
 from .scene import Scene, scene
 from .sized import sized
 from .solve import Stalled
 from .term import Change
 from .visible import Sight, sight
+
+FAMILIES = {"dosing": dosing_rig, "oil": oil_rig, "bench": bench_rig}
+"""Kinds of plants, by how they are drawn."""
 
 ATTEMPTS = 40
 """Plants drawn until one shows its effects as it should."""
@@ -43,7 +46,7 @@ class Planned:
     Attributes
     ----------
     group : `clean`, `single`, `pair`, `hiding`, `fault`, `sensor`, `unnamed`, `unrecorded`
-    family : `dosing` or `oil`
+    family : `dosing`, `oil` or `bench`
     effects : names, all in one plant
     aim : expected gain in log likelihood that each effect should have
     conceal : further ways in which it is concealed, of `sealed.CONCEALMENTS`
@@ -111,7 +114,7 @@ class SettledCase:
 def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     """One plant; None where an effect cannot be, or be seen, in it."""
     random = stream(seed, "plan")
-    rig = (oil_rig if plan.family == "oil" else dosing_rig)(random, plan.small)
+    rig = FAMILIES[plan.family](random, plan.small)
     placed = _placed(rig, plan.effects, random)
     if placed is None:
         return None

@@ -89,6 +89,16 @@ CENTRIFUGAL: Numbers = {
     **LINE,
 }
 
+METERED: Numbers = {
+    "n0": (2650.0 * RPM, 0.0),
+    "h0": _scaled(BAR, 1.111, 0.1),
+    "h1": _scaled(BAR / LH, 1.142e-4, 1.0e-4),
+    "h2": _scaled(BAR / LH**2, 3.04e-7, 1.0e-7),
+    "p0": (28.245, 3.0),
+    "p1": _scaled(1.0 / LH, 0.03228, 0.01),
+    "p2": _scaled(1.0 / LH**2, 8.453e-6, 5.0e-6),
+}
+
 OIL_SET: Numbers = {
     "Q0": _scaled(LM, 9.0, 1.0),
     "C1": _scaled(LM / BAR, 0.008, 0.008),
@@ -151,6 +161,16 @@ PUMPS: Mapping[str, PumpKind] = {
         "dosing-centrifugal",
         CENTRIFUGAL,
         (2350 * RPM, 2950 * RPM),
+        1.0,
+        _centrifugal,
+        _centrifugal_power,
+        _centrifugal_head,
+        rising=False,
+    ),
+    "metered": PumpKind(
+        "metered-centrifugal",
+        METERED,
+        (1700 * RPM, 2950 * RPM),
         1.0,
         _centrifugal,
         _centrifugal_power,

@@ -15,7 +15,7 @@ from ..sealed import Reference, Request
 from ..sensors import Sensing, read
 from ..units import Array
 from .scene import SENSING, Scene
-from .solve import Operated
+from .solve import Operated, solve
 from .term import Change
 
 STEP = 1e-5
@@ -97,10 +97,15 @@ def _flow(plant: Operated, plain: Mapping[str, Array], module: str, way: str) ->
     rig, given = plant.rig, plant.given
     if way == "flow":
         return given[f"{module}.Q"]
+    if rig.by_meter:
+        # A ratio of what is read to what the law gives, as the tool's relation has it.
+        read = f"{module}.{'dp' if way == 'head' else 'P_el'}"
+        return np.asarray(given[f"{module}.Q"] * given[read] / solve(plant)[read])
     pressure = given[f"{module}.dp"]
     if way in ("plant", "resis"):
         rest = sum((given[f"{m}.dp"] for m in rig.path(module)), np.zeros_like(pressure))
-        return _through(plant, module, pressure - (rest if way == "plant" else 0.0))
+        behind = rest if way == "plant" else np.zeros_like(pressure)
+        return _through(plant, module, pressure - behind, behind)
     guess = plain.get(f"{module}.Q", np.zeros_like(pressure))
     flow, state = plant.delivered(module, pressure, guess)
     if way == "power":
@@ -113,12 +118,12 @@ def _flow(plant: Operated, plain: Mapping[str, Array], module: str, way: str) ->
     return plant.net(module, flow)
 
 
-def _through(plant: Operated, name: str, loss: Array) -> Array:
-    """Flow that loses so much in a line or mixer."""
+def _through(plant: Operated, name: str, loss: Array, behind: Array) -> Array:
+    """Flow that loses so much in a line or mixer, with a pressure behind it."""
     flow = np.sqrt(np.maximum(loss, 1.0) / plant.values[f"{name}.k2"])
     for _ in range(ROUNDS):
         step = 1e-6 * flow
-        now = plant.line_loss(name, flow)
-        slope = (plant.line_loss(name, flow + step) - now) / step
+        now = plant.line_loss(name, flow, behind)
+        slope = (plant.line_loss(name, flow + step, behind) - now) / step
         flow = np.maximum(flow - (now - loss) / slope, 0.2 * flow)
     return flow

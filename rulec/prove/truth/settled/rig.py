@@ -21,6 +21,13 @@ LOAD_SIGNALS = {
 """Of an oil set; bounds as the sensor classes state them."""
 
 
+BENCH_SIGNALS = {
+    **{name: DOSING_SIGNALS[name] for name in ("n", "Q", "dp", "P_el", "T")},
+    "p_s": Sensor("bar", BAR, bound=0.003, step=3.0 / 2**16),
+}
+"""Of a metered pump with a throttle before it; the suction gauge shows up to 3 bar."""
+
+
 @dataclass(frozen=True)
 class Rig:
     """What is on the plant's drawing.
@@ -45,6 +52,11 @@ class Rig:
     def by_load(self) -> bool:
         """Is the pressure set by the load, and the flow metered?"""
         return "oil-set" in self.pumps.values()
+
+    @property
+    def by_meter(self) -> bool:
+        """Is the flow set by a valve behind the pump, and metered?"""
+        return "metered" in self.pumps.values()
 
     @cached_property
     def feeds(self) -> Array:
@@ -76,6 +88,7 @@ class Rig:
     def sensors(self) -> Mapping[str, Sensor]:
         """All sensors by `module.signal`, in the order of the columns."""
         signals = LOAD_SIGNALS if self.by_load else DOSING_SIGNALS
+        signals = BENCH_SIGNALS if self.by_meter else signals
         found = {}
         for module in self.pumps:
             for name, sensor in signals.items():
@@ -88,8 +101,8 @@ class Rig:
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """Signals that are set, not caused."""
-        set_ = "dp" if self.by_load else "n"
-        return tuple(f"{module}.{set_}" for module in self.pumps)
+        set_ = ("dp",) if self.by_load else ("n", "Q") if self.by_meter else ("n",)
+        return tuple(f"{module}.{name}" for module in self.pumps for name in set_)
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:

@@ -45,6 +45,12 @@ def oil_rig(random: np.random.Generator, small: bool = False) -> Rig:
     return Rig(f"oil-{len(names)}", dict.fromkeys(names, "oil-set"), {}, dict.fromkeys(names, None))
 
 
+def bench_rig(random: np.random.Generator, small: bool = False) -> Rig:
+    """One or two metered centrifugal pumps between two valves each; small: one."""
+    names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]
+    return Rig(f"bench-{len(names)}", dict.fromkeys(names, "metered"), {}, dict.fromkeys(names))
+
+
 def _size(
     mixer: str, names: list[str], downstream: dict[str, str | None], weak: bool, mixers: int
 ) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..sensors import Sensing, read
 from ..streams import stream
 from ..transients import INERTIA, approach
-from ..units import BAR, Array
+from ..units import BAR, LITRE_PER_HOUR, Array
 from . import drive
 from .pumps import Values
 from .rig import Rig
@@ -19,6 +19,12 @@ from .term import Change, shown_by
 
 SENSING = Sensing(law="truncated")
 """Errors of sensors stay inside the bounds of their class."""
+
+FLOW = 1000.0 * LITRE_PER_HOUR
+"""Largest flow of a metered pump, in proportion to its speed."""
+
+SUCTION = 0.15 * BAR, -0.75 * BAR
+"""Gauge pressure before a metered pump, with the suction valve open and nearly closed."""
 
 LOAD = 120.0 * BAR, 170.0 * BAR
 """Range of the pressure that a load sets."""
@@ -36,6 +42,7 @@ class Scene:
     time : s since the recording began, shape (n,), never negative; one sample per second
     given : true inputs, SI, by signal
     temperature, level : of each pump module, K and m
+    suction : gauge pressure before each metered pump, Pa
     running : bool; where the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
     """
@@ -49,6 +56,7 @@ class Scene:
     given: Mapping[str, Array]
     temperature: Mapping[str, Array]
     level: Mapping[str, Array]
+    suction: Mapping[str, Array]
     running: np.ndarray
     plain: Mapping[str, Array]
 
@@ -58,7 +66,8 @@ class Scene:
         Raises Stalled where there is no operating point.
         """
         found = solve(Operated(self.rig, values or self.values, self.given, terms), self.plain)
-        return {**_ambient(self.rig, self.temperature, self.level), **self.given, **found}
+        around = _ambient(self.rig, self.temperature, self.level, self.suction)
+        return {**around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
         """What sensors without errors of their class show, SI."""
@@ -98,20 +107,37 @@ def scene(
         low, high = LOAD if rig.by_load else rig.kind(m).speeds
         setting = low + (high - low) * (0.08 + 0.87 * share[m])
         given[f"{m}.{'dp' if rig.by_load else 'n'}"] = approach(seconds, setting, INERTIA.speed)
+        if rig.by_meter:
+            opened = 0.1 + 0.9 * make(random, samples)
+            usual = rig.numbers[f"{m}.n0"][0]
+            given[f"{m}.Q"] = FLOW * opened_slowly(seconds, opened) * given[f"{m}.n"] / usual
     temperatures = {
         m: drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
         for m in rig.pumps
     }
     levels = {m: drive.level(random, samples) for m in rig.pumps}
+    suctions = {m: _throttled(random, seconds, make) for m in rig.pumps if rig.by_meter}
     running = np.ones(samples, dtype=bool)
     if profile == "start-stop":
         running = drive.stops(random, samples) > 0
         running[:before] = True
     values = drawn(rig, stream(seed, "parameters"))
-    plain = {**_ambient(rig, temperatures, levels), **given, **solve(Operated(rig, values, given))}
+    around = _ambient(rig, temperatures, levels, suctions)
+    plain = {**around, **given, **solve(Operated(rig, values, given))}
     time = np.maximum(seconds - before, 0.0)
     return Scene(
-        rig, profile, seed, values, before, time, given, temperatures, levels, running, plain
+        rig,
+        profile,
+        seed,
+        values,
+        before,
+        time,
+        given,
+        temperatures,
+        levels,
+        suctions,
+        running,
+        plain,
     )
 
 
@@ -126,10 +152,25 @@ def drawn(rig: Rig, random: np.random.Generator) -> dict[str, float]:
     return found
 
 
+def _throttled(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
+    """Gauge pressure behind a suction valve that is closed in steps: most loss when nearly shut."""
+    opened, shut = SUCTION
+    return opened + (shut - opened) * opened_slowly(seconds, make(random, seconds.size)) ** 2
+
+
+def opened_slowly(seconds: Array, setting: Array) -> Array:
+    """What a valve with the drive's inertia has reached."""
+    return approach(seconds, setting, INERTIA.speed)
+
+
 def _ambient(
-    rig: Rig, temperature: Mapping[str, Array], level: Mapping[str, Array]
+    rig: Rig,
+    temperature: Mapping[str, Array],
+    level: Mapping[str, Array],
+    suction: Mapping[str, Array],
 ) -> dict[str, Array]:
     found = {f"{m}.T": values for m, values in temperature.items()}
-    if not rig.by_load:
+    found |= {f"{m}.p_s": values for m, values in suction.items()}
+    if not (rig.by_load or rig.by_meter):
         found |= {f"{m}.l": values for m, values in level.items()}
     return found

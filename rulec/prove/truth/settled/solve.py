@@ -24,6 +24,9 @@ STEP = 1e-7
 START = 400.0 * LITRE_PER_HOUR
 """Flow from which the root search starts."""
 
+LEAST_HEAD = 0.06 * BAR
+"""Of a metered pump; below it a ratio of heads says nothing."""
+
 HEAD_SCALE = 200.0 * LITRE_PER_HOUR / BAR
 """Flow that a pressure off the curve counts as."""
 
@@ -67,9 +70,9 @@ class Operated:
         kept = 1.0 - self.total("gain", module, state)
         return (free - slip) * kept - self.total("slip", module, state), state
 
-    def line_loss(self, name: str, flow: Array) -> Array:
-        """Loss of a line or mixer, Pa."""
-        state = _of_flow(flow)
+    def line_loss(self, name: str, flow: Array, behind: Array | float = 0.0) -> Array:
+        """Loss of a line or mixer, Pa, with a pressure `behind` it."""
+        state = replace(_of_flow(flow), pressure=behind + np.zeros_like(flow))
         friction = self.values[f"{name}.k2"] * (1.0 + self.total("friction", name, state))
         loss = self.values[f"{name}.k0"] + friction * flow * np.abs(flow)
         return np.asarray(loss + self.total("loss", name, state))
@@ -111,6 +114,8 @@ def solve(plant: Operated, start: Mapping[str, Array] | None = None) -> dict[str
     rig = plant.rig
     if rig.by_load:
         return _by_load(plant)
+    if rig.by_meter:
+        return _by_meter(plant)
     modules = list(rig.pumps)
     samples = plant.given[rig.inputs[0]].size
     flow = np.full((samples, len(modules)), START)
@@ -177,9 +182,10 @@ def _pressures(plant: Operated, net: Array) -> tuple[Array, Array]:
     rig = plant.rig
     through = net @ rig.feeds
     mixers = [plant.line_loss(m, through[:, k]) for k, m in enumerate(rig.mixers)]
-    lines = [plant.line_loss(m, net[:, k]) for k, m in enumerate(rig.pumps)]
     mixer = np.stack(mixers, 1) if mixers else np.zeros((len(net), 0))
-    return np.stack(lines, 1) + mixer @ rig.feeds.T, mixer
+    behind = mixer @ rig.feeds.T
+    lines = [plant.line_loss(m, net[:, k], behind[:, k]) for k, m in enumerate(rig.pumps)]
+    return np.stack(lines, 1) + behind, mixer
 
 
 def _results(plant: Operated, flow: Array) -> dict[str, Array]:
@@ -202,4 +208,35 @@ def _by_load(plant: Operated) -> dict[str, Array]:
         flow, state = plant.delivered(m, pressure, np.zeros_like(pressure))
         found[f"{m}.Q"] = plant.net(m, flow)
         found[f"{m}.P_el"] = plant.power(m, state)
+    return found
+
+
+def _by_meter(plant: Operated) -> dict[str, Array]:
+    """Metered centrifugal pumps: valves set the flow, the pressure follows.
+
+    What the pump does beyond its curve may follow its pressure, so both are sought in turn.
+    """
+    found = {}
+    for m in plant.rig.pumps:
+        kind, p = plant.rig.kind(m), plant.parameters(m)
+        assert kind.head is not None
+        shown, net = plant.given[f"{m}.n"], plant.given[f"{m}.Q"]
+        zero = np.zeros_like(net)
+        flow = net / (1.0 - plant.total("leak", m, _of_flow(net)))
+        pressure = kind.head(p, shown, flow)
+        for _ in range(ITERATIONS):
+            plain = State(shown, flow, pressure, zero, zero, zero)
+            speed = shown * (1.0 - plant.total("shaft", m, plain))
+            inner = (flow + plant.total("slip", m, plain)) / (1.0 - plant.total("gain", m, plain))
+            last, pressure = pressure, kind.head(p, speed, inner) - plant.total("head", m, plain)
+            if np.max(np.abs(pressure - last)) < TOLERANCE * BAR:
+                break
+        else:
+            raise Stalled("no operating point")
+        power = kind.power(p, speed, pressure, inner)
+        found[f"{m}.dp"] = pressure
+        found[f"{m}.P_el"] = plant.power(m, State(speed, flow, pressure, power, power, zero))
+        found[f"{m}.Q"] = net
+        if np.any(pressure < LEAST_HEAD):
+            raise Stalled("a pump cannot overcome its back-pressure")
     return found

@@ -34,6 +34,7 @@ QUICK: Mapping[str, int] = {"clean": 14, "single": 7, "sensor": 2, "fault": 2, "
 """Of a quick run, of small plants."""
 
 CENTRIFUGAL = ("centrifugal",)
+METERED = ("metered",)
 
 HIDING = (
     ("wear", "fouling"),
@@ -62,6 +63,7 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
             profile = str(random.choice(PROFILES))
             oil = all(_in_oil(EFFECTS[e]) for e in effects) and group not in ("unrecorded",)
             family = "oil" if oil and random.uniform() < 0.3 else "dosing"
+            family = "bench" if any(EFFECTS[e].kinds == METERED for e in effects) else family
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
@@ -88,9 +90,16 @@ def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
     found: list[tuple[str, ...]] = []
     while len(found) < 20:
         first, second = str(random.choice(physics)), str(random.choice(others))
-        if first != second:
+        if first != second and _meet(EFFECTS[first], EFFECTS[second]):
             found.append((first, second))
     return found
+
+
+def _meet(one: Effect, other: Effect) -> bool:
+    """Can both be in one plant? Metered pumps stand on a bench of their own."""
+    metered = [e for e in (one, other) if e.kinds == METERED]
+    rest = [e for e in (one, other) if e.kinds != METERED]
+    return not metered or all(e.at == "pump" and "metered" in (e.kinds or METERED) for e in rest)
 
 
 def _fits(effect: Effect, group: str) -> bool:
@@ -98,7 +107,7 @@ def _fits(effect: Effect, group: str) -> bool:
         case "single":
             return effect.sort == "physics"
         case "calibrated":
-            return effect.sort == "physics" and not effect.timed and effect.kinds != CENTRIFUGAL
+            return effect.sort == "physics" and not effect.timed and _curves_can_be_found(effect)
         case "correlated":
             return effect.driver == "T"
         case "unrecorded":
@@ -106,6 +115,11 @@ def _fits(effect: Effect, group: str) -> bool:
             return effect.sort == "physics" and effect.driver != "" and not effect.corner
         case _:
             return effect.sort == group
+
+
+def _curves_can_be_found(effect: Effect) -> bool:
+    """Is a pump that has it calibrated as it runs?"""
+    return effect.kinds not in (CENTRIFUGAL, METERED)
 
 
 def _in_oil(effect: Effect) -> bool:

@@ -25,7 +25,7 @@ class State:
     ----------
     speed : of the shaft, rev/s
     flow : net flow, m3/s
-    pressure : across the pump, Pa
+    pressure : across the pump, or behind a line, Pa
     power : of the plain law, W; free of it where the law has no pressure: `idle`, W
     slip : of the plain law driven by pressure, m3/s
     """

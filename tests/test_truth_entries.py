@@ -1,0 +1,338 @@
+"""Entries of the catalogue explain what the independent truth does: their laws, written twice."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.prove.truth.settled.effects import EFFECTS, Placed
+from rulec.prove.truth.settled.folder import write_plant
+from rulec.prove.truth.settled.plan import FAMILIES
+from rulec.prove.truth.settled.rig import Rig
+from rulec.prove.truth.settled.scene import Scene, scene
+from rulec.prove.truth.settled.sized import made_of
+from rulec.prove.truth.streams import stream
+from rulec.prove.truth.tanks import CASCADED, build
+from rulec.prove.truth.tanks.balance import integrate
+from rulec.prove.truth.tanks.build import Setup, parameters
+from rulec.prove.truth.tanks.feed import Curve, Feed, Kink, Warming
+from rulec.prove.truth.tanks.laws import GRAVITY
+from rulec.prove.truth.tanks.plant import Opening, Plant, Tank
+from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
+from tests.conftest import ROOT
+
+SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
+DAY, MINUTE = 86400.0, 60.0
+PIECES = 10
+
+SAME = 0.05
+"""Share of what an effect changes that two ways to smooth a root may differ by."""
+
+
+@dataclass(frozen=True)
+class Twin:
+    """An effect of a tank or feed of the truth, and its entry with the same numbers, SI.
+
+    `parameters` belong to the entry; `base` replaces base parameters where the entry counts
+    from a usual reading that the truth does not know.
+    """
+
+    entry: str
+    tank: Callable[[Tank], Tank] | None = None
+    feed: Callable[[Feed], Feed] | None = None
+    parameters: Mapping[str, float] | None = None
+    base: Mapping[str, float] | None = None
+
+
+ORIFICE = float(np.sqrt(2.0 * GRAVITY * 10.0)) * 1e-6
+"""Flow through 1 cm2 under 10 cm, m3/s."""
+
+TWINS = {
+    "drowned": Twin(
+        "upper.drowned-outlet@outflow",
+        tank=lambda t: replace(t, drowned=4.0),
+        parameters={"s": 1.0, "z": 0.04},
+    ),
+    "link": Twin(
+        "upper.connecting-pipe@outflow",
+        tank=lambda t: replace(t, link=0.02),
+        parameters={"x": 0.02, "q0": ORIFICE, "l0": 0.1},
+    ),
+    "drain": Twin(
+        "upper.open-drain@inflow",
+        tank=lambda t: replace(t, drain=0.02),
+        parameters={"x": 0.02, "q0": ORIFICE, "l0": 0.1},
+    ),
+    "side": Twin(
+        "upper.side-outlet@inflow",
+        tank=lambda t: replace(t, side=Opening(0.05, 5.0)),
+        parameters={"x": 0.05, "q0": ORIFICE, "l0": 0.1, "z": 0.05},
+    ),
+    "cone": Twin(
+        "upper.conical-tank@h",
+        tank=lambda t: replace(t, cone=0.05),
+        parameters={"s": 1.0 / 3.0, "l0": 0.1},
+        base={"upper.A": 1.5**2},
+    ),
+    "lying": Twin(
+        "upper.lying-tank@h",
+        tank=lambda t: replace(t, lying=20.0),
+        parameters={"s": 1.0, "r": 2.0, "l0": 0.1},
+        base={"upper.A": 1.0},
+    ),
+    "closing": Twin(
+        "upper.outlet-fouling@outflow",
+        tank=lambda t: replace(t, closing=1e-3),
+        parameters={"w": 1e-3},
+    ),
+    "held": Twin(
+        "pump.pump-back-pressure@pump",
+        feed=lambda f: replace(f, held=0.02),
+        parameters={"b": 0.25, "l0": 0.1},
+        base={"pump.k": 0.8},
+    ),
+    "lift": Twin(
+        "pump.pump-lift@pump",
+        feed=lambda f: replace(f, lift=4.0),
+        parameters={"s": 0.25, "u0": 4.0},
+    ),
+    "lift-level": Twin(
+        "pump.lift-level@pump",
+        feed=lambda f: replace(f, lift_level=0.2),
+        parameters={"s": 0.125, "u0": 4.0, "l0": 0.1},
+    ),
+    "roll-off": Twin(
+        "pump.pump-roll-off@pump",
+        feed=lambda f: replace(f, roll=0.1),
+        parameters={"k": 0.4, "u0": 4.0},
+    ),
+    "upturn": Twin(
+        "pump.pump-upturn@pump",
+        feed=lambda f: replace(f, kink=Kink(3.0, 0.4)),
+        parameters={"b": 0.4, "u_c": 3.0, "u0": 4.0},
+    ),
+    "exponent": Twin(
+        "pump.pump-exponent@pump",
+        feed=lambda f: replace(f, curve=Curve(0.3, 4.0)),
+        parameters={"m": 0.3, "u0": 4.0},
+    ),
+    "decline": Twin(
+        "pump.pump-decline@pump",
+        feed=lambda f: replace(f, decline=1e-4),
+        parameters={"w": 1e-4},
+    ),
+    "warm-up": Twin(
+        "pump.warm-up-flow@pump",
+        feed=lambda f: replace(f, warming=Warming(-0.3, 300.0)),
+        parameters={"a": -0.3, "tau": 300.0},
+    ),
+}
+"""By the truth's name of the effect. A base parameter counts as multiple of the true one."""
+
+
+@functools.cache
+def tanks() -> tuple[Setup, Plant, ModelBuilder]:
+    """Two tanks that are run in ramps, without errors of instruments."""
+    setup = build(CASCADED, 5, 200, "ramps")
+    feed = replace(setup.plant.feed, zero=0.0)
+    sensors = tuple(replace(s, zero=0.0) for s in setup.plant.sensors)
+    _, builder = open_builder(ROOT / "plants" / CASCADED.name)
+    return setup, replace(setup.plant, feed=feed, sensors=sensors), builder
+
+
+def truth_of(twin: Twin | None) -> np.ndarray:
+    """True level of the lower tank, m."""
+    setup, plant, _ = tanks()
+    if twin and twin.tank:
+        plant = plant.with_tank(twin.tank(plant.tank("upper")))
+    if twin and twin.feed:
+        plant = replace(plant, feed=twin.feed(plant.feed))
+    return 0.01 * integrate(plant, setup.time, setup.shown).levels[:, 1]
+
+
+def model_of(twin: Twin) -> np.ndarray:
+    """The same by the tool's model with the entry built in."""
+    setup, _, builder = tanks()
+    balances = builder.balances((twin.entry,))
+    base = builder.parameters
+    values = {**dict(zip(base.ids, base.values.tolist(), strict=True)), **base.constants}
+    values |= {name: v * SI[unit] for name, (v, unit) in parameters(setup).items()}
+    values |= {name: values[name] * factor for name, factor in (twin.base or {}).items()}
+    values |= {f"{twin.entry}.{n}": v for n, v in (twin.parameters or {}).items()}
+    count = (setup.time.size - 1) * PIECES + 1
+    time = setup.layout.interval / PIECES * np.arange(float(count))
+    fine = np.append(np.repeat(setup.shown[:-1], PIECES), setup.shown[-1])
+    inputs = np.stack([time if n == "time" else fine for n in balances.inputs], 1)
+    held = np.array([n != "time" for n in balances.inputs])
+    course = balances.run(time, inputs, held, values)
+    return np.asarray(course.states[::PIECES, balances.states.index("lower.h")])
+
+
+@pytest.mark.parametrize("name", TWINS)
+def test_an_entry_of_tanks_does_what_the_truth_does(name: str) -> None:
+    """With the same numbers; without the entry the levels are far off."""
+    true, plain = truth_of(TWINS[name]), truth_of(None)
+    off = np.sqrt(np.mean((model_of(TWINS[name]) - true) ** 2))
+    change = np.sqrt(np.mean((plain - true) ** 2))
+    assert change > 1e-3
+    assert off < SAME * change
+
+
+@dataclass(frozen=True)
+class Even:
+    """An effect of a settled plant, its entry at a place, and the observer that it puts right.
+
+    `kind` is that of the pump that has it; `parameters` makes those of the entry, SI, of medians
+    by signal and of what the truth states of the effect.
+    """
+
+    kind: str
+    size: float
+    entry: str
+    observer: str
+    parameters: Callable[[Mapping[str, float], Mapping[str, float]], Mapping[str, float]]
+    module: str = "A"
+
+
+EVEN = {
+    "slip-power": Even(
+        "cavity", 0.5, "slip-exponent@Q_geo", "pump", lambda u, p: {"m": p["m"], "dp0": u["dp"]}
+    ),
+    "slip-dragged": Even(
+        "membrane", 0.5, "slip-speed@Q_geo", "pump", lambda u, p: {"a": p["a"], "n0": u["n"]}
+    ),
+    "induction": Even(
+        "cavity",
+        0.03,
+        "motor-slip@n",
+        "pump",
+        lambda u, p: {"s": p["s"], "n0": u["n"], "dp0": u["dp"]},
+    ),
+    "weakened": Even(
+        "cavity",
+        0.05,
+        "field-weakening@n",
+        "pump",
+        lambda u, p: {"s": p["s"], "n_c": p["n_c"] * RPM, "dp0": u["dp"]},
+    ),
+    "folded-back": Even(
+        "cavity", 0.3, "power-limit@n", "pump", lambda u, p: {"s": p["s"], "P_c": p["P_c"]}
+    ),
+    "stribeck": Even(
+        "cavity",
+        0.5,
+        "stribeck-friction@P_law",
+        "power",
+        lambda u, p: {"k": 0.5, "e": p["e"], "P0": u["P_el"], "n0": u["n"]},
+    ),
+    "slip-heated": Even(
+        "cavity",
+        0.3,
+        "slip-self-heating@Q_geo",
+        "pump",
+        lambda u, p: {"b": p["b"], "P0": u["P_el"]},
+    ),
+    "mixer-transition": Even(
+        "cavity",
+        1.0,
+        "line-transition@loss",
+        "resis",
+        lambda u, p: {"s": 1.0, "p_t": p["p_t"] * BAR},
+        module="M",
+    ),
+    "worn": Even("cavity", 0.2, "line-erosion@plant", "plant", lambda u, p: {"w": p["w"] / DAY}),
+    "hose": Even("cavity", 0.05, "hose-widening@plant", "plant", lambda u, p: {"c": p["c"] / BAR}),
+    "power-speed": Even(
+        "metered", 0.3, "power-speed@P_law", "power", lambda u, p: {"a": p["a"], "n0": u["n"]}
+    ),
+    "cavitation": Even(
+        "metered",
+        0.5,
+        "suction-cavitation@dp_law",
+        "head",
+        lambda u, p: {"k": p["k"] / BAR, "p_c": p["p_c"] * BAR},
+    ),
+    "npsh": Even(
+        "metered",
+        0.5,
+        "suction-npsh@dp_law",
+        "head",
+        lambda u, p: {
+            "k": p["k"] / BAR,
+            "p_c": p["p_c"] * BAR,
+            "p_r": p["p_r"] * BAR,
+            "n0": u["n"],
+        },
+    ),
+    "part-load-head": Even(
+        "metered",
+        0.2,
+        "part-load-head@dp_law",
+        "head",
+        lambda u, p: {"k": p["k"], "Q_c": p["Q_c"] * LITRE_PER_HOUR},
+    ),
+    "part-load-power": Even(
+        "metered",
+        0.3,
+        "part-load-power@P_law",
+        "power",
+        lambda u, p: {"k": p["k"], "Q_c": p["Q_c"] * LITRE_PER_HOUR},
+    ),
+    "worn-rings": Even(
+        "metered",
+        100.0,
+        "ring-wear@dp_law",
+        "head",
+        lambda u, p: {"w": p["w"] * LITRE_PER_HOUR / DAY, "dp0": u["dp"]},
+    ),
+    "narrowed": Even(
+        "metered", 0.2, "impeller-fouling@dp_law", "head", lambda u, p: {"w": p["w"] / DAY}
+    ),
+}
+
+
+@functools.cache
+def settled(kind: str) -> Scene:
+    """A pump of a kind, run in steps; dosing pumps feed a mixer together with another one."""
+    if kind == "metered":
+        rig = FAMILIES["bench"](stream(1, "rig"), True)
+    else:
+        downstream = {"A": "M", "B": "M", "M": None}
+        rig = Rig("two", {"A": kind, "B": "cavity"}, {"M": 1.0}, downstream)
+    return scene(rig, 4, 120, "steps")
+
+
+def flow_told(name: str, folder: Path, joined: bool) -> np.ndarray:
+    """Flow over the true one, by an observer of the tool with its entry built in."""
+    even, drawn = EVEN[name], settled(EVEN[name].kind)
+    made = made_of(drawn, Placed(EFFECTS[name], even.module), even.size, 7)
+    truth = drawn.truly(made.changes)
+    truth["M.Q"] = np.sum([v for n, v in truth.items() if n.endswith(".Q")], axis=0)
+    entry = f"{even.module}.{even.entry}"
+    write_plant(drawn.rig, folder)
+    _, builder = open_builder(folder)
+    plan = builder.plan(even.module, (entry,) if joined else ())
+    usual = {n: float(np.median(v)) for n, v in own_of({**truth, **drawn.plain}).items()}
+    stated = even.parameters(usual, made.parameters)
+    values = {**truth, **drawn.values, "time": drawn.time}
+    values |= {f"{entry}.{n}": v for n, v in stated.items()}
+    told = plan.run({n: values[n] for n in plan.inputs if n in values})
+    return np.asarray(told[f"q:{even.module}.{even.observer}"] / truth[f"{even.module}.Q"])
+
+
+def own_of(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Readings of pump A by their own names."""
+    return {n.removeprefix("A."): v for n, v in values.items() if n.startswith("A.")}
+
+
+@pytest.mark.parametrize("name", EVEN)
+def test_an_entry_of_settled_plants_does_what_the_truth_does(name: str, tmp_path: Path) -> None:
+    """With the same numbers an observer tells the true flow; without the entry another one."""
+    assert np.max(np.abs(flow_told(name, tmp_path / "plain", False) - 1.0)) > 2e-3
+    assert flow_told(name, tmp_path / "joined", True) == pytest.approx(1.0, abs=1e-6)
