@@ -231,12 +231,12 @@ EVEN = {
         "power",
         lambda u, p: {"k": 0.5, "e": p["e"], "P0": u["P_el"], "n0": u["n"]},
     ),
-    "slip-heated": Even(
-        "cavity",
-        0.3,
-        "slip-self-heating@Q_geo",
+    "heated": Even(
+        "oil-warm",
+        10.0,
+        "self-heating@T",
         "pump",
-        lambda u, p: {"b": p["b"], "P0": u["P_el"]},
+        lambda u, p: {"r": p["r"], "P0": u["P_el"]},
     ),
     "mixer-transition": Even(
         "cavity",
@@ -297,11 +297,15 @@ EVEN = {
 }
 
 
+ALONE = {"metered": "bench", "oil-warm": "warm"}
+"""Kinds of pumps with plants of their own."""
+
+
 @functools.cache
 def settled(kind: str) -> Scene:
     """A pump of a kind, run in steps; dosing pumps feed a mixer together with another one."""
-    if kind == "metered":
-        rig = FAMILIES["bench"](stream(1, "rig"), True)
+    if kind in ALONE:
+        rig = FAMILIES[ALONE[kind]](stream(1, "rig"), True)
     else:
         downstream = {"A": "M", "B": "M", "M": None}
         rig = Rig("two", {"A": kind, "B": "cavity"}, {"M": 1.0}, downstream)
@@ -320,7 +324,8 @@ def flow_told(name: str, folder: Path, joined: bool) -> np.ndarray:
     plan = builder.plan(even.module, (entry,) if joined else ())
     usual = {n: float(np.median(v)) for n, v in own_of({**truth, **drawn.plain}).items()}
     stated = even.parameters(usual, made.parameters)
-    values = {**truth, **drawn.values, "time": drawn.time}
+    shown = drawn.shown(truth, made.changes)
+    values = {**truth, **shown, **drawn.values, "time": drawn.time}
     values |= {f"{entry}.{n}": v for n, v in stated.items()}
     told = plan.run({n: values[n] for n in plan.inputs if n in values})
     return np.asarray(told[f"q:{even.module}.{even.observer}"] / truth[f"{even.module}.Q"])

@@ -53,7 +53,7 @@ def test_numbers_are_those_of_the_module_types(kind: str) -> None:
     stated = yaml.safe_load(text)["parameters"]
     assert set(stated) == set(pump.numbers)
     units = {"l/h": LITRE_PER_HOUR, "bar": BAR, "rpm": 1 / 60, "l/min": 1e-3 / 60}
-    units |= {"ml/rev": 1e-6, "ml/stroke": 1e-6, "W": 1.0, "1": 1.0}
+    units |= {"ml/rev": 1e-6, "ml/stroke": 1e-6, "W": 1.0, "1": 1.0, "W/K": 1.0}
     for name, entry in stated.items():
         value, u = pump.numbers[name]
         if entry["unit"] in units:
@@ -61,7 +61,7 @@ def test_numbers_are_those_of_the_module_types(kind: str) -> None:
             assert float(entry["value"]) * unit == pytest.approx(value)
             assert float(entry["u"]) * unit == pytest.approx(u)
         # The share is free of units.
-        assert float(entry["u"]) / float(entry["value"]) == pytest.approx(u / value)
+        assert float(entry["u"]) * value == pytest.approx(u * float(entry["value"]))
 
 
 @pytest.mark.parametrize("name", TREES)
@@ -189,14 +189,14 @@ def test_the_true_model_of_a_metered_pump_errs_by_noise_alone(effect: str) -> No
     assert 0.8 * noise.mean() < errors["A.dp"] < 1.25 * noise.mean()
 
 
-def test_what_a_metered_pump_has_is_planned_on_a_bench() -> None:
-    """And no effect of a dosing pump or a line with it."""
-    for case in planned(3, {"single": 80, "pair": 20}):
-        metered = {EFFECTS[e].kinds == ("metered",) for e in case.effects}
-        assert (case.family == "bench") == (True in metered)
-        if True in metered:
-            kinds = [EFFECTS[e].kinds for e in case.effects]
-            assert all(not k or "metered" in k for k in kinds)
+def test_what_a_pump_alone_has_is_planned_where_it_stands() -> None:
+    """Metered pumps and warm oil sets; with no effect of a dosing pump or a line."""
+    for case in planned(3, {"single": 120, "pair": 40}):
+        kinds = [EFFECTS[e].kinds for e in case.effects]
+        for pump, family in (("metered", "bench"), ("oil-warm", "warm")):
+            assert (case.family == family) == ((pump,) in kinds)
+            if case.family == family:
+                assert all(not k or pump in k for k in kinds)
 
 
 def test_a_pressure_above_which_nothing_is_lost_is_where_cavitation_begins() -> None:

@@ -14,7 +14,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording_file import read_file
 
 from rulec.cli import main
-from rulec.effects.adopt import adopt
+from rulec.effects.adopt import adopt, why_not
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import read_repair
 from rulec.effects.write_plant import plant_files
@@ -203,12 +203,25 @@ def test_a_pump_that_follows_late(tmp_path: Path, sticky: Path) -> None:
     )
 
 
+UNWRITTEN = {
+    "connecting-pipe": "lower.h is neither for upper",
+    "drowned-outlet": "lower.h is neither for upper",
+    "lift-level": "upper.h is neither for pump",
+    "pump-back-pressure": "upper.h is neither for pump",
+    "warm-up-flow": "a module type knows no time",
+}
+"""Effects that no module type may have today, and why: known gaps."""
+
+
 def test_every_effect_of_the_catalogue(tmp_path: Path) -> None:
     """Physics at the first place where it joins the tanks: built in, written, read again."""
     builder, sources = opened(TANKS), read_plant(TANKS)
-    known = {c.name: c.id for c in reversed(builder.candidates) if c.sort == "physics"}
-    assert known
-    for effect, name in known.items():
+    known = {c.name: c for c in reversed(builder.candidates) if c.sort == "physics"}
+    refused = {n: r for n, c in known.items() if (r := why_not(c, builder.network))}
+    assert set(UNWRITTEN) == set(refused)
+    assert all(UNWRITTEN[name] in reason for name, reason in refused.items())
+    for effect in known.keys() - refused.keys():
+        name = known[effect].id
         data, _ = mismatch(TANKS, [(name, unknowns_of(builder, name))])
         (tmp_path / "mismatch.json").write_text(json.dumps(data), encoding="utf-8")
         repair = read_repair(tmp_path / "mismatch.json")

@@ -7,7 +7,7 @@ import numpy as np
 from ..units import RPM, Array
 from .effect import DISPLACEMENT, DOSING, Effect, Made, middle, quantile
 from .scene import Scene
-from .term import State, Term
+from .term import Reading, State, Term
 
 HALVINGS = 40
 
@@ -34,14 +34,11 @@ def slip_dragged(scene: Scene, module: str, size: float, random: np.random.Gener
     return Made((Term("slip", module, law),), {"a": more})
 
 
-def slip_heated(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-    """What the pump dissipates warms its gaps, and the slip grows exponentially with the power."""
-    usual = middle(scene.plain[f"{module}.P_el"])
-
-    def law(s: State) -> Array:
-        return np.asarray(s.slip * np.expm1(size * (s.power / usual - 1.0)))
-
-    return Made((Term("slip", module, law),), {"b": size})
+def heated(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """What the pump dissipates warms the liquid in it beyond what the thermometer shows, K."""
+    power = scene.plain[f"{module}.P_el"]
+    colder = size * power / middle(power)
+    return Made((Reading(f"{module}.T", lambda shown: shown - colder),), {"r": size})
 
 
 def induction(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -110,11 +107,11 @@ def power_speed(scene: Scene, module: str, size: float, random: np.random.Genera
 
 STROKES = ("cavity", "membrane")
 EFFECTS = (
-    Effect("slip-power", "slip by another power", "physics", 2e-3, 0.8, slip_power,
+    Effect("slip-power", "slip by another power", "physics", 2e-3, 1.5, slip_power,
            kinds=DISPLACEMENT),
-    Effect("slip-dragged", "slip by the speed", "physics", 2e-3, 0.9, slip_dragged, kinds=STROKES),
-    Effect("slip-heated", "slip by dissipated power", "physics", 2e-3, 1.5, slip_heated,
-           kinds=STROKES),
+    Effect("slip-dragged", "slip by the speed", "physics", 2e-3, 1.5, slip_dragged, kinds=STROKES),
+    Effect("heated", "liquid warmer than shown", "physics", 0.01, 40.0, heated,
+           kinds=("oil-warm",)),
     Effect("induction", "motor slips with its torque", "physics", 1e-4, 0.15, induction,
            kinds=DOSING),
     Effect("weakened", "motor beyond its voltage", "physics", 1e-3, 0.2, weakened, kinds=STROKES,
@@ -122,6 +119,6 @@ EFFECTS = (
     Effect("folded-back", "converter limits the power", "physics", 1e-3, 0.8, folded_back,
            kinds=STROKES, corner=True),
     Effect("stribeck", "seals rub at low speed", "physics", 5e-3, 5.0, stribeck, kinds=STROKES),
-    Effect("power-speed", "power by another power of speed", "physics", 2e-3, 0.9, power_speed,
+    Effect("power-speed", "power by another power of speed", "physics", 2e-3, 1.8, power_speed,
            kinds=("centrifugal", "metered")),
 )  # fmt: skip

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..units import BAR, LITRE_PER_HOUR, MILLILITRE, RPM, Array
+from ..units import BAR, LITRE_PER_HOUR, MILLILITRE, RPM, ZERO_CELSIUS, Array
 
 Values = Mapping[str, float]
 Numbers = Mapping[str, tuple[float, float]]
@@ -45,6 +45,10 @@ class PumpKind:
     power: Callable[[Values, Array, Array, Array], Array]
     head: Callable[[Values, Array, Array], Array] | None = None
     rising: bool = True
+
+
+WARMED = ZERO_CELSIUS + 45.0
+"""Temperature, K, at which the laws of a warm oil set hold."""
 
 
 def _scaled(unit: float, value: float, u: float) -> tuple[float, float]:
@@ -107,6 +111,15 @@ OIL_SET: Numbers = {
 }
 
 
+OIL_WARM: Numbers = {
+    **OIL_SET,
+    "T0": (WARMED, 0.0),
+    "b": (0.02, 0.02),
+    "P2": (0.0, 10.0),
+    "P3": _scaled(1.0 / BAR, 0.0, 0.1),
+}
+
+
 def _cavity(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
     """Source: Wetterich 2025, Eq. 1; dp |dp| keeps the slip a loss when dp is negative."""
     free = (p["V"] - p["C1"]) * speed - p["C0"]
@@ -136,6 +149,11 @@ def _oil_set(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
     return p["Q0"] * speed, p["C1"] * pressure
 
 
+def _warm_set(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
+    """The slip rises exponentially with the temperature. Source: Reynolds 1886."""
+    return p["Q0"] * speed, p["C1"] * pressure * np.exp(p["b"] * (p["T"] - p["T0"]))
+
+
 def _displacement_power(p: Values, speed: Array, pressure: Array, flow: Array) -> Array:
     """Depends on the swept, not on the delivered flow."""
     return p["P0"] + p["P1"] * speed + speed * p["V"] * pressure / p["eta"]
@@ -148,6 +166,11 @@ def _centrifugal_power(p: Values, speed: Array, pressure: Array, flow: Array) ->
 
 def _oil_power(p: Values, speed: Array, pressure: Array, flow: Array) -> Array:
     return p["P0"] + p["P1"] * pressure
+
+
+def _warm_power(p: Values, speed: Array, pressure: Array, flow: Array) -> Array:
+    warm = p["T"] - p["T0"]
+    return p["P0"] + p["P1"] * pressure + p["P2"] * warm + p["P3"] * pressure * warm
 
 
 PUMPS: Mapping[str, PumpKind] = {
@@ -177,6 +200,7 @@ PUMPS: Mapping[str, PumpKind] = {
         _centrifugal_head,
         rising=False,
     ),
+    "oil-warm": PumpKind("pump-set-warm", OIL_WARM, (1.0, 1.0), 1.0, _warm_set, _warm_power),
     "oil-set": PumpKind("pump-set", OIL_SET, (1.0, 1.0), 1.0, _oil_set, _oil_power),
 }
 """The speed of the oil set is that of the mains: 1 of its own."""

@@ -51,7 +51,12 @@ class Rig:
     @property
     def by_load(self) -> bool:
         """Is the pressure set by the load, and the flow metered?"""
-        return "oil-set" in self.pumps.values()
+        return self.by_temperature or "oil-set" in self.pumps.values()
+
+    @property
+    def by_temperature(self) -> bool:
+        """Do the laws of its pumps know the temperature?"""
+        return "oil-warm" in self.pumps.values()
 
     @property
     def by_meter(self) -> bool:
@@ -101,7 +106,8 @@ class Rig:
     @cached_property
     def inputs(self) -> tuple[str, ...]:
         """Signals that are set, not caused."""
-        set_ = ("dp",) if self.by_load else ("n", "Q") if self.by_meter else ("n",)
+        set_: tuple[str, ...] = ("dp",) if self.by_load else ("n", "Q") if self.by_meter else ("n",)
+        set_ += ("T",) if self.by_temperature else ()
         return tuple(f"{module}.{name}" for module in self.pumps for name in set_)
 
     @cached_property

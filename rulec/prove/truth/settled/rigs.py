@@ -45,6 +45,11 @@ def oil_rig(random: np.random.Generator, small: bool = False) -> Rig:
     return Rig(f"oil-{len(names)}", dict.fromkeys(names, "oil-set"), {}, dict.fromkeys(names, None))
 
 
+def warm_rig(random: np.random.Generator, small: bool = False) -> Rig:
+    """An oil set whose laws know the temperature of the oil."""
+    return Rig("warm", {"A": "oil-warm"}, {}, {"A": None})
+
+
 def bench_rig(random: np.random.Generator, small: bool = False) -> Rig:
     """One or two metered centrifugal pumps between two valves each; small: one."""
     names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]

@@ -115,6 +115,8 @@ def scene(
         m: drive.by_load(random, share[m]) if correlated else drive.temperature(random, samples)
         for m in rig.pumps
     }
+    if rig.by_temperature:
+        given |= {f"{m}.T": values for m, values in temperatures.items()}
     levels = {m: drive.level(random, samples) for m in rig.pumps}
     suctions = {m: _throttled(random, seconds, make) for m in rig.pumps if rig.by_meter}
     running = np.ones(samples, dtype=bool)

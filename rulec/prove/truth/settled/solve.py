@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -51,10 +52,12 @@ class Operated:
     given: Mapping[str, Array]
     terms: Sequence[Change] = ()
 
-    def parameters(self, module: str) -> dict[str, float]:
-        """Parameters of one module by their own names."""
+    def parameters(self, module: str) -> dict[str, Any]:
+        """Parameters of one module by their own names, and a temperature that is an input."""
         lead = f"{module}."
-        return {n.removeprefix(lead): v for n, v in self.values.items() if n.startswith(lead)}
+        own = {n.removeprefix(lead): v for n, v in self.values.items() if n.startswith(lead)}
+        temperature = self.given.get(f"{lead}T")
+        return own if temperature is None else {**own, "T": temperature}
 
     def total(self, kind: Kind, module: str, state: State) -> Array | float:
         """Sum of all terms of a kind in a module."""

@@ -34,7 +34,8 @@ QUICK: Mapping[str, int] = {"clean": 14, "single": 7, "sensor": 2, "fault": 2, "
 """Of a quick run, of small plants."""
 
 CENTRIFUGAL = ("centrifugal",)
-METERED = ("metered",)
+ALONE = {("metered",): "bench", ("oil-warm",): "warm"}
+"""Kinds of pumps that stand in no plant with others, with their plants."""
 
 HIDING = (
     ("wear", "fouling"),
@@ -63,7 +64,7 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
             profile = str(random.choice(PROFILES))
             oil = all(_in_oil(EFFECTS[e]) for e in effects) and group not in ("unrecorded",)
             family = "oil" if oil and random.uniform() < 0.3 else "dosing"
-            family = "bench" if any(EFFECTS[e].kinds == METERED for e in effects) else family
+            family = next((ALONE[k] for e in effects if (k := EFFECTS[e].kinds) in ALONE), family)
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
@@ -96,10 +97,11 @@ def _pairs(random: np.random.Generator) -> list[tuple[str, ...]]:
 
 
 def _meet(one: Effect, other: Effect) -> bool:
-    """Can both be in one plant? Metered pumps stand on a bench of their own."""
-    metered = [e for e in (one, other) if e.kinds == METERED]
-    rest = [e for e in (one, other) if e.kinds != METERED]
-    return not metered or all(e.at == "pump" and "metered" in (e.kinds or METERED) for e in rest)
+    """Can both be in one plant?"""
+    alone = [e.kinds for e in (one, other) if e.kinds in ALONE]
+    rest = [e for e in (one, other) if e.kinds not in ALONE]
+    fit = all(e.at == "pump" and (not e.kinds or alone[0][0] in e.kinds) for e in rest if alone)
+    return fit and len(set(alone)) < 2
 
 
 def _fits(effect: Effect, group: str) -> bool:
@@ -119,7 +121,7 @@ def _fits(effect: Effect, group: str) -> bool:
 
 def _curves_can_be_found(effect: Effect) -> bool:
     """Is a pump that has it calibrated as it runs?"""
-    return effect.kinds not in (CENTRIFUGAL, METERED)
+    return effect.kinds != CENTRIFUGAL and effect.kinds not in ALONE
 
 
 def _in_oil(effect: Effect) -> bool:
