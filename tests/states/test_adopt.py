@@ -129,7 +129,9 @@ joins:
   - {stores: level, law: z}
   - {shows: reading, law: z}
 parameters:
-  tau: {unit: s, null: 0, starts: [10, 60], range: [0, 1e5], title: time constant}
+  tau: {unit: s, null: 0, starts: [10, 60], range: [0, 1e5],
+    usual: {median: 30, factor: 3, source: t},
+    title: time constant}
 states:
   z: {der: (law - z)/tau, start: law}
 regime: after each change
@@ -145,7 +147,9 @@ sort: physics
 joins:
   - {shows: reading, law: z}
 parameters:
-  d: {unit: "1", null: 0, starts: [0.2], range: [0, 1e5], title: half the width}
+  d: {unit: "1", null: 0, starts: [0.2], range: [0, 1e5],
+    usual: {median: 0.1, factor: 3, source: t},
+    title: half the width}
 states:
   z: {der: 0, start: law, low: law - d, high: law + d}
 regime: where the reading turns back
