@@ -7,32 +7,34 @@ from pathlib import Path
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
-from rulec.prove.truth.settled import suite
+from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import ROOT
-from tests.rig.experiment.__main__ import COUNTS, answer
+from tests.rig.experiment.__main__ import answer
 from tests.rig.experiment.sets import Posterior
 from tests.rig.experiment.told import search
 from tests.runtime.mismatch.made import rows_at
 
 
-def asked(name: str, folder: Path) -> Posterior | None:
-    """A case of seed 7 whose name holds a word."""
-    case = next(c for c in suite.planned(7, COUNTS, True) if name in c.name)
+def asked(effects: tuple[str, ...], folder: Path) -> Posterior | None:
+    """A small case in which effects are left out."""
+    kind = "single" if effects else "clean"
+    case = Planned("a case", kind, "dosing", "steps", effects, 3000.0, small=True)
     case.make().write(folder)
     return answer(folder / "plant", folder / "recording.csv")
 
 
 def test_nothing_is_named_in_a_clean_recording(tmp_path: Path) -> None:
-    found = asked("clean", tmp_path)
+    found = asked((), tmp_path)
     assert found is not None
     assert found.nothing > 0.9
 
 
 def test_what_was_left_out_is_named(tmp_path: Path) -> None:
     """Probabilities of sets add up to those of names."""
-    found = asked("valve-delay", tmp_path)
+    found = asked(("slip-warm",), tmp_path)
     assert found is not None
-    assert found.names["B.valve-delay@Q_geo"] > 0.9
+    named = max(p for name, p in found.names.items() if ".slip-temperature@" in name)
+    assert named > 0.9
     assert abs(sum(found.sets.values()) - 1.0) < 1e-9
 
 

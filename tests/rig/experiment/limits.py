@@ -38,6 +38,9 @@ USUAL_FORM = 0.01
 """Usual error of form of a law, as that share: formulas of pumps and lines hold to about 1 %.
 Origin: assumed."""
 
+FORM_KNOWN = 3.0
+"""Factor to which that is known before. Origin: assumed."""
+
 FORM_NOT_SEEN = 0.3
 """Standard deviations of the noise below which an error of form is not carried along. Origin:
 numerical."""

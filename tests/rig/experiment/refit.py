@@ -185,10 +185,9 @@ def _choose(
         residual = left + table @ (ratio * solution)
         score = geometry.likelihood(residual, scale) - 0.5 * float(solution @ precision @ solution)
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
-        score -= (
-            0.5 * (form / limits.USUAL_FORM) ** 2
-            + 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
-        )
+        off = np.log(max(form, limits.FORM_SHARES[1]) / limits.USUAL_FORM)
+        score -= 0.5 * (off / np.log(limits.FORM_KNOWN)) ** 2
+        score -= 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
         if best is None or score > best.score:
             best = _Chosen(score, form, sizes, scale, solution, weights, table * ratio)
 
