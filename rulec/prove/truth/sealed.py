@@ -65,6 +65,7 @@ class Answer:
     verdict : `none`, `named`, `sensor`, `fault` or `unnamed`, as in the tool's JSON
     concealed : ways in which it is concealed, of CONCEALMENTS
     unrecorded : signal that drives an effect and is missing in the recording, or empty
+    difficulties : what makes the case harder, of DIFFICULTIES: sizes by law or sensor
     """
 
     case: str
@@ -77,10 +78,14 @@ class Answer:
     concealed: tuple[str, ...]
     effects: tuple[Planted, ...] = ()
     unrecorded: str = ""
+    difficulties: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """As text; numbers with six digits."""
-        fields = rounded(dataclasses.asdict(self))
+        found = dataclasses.asdict(self)
+        if not self.difficulties:
+            del found["difficulties"]
+        fields = rounded(found)
         return json.dumps(fields, indent=1, ensure_ascii=False) + "\n"
 
     @property
@@ -100,6 +105,13 @@ CONCEALMENTS = {
     "alike": "fault or sensor error that looks like physics, or the reverse",
     "unnamed": "no entry names it",
     "open": "not concealed further",
+}
+
+DIFFICULTIES = {
+    "form": "every law is off by 0.5 to 2 % (rms), smoothly over its arguments",
+    "coloured": "noise of order one, coefficients of 0.5 to 0.9 at the sample rate",
+    "drift": "sensors drift inside their class",
+    "wobble": "operating points wobble slowly",
 }
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from .smooth import Drift, coloured
 from .units import BAR, LITRE_PER_HOUR, MILLIMETRE, RPM, ZERO_CELSIUS, Array
 
 
@@ -78,7 +79,15 @@ DOSING_SIGNALS = {
 MIXER_SIGNALS = {"dp": _pressure_sensor(2.0)}
 
 
-def read(sensor: Sensor, place: str, value: Array, sensing: Sensing, seed: int) -> Array:
+def read(
+    sensor: Sensor,
+    place: str,
+    value: Array,
+    sensing: Sensing,
+    seed: int,
+    colour: float = 0.0,
+    drift: Drift | None = None,
+) -> Array:
     """Reading of the sensor at `place` (such as `A.dp`), in the unit it shows.
 
     Each sensor has its own random stream, made from seed and place, and always draws both parts.
@@ -87,6 +96,8 @@ def read(sensor: Sensor, place: str, value: Array, sensing: Sensing, seed: int) 
     Parameters
     ----------
     value : ndarray, shape (n,), SI
+    colour : coefficient of noise of order one; 0 for white noise
+    drift : course of the systematic error; None where it stays as it is
 
     Source: bound taken as two standard deviations (GUM, coverage factor 2), method.md, section 2.
     """
@@ -94,8 +105,12 @@ def read(sensor: Sensor, place: str, value: Array, sensing: Sensing, seed: int) 
     systematic, statistical = generator.standard_normal(), generator.standard_normal(value.size)
     shown = sensor.shown(value)
     deviation = 0.5 * sensor.bound * (np.abs(shown) if sensor.relative else 1.0)
-    systematic = _inside_bounds(systematic, sensing.law)
-    error = sensing.systematic * systematic + sensing.statistical * statistical
+    lasting: Array | float = _inside_bounds(systematic, sensing.law)
+    if drift is not None:
+        lasting = drift(float(lasting), value.size)
+    if colour:
+        statistical = coloured(statistical, colour)
+    error = sensing.systematic * lasting + sensing.statistical * statistical
     reading: Array = shown + deviation * error
     return np.round(reading / sensor.step) * sensor.step if sensing.quantised else reading
 

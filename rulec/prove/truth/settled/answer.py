@@ -44,6 +44,7 @@ def answer_of(
         concealed=_concealed(group, conceal, found, planted),
         effects=tuple(planted),
         unrecorded=gone,
+        difficulties=seen.scene.hard.told,
     )
 
 
@@ -58,8 +59,10 @@ def _concealed(
         ways.append("clean")
     if any(placed.effect.corner for placed, _ in found):
         ways.append("corner")
-    if group in ("pair", "hiding", "unrecorded", "unnamed"):
+    if group in ("pair", "hiding", "unrecorded"):
         ways.append(group)
+    if any(placed.effect.sort == "unnamed" for placed, _ in found):
+        ways.append("unnamed")
     if any(p.margin < 0.1 * p.gain for p in planted):
         ways.append("alike")
     return tuple(ways or ["open"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -46,6 +46,33 @@ PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
     "start-stop": steps,
     "long-constant": long_constant,
 }
+
+
+FEW = 3, 6
+"""Operating states of a plant that has few."""
+
+
+def shares(
+    random: np.random.Generator, modules: Sequence[str], profile: str, samples: int, before: int
+) -> dict[str, Array]:
+    """Course of each module's setting, 0 to 1, shape (before+samples,)."""
+    if profile == "few-states":
+        runs = few_states(random, modules, samples)
+        return {m: np.concatenate([visits(random, before), runs[m]]) for m in modules}
+    make = PROFILES[profile]
+    return {m: np.concatenate([visits(random, before), make(random, samples)]) for m in modules}
+
+
+def few_states(
+    random: np.random.Generator, modules: Sequence[str], samples: int
+) -> dict[str, Array]:
+    """All modules change together between a few states, each visited once or twice."""
+    count = int(random.integers(FEW[0], FEW[1] + 1))
+    order = np.concatenate([np.arange(count), random.permutation(count)])
+    order = order[: int(random.integers(count, 2 * count + 1))]
+    cuts = np.linspace(0.0, samples, order.size + 1)[:-1]
+    held = np.searchsorted(cuts, np.arange(samples), side="right") - 1
+    return {m: np.asarray(random.uniform(size=count)[order[held]]) for m in modules}
 
 
 def stops(random: np.random.Generator, samples: int) -> Array:

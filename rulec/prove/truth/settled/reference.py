@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..sealed import Reference, Request
-from ..sensors import Sensing, read
+from ..sensors import Sensing
 from ..units import Array
 from .scene import SENSING, Scene
 from .solve import Operated, solve
@@ -48,7 +48,7 @@ def _noise(scene: Scene, place: str, value: Array) -> Array:
     """What the noise of a sample adds to a reading, SI."""
     sensor = scene.rig.sensors[place]
     quiet = Sensing(SENSING.systematic, 0.0, SENSING.quantised, SENSING.law)
-    both = [read(sensor, place, value, s, scene.seed) for s in (SENSING, quiet)]
+    both = [scene.read(place, value, s) for s in (SENSING, quiet)]
     return np.asarray((both[0] - both[1]) * sensor.scale)
 
 
@@ -62,11 +62,12 @@ def _error(
     request: Request,
 ) -> float:
     """Root mean square of predicted less measured on held-out samples, in the sensor's unit."""
+    laws = (*scene.hard.terms(scene.rig, scene.values), *terms)
     given = {**noisy, signal: truth[signal]}
     step = STEP * float(np.max(np.abs(truth[signal])))
     moved_too = {**given, signal: given[signal] + step}
     off, moved = (
-        _relation(Operated(scene.rig, scene.values, readings, terms), scene.plain, relation)
+        _relation(Operated(scene.rig, scene.values, readings, laws), scene.plain, relation)
         for readings in (given, moved_too)
     )
     with np.errstate(all="ignore"):

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sensors import Sensing, read
+from ..smooth import wobble
 from ..streams import stream
 from ..transients import INERTIA, approach
 from ..units import BAR, LITRE_PER_HOUR, Array
 from . import drive
+from .difficulty import NONE, Difficulty, difficulty
 from .pumps import Values
 from .rig import Rig
 from .solve import Operated, solve
@@ -45,6 +47,7 @@ class Scene:
     suction : gauge pressure before each metered pump, Pa
     running : bool; where the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
+    hard : what makes it harder than its plain laws; its form errors are in `plain`
     """
 
     rig: Rig
@@ -59,13 +62,16 @@ class Scene:
     suction: Mapping[str, Array]
     running: np.ndarray
     plain: Mapping[str, Array]
+    hard: Difficulty = NONE
 
     def truly(self, terms: Sequence[Change] = (), values: Values | None = None) -> dict[str, Array]:
         """True values of all signals with some terms, SI.
 
         Raises Stalled where there is no operating point.
         """
-        found = solve(Operated(self.rig, values or self.values, self.given, terms), self.plain)
+        values = values or self.values
+        laws = (*self.hard.terms(self.rig, values), *terms)
+        found = solve(Operated(self.rig, values, self.given, laws), self.plain)
         around = _ambient(self.rig, self.temperature, self.level, self.suction)
         return {**around, **self.given, **found}
 
@@ -84,29 +90,42 @@ class Scene:
             sensor = self.rig.sensors[place]
             if not place.endswith((".T", ".l")):
                 value = np.where(self.running, value, 0.0)
-            columns[f"{place} [{sensor.unit}]"] = read(sensor, place, value, SENSING, self.seed)
+            columns[f"{place} [{sensor.unit}]"] = self.read(place, value, SENSING)
         return columns
+
+    def read(self, place: str, value: Array, sensing: Sensing) -> Array:
+        """What a sensor shows with the errors of its class, in its unit."""
+        colour, drift = self.hard.colour.get(place, 0.0), self.hard.drift.get(place)
+        return read(self.rig.sensors[place], place, value, sensing, self.seed, colour, drift)
 
 
 def scene(
-    rig: Rig, seed: int, samples: int, profile: str, correlated: bool = False, before: int = 0
+    rig: Rig,
+    seed: int,
+    samples: int,
+    profile: str,
+    correlated: bool = False,
+    before: int = 0,
+    difficulties: Sequence[str] = (),
 ) -> Scene:
     """Draw true parameters and how a plant is run, `before` samples longer than its recording.
 
     Raises Stalled where the plant cannot be run so.
     """
     random = stream(seed, "course")
-    make = drive.PROFILES[profile]
-    share = {
-        m: np.concatenate([drive.visits(random, before), make(random, samples)]) for m in rig.pumps
-    }
+    share = drive.shares(random, list(rig.pumps), profile, samples, before)
+    hard = difficulty(rig, difficulties, seed, LOAD)
     samples += before
     seconds = np.arange(samples, dtype=np.float64)
     given = {}
     for m in rig.pumps:
         low, high = LOAD if rig.by_load else rig.kind(m).speeds
         setting = low + (high - low) * (0.08 + 0.87 * share[m])
-        given[f"{m}.{'dp' if rig.by_load else 'n'}"] = approach(seconds, setting, INERTIA.speed)
+        place = f"{m}.{'dp' if rig.by_load else 'n'}"
+        given[place] = approach(seconds, setting, INERTIA.speed)
+        if place in hard.wobble:
+            course = wobble(stream(seed, f"wobble {place}"), samples)
+            given[place] = given[place] + (high - low) * hard.wobble[place] * course
         if rig.by_meter:
             opened = 0.1 + 0.9 * make(random, samples)
             usual = rig.numbers[f"{m}.n0"][0]
@@ -124,8 +143,10 @@ def scene(
         running = drive.stops(random, samples) > 0
         running[:before] = True
     values = drawn(rig, stream(seed, "parameters"))
+    laws = hard.terms(rig, values)
+    found = solve(Operated(rig, values, given, laws))
     around = _ambient(rig, temperatures, levels, suctions)
-    plain = {**around, **given, **solve(Operated(rig, values, given))}
+    plain = {**around, **given, **found}
     time = np.maximum(seconds - before, 0.0)
     return Scene(
         rig,
@@ -140,6 +161,7 @@ def scene(
         suctions,
         running,
         plain,
+        hard,
     )
 
 

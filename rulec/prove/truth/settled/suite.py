@@ -33,6 +33,29 @@ FULL: Mapping[str, int] = {
 QUICK: Mapping[str, int] = {"clean": 14, "single": 7, "sensor": 2, "fault": 2, "unnamed": 1}
 """Of a quick run, of small plants."""
 
+HARD: Mapping[str, int] = {
+    "form-clean": 50,
+    "form": 50,
+    "coloured-clean": 50,
+    "coloured": 50,
+    "drift-clean": 50,
+    "drift": 50,
+    "all-clean": 50,
+    "all": 50,
+}
+"""Of a run with difficulties; in the group `all` every one of them."""
+
+HARD_QUICK: Mapping[str, int] = dict.fromkeys(HARD, 2)
+"""Of a quick run with difficulties, of small plants."""
+
+DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
+    "form": ("form",),
+    "coloured": ("coloured", "wobble"),
+    "drift": ("drift",),
+    "all": ("form", "coloured", "wobble", "drift"),
+}
+"""By the first word of a group of `HARD`."""
+
 CENTRIFUGAL = ("centrifugal",)
 ALONE = {("metered",): "bench", ("oil-warm",): "warm"}
 """Kinds of pumps that stand in no plant with others, with their plants."""
@@ -68,14 +91,18 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
+            difficulties = DIFFICULTIES.get(group.removesuffix("-clean"), ())
+            if "form" in difficulties:
+                profile = "few-states"
             name = f"stationary-{seed}-{group}-{'+'.join(effects)}-{i}"
-            yield Planned(name, group, family, profile, effects, aim, conceal, small)
+            yield Planned(name, group, family, profile, effects, aim, conceal, small, difficulties)
 
 
 def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[str, ...]]:
     """Names of effects of each case: all in turn, in an order by the seed."""
     pools: dict[str, Sequence[tuple[str, ...]]] = {
         "clean": [()],
+        **{g: [()] for g in HARD if g.endswith("-clean")},
         "hiding": HIDING,
         "pair": _pairs(random),
     }
@@ -115,6 +142,8 @@ def _fits(effect: Effect, group: str) -> bool:
         case "unrecorded":
             # What acts now and then is by its readings a fault that comes and goes.
             return effect.sort == "physics" and effect.driver != "" and not effect.corner
+        case "form" | "coloured" | "drift" | "all":
+            return True
         case _:
             return effect.sort == group
 

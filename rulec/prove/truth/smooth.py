@@ -1,0 +1,118 @@
+"""Smooth random courses: form errors of laws, noise with a memory, slow drifts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .units import Array
+
+WAVES = 6
+"""Cosines of a form error."""
+
+FREQUENCIES = 0.25, 1.0
+"""Periods of a cosine over the range of an argument, fewest and most."""
+
+GRID = 41
+"""Points along a range at which the size of a form error is set."""
+
+STEADY = 0.3
+"""Least share of its class that a drifting sensor may wander through."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """By which share a law is off: a sum of cosines over its arguments, scaled to their ranges.
+
+    Attributes
+    ----------
+    rms : root mean square over the range; the mean is zero
+    ranges : of each argument, SI
+    waves : angles per range, shape (WAVES, arguments); phases, weights : shape (WAVES,)
+    middle, factor : by which mean and size are set
+    """
+
+    rms: float
+    ranges: tuple[tuple[float, float], ...]
+    waves: Array
+    phases: Array
+    weights: Array
+    middle: float = 0.0
+    factor: float = 1.0
+
+    def __call__(self, *arguments: Array) -> Array:
+        """Share, 1; arguments of one shape, SI."""
+        total = np.zeros(np.shape(arguments[0]))
+        scaled = [
+            (a - low) / (high - low) for a, (low, high) in zip(arguments, self.ranges, strict=True)
+        ]
+        for wave, phase, weight in zip(self.waves, self.phases, self.weights, strict=True):
+            angle = sum(w * x for w, x in zip(wave, scaled, strict=True))
+            total = total + weight * np.cos(angle + phase)
+        return np.asarray(self.factor * (total - self.middle))
+
+
+def form_error(
+    random: np.random.Generator, rms: float, ranges: tuple[tuple[float, float], ...]
+) -> Form:
+    """Draw a form error with a root mean square over the range of its arguments."""
+    size = (WAVES, len(ranges))
+    turns = random.uniform(*FREQUENCIES, size) * random.choice([-1.0, 1.0], size)
+    phases = random.uniform(0.0, 2.0 * np.pi, WAVES)
+    plain = Form(rms, ranges, 2.0 * np.pi * turns, phases, random.standard_normal(WAVES))
+    axes = [np.linspace(low, high, GRID) for low, high in ranges]
+    values = plain(*np.meshgrid(*axes))
+    middle = float(values.mean())
+    return Form(rms, ranges, plain.waves, phases, plain.weights, middle, rms / float(values.std()))
+
+
+def coloured(white: Array, coefficient: float) -> Array:
+    """Noise of order one with the variance of white noise, shape (n,).
+
+    Source: x[k] = c x[k-1] + sqrt(1 - c^2) w[k], stationary from the first sample.
+    """
+    found, last = np.empty_like(white), float(white[0])
+    fresh = float(np.sqrt(1.0 - coefficient**2))
+    for k, now in enumerate(white):
+        last = coefficient * last + fresh * float(now) if k else last
+        found[k] = last
+    return found
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Slow course of a sensor's error inside its class.
+
+    Attributes
+    ----------
+    extent : share of the way to each draw that it goes
+    draws : errors at knots that part the record evenly, standard normal inside two, shape (k,)
+    """
+
+    extent: float
+    draws: Array
+
+    def __call__(self, first: float, samples: int) -> Array:
+        """Errors of all samples in standard deviations, shape (samples,); `first` as drawn."""
+        knots = first + self.extent * (np.concatenate([[first], self.draws]) - first)
+        along = np.linspace(0.0, len(knots) - 1.0, samples)
+        left = np.minimum(along.astype(int), len(knots) - 2)
+        share = 0.5 - 0.5 * np.cos(np.pi * (along - left))
+        # Between two values inside the class: never outside.
+        return np.asarray(knots[left] * (1.0 - share) + knots[left + 1] * share)
+
+
+def drift(random: np.random.Generator) -> Drift:
+    """Draw one that turns one to three times."""
+    extent = float(random.uniform(STEADY, 1.0))
+    return Drift(extent, np.clip(random.standard_normal(int(random.integers(1, 4))), -2.0, 2.0))
+
+
+def wobble(random: np.random.Generator, samples: int) -> Array:
+    """A slow course with a root mean square of about 1, periods of 40 to 200 samples."""
+    time, total = np.arange(samples), np.zeros(samples)
+    for _ in range(3):
+        period, phase = random.uniform(40.0, 200.0), random.uniform(0.0, 2.0 * np.pi)
+        total += np.sqrt(2.0 / 3.0) * np.sin(2.0 * np.pi * time / period + phase)
+    return total

@@ -1,0 +1,115 @@
+"""What makes cases of the proof harder: form errors, noise with a memory, drifts, few states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rulec.prove.truth.sensors import DOSING_SIGNALS, INSIDE, Sensing, read
+from rulec.prove.truth.settled.difficulty import FORM
+from rulec.prove.truth.settled.plan import Planned
+from rulec.prove.truth.settled.scene import Scene
+from rulec.prove.truth.settled.suite import HARD, planned
+from rulec.prove.truth.smooth import coloured, drift, form_error
+from rulec.prove.truth.streams import stream
+
+
+def made(*difficulties: str, effects: tuple[str, ...] = (), profile: str = "few-states") -> Scene:
+    """A small plant with difficulties."""
+    name = f"test {difficulties}"
+    group = "form" if effects else "form-clean"
+    plan = Planned(
+        name, group, "dosing", profile, effects, 500.0, small=True, difficulties=difficulties
+    )
+    return plan.make().scene
+
+
+def test_a_form_error_has_the_size_that_was_asked_for() -> None:
+    """Root mean square over its range; the mean is zero; smooth."""
+    for seed in range(10):
+        form = form_error(stream(seed, "form"), 0.01, ((2.0, 5.0), (0.0, 3e5)))
+        speed, pressure = np.meshgrid(np.linspace(2, 5, 80), np.linspace(0, 3e5, 80))
+        values = form(speed, pressure)
+        assert values.std() == pytest.approx(0.01, rel=0.05)
+        assert abs(values.mean()) < 0.001
+        assert np.abs(np.diff(values, axis=1)).max() < 0.02
+
+
+def test_laws_are_off_by_their_form_errors() -> None:
+    """What a line loses differs from its formula by as much as the answer says, at each flow."""
+    scene = made("form")
+    assert all(FORM[0] <= form.rms <= FORM[1] for form in scene.hard.form.values())
+    for mixer in scene.rig.mixers:
+        flow = np.sum([scene.plain[f"{m}.Q"] for m in scene.rig.pumps], axis=0)
+        law = scene.values[f"{mixer}.k0"] + scene.values[f"{mixer}.k2"] * flow**2
+        off = scene.plain[f"{mixer}.dp"] / law - 1.0
+        assert off == pytest.approx(scene.hard.form[f"{mixer}.loss"](flow), abs=1e-9)
+        assert 0.0 < np.abs(off).max() < 4 * FORM[1]
+
+
+def test_every_law_has_a_form_error() -> None:
+    """Flow or head, power and line of each pump, and each mixer."""
+    scene = made("form")
+    assert len(scene.hard.form) == 3 * len(scene.rig.pumps) + len(scene.rig.mixers)
+
+
+def test_noise_has_the_memory_that_was_asked_for() -> None:
+    """Autocorrelation and variance."""
+    for coefficient in (0.5, 0.9):
+        noise = coloured(stream(1, "noise").standard_normal(40000), coefficient)
+        assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(coefficient, abs=0.02)
+        assert noise.std() == pytest.approx(1.0, abs=0.05)
+
+
+def test_readings_have_the_memory_that_the_answer_states() -> None:
+    """Readings of the recording less what is true."""
+    scene = made("coloured", profile="long-constant")
+    for place, coefficient in scene.hard.colour.items():
+        value = np.full(20000, float(scene.plain[place][0]))
+        error = scene.read(place, value, Sensing(systematic=False))
+        found = np.corrcoef(error[1:], error[:-1])[0, 1]
+        assert found == pytest.approx(coefficient, abs=0.03)
+
+
+def test_drift_stays_within_the_class() -> None:
+    """From first to last sample, smooth, and it does drift."""
+    sensor, value = DOSING_SIGNALS["dp"], np.full(600, 3e5)
+    quiet = Sensing(statistical=0.0, law=INSIDE.law)
+    for seed in range(50):
+        course = drift(stream(seed, "drift"))
+        error = read(sensor, "A.dp", value, quiet, seed, drift=course) - sensor.shown(value)
+        assert np.abs(error).max() <= sensor.bound * (1 + 1e-9)
+        assert np.abs(np.diff(error)).max() < 0.05 * sensor.bound
+        assert np.ptp(error) > 0.0
+
+
+def test_a_plant_with_few_states_keeps_to_them() -> None:
+    """Three to six, most samples at rest."""
+    scene = made("form")
+    module = next(iter(scene.rig.pumps))
+    speed = scene.given[f"{module}.n"][scene.first :]
+    rest = speed[1:][np.abs(np.diff(speed)) < 1e-6 * speed[1:]]
+    assert 3 <= np.unique(np.round(rest, 3)).size <= 6
+    assert rest.size > 0.6 * speed.size
+
+
+def test_a_setting_wobbles_by_what_the_answer_states() -> None:
+    """Over the range, between two like runs."""
+    calm, moved = made(profile="steps"), made("wobble", profile="steps")
+    assert not calm.hard.told
+    assert set(moved.hard.told["wobble"]) == set(moved.rig.inputs)
+
+
+def test_difficulties_stand_in_the_answer_and_are_no_effects() -> None:
+    """A clean case with all of them is clean; of cases without them the answer is as it was."""
+    for case in planned(1, {"all-clean": 1, "clean": 1}, small=True):
+        answer = case.make().answer
+        assert answer.verdict == "none"
+        assert (case.group == "all-clean") == ("difficulties" in answer.to_json())
+
+
+def test_the_suite_draws_all_groups_with_difficulties() -> None:
+    """Clean ones plant nothing."""
+    for case in planned(2, dict.fromkeys(HARD, 2)):
+        assert case.difficulties
+        assert bool(case.effects) != case.group.endswith("-clean")
