@@ -120,9 +120,9 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
     known = register()
     if options.final:
         final = known["final"]
-        return Partition("final", final["seed"], only=options.only), final["opened"]
+        return Partition("final", final["seed"], False, options.only, options.hard), final["opened"]
     seed = known["development"]["seed"] if options.seed is None else options.seed
-    return Partition("development", seed, options.quick, options.only), 0
+    return Partition("development", seed, options.quick, options.only, options.hard), 0
 
 
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:

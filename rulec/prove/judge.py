@@ -59,6 +59,7 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
         baselines=baselines.ratios if baselines else {},
         seconds=float(form.get("seconds", NAN)),
         error=str(form.get("error", "")),
+        difficulties=tuple(answer.difficulties),
     )
     return judged, bool(baselines and baselines.ran_away)
 

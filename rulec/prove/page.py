@@ -12,7 +12,7 @@ from rulec.prove.attainable import at_best_words
 from rulec.prove.mistakes import confusion
 from rulec.prove.pictures import draw_curve, draw_ratio
 from rulec.prove.results import Judged, Run
-from rulec.prove.scores import Row, by, by_concealment, plain, table
+from rulec.prove.scores import Row, by, by_concealment, by_difficulty, plain, table
 
 STYLE = """<style>
 .word { white-space: nowrap; }
@@ -43,6 +43,7 @@ def page(run: Run) -> str:
     parts = [
         ("The worst cases", tables.worst_table(judged)),
         ("By concealment", tables.groups(by_concealment(judged), "concealed by")),
+        ("By difficulty", tables.groups(by_difficulty(judged), "made harder by")),
         ("By plant", tables.groups(by(judged, "plant"), "plant")),
         ("By half", tables.groups(by(judged, "half"), "half")),
         ("By partition", tables.groups(by(run.judged, "partition"), "partition")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -52,12 +52,15 @@ SHORT = 256
 
 @dataclass(frozen=True)
 class Partition:
-    """Cases by seed; `name` is `development` or `final`; `only` those whose name holds a word."""
+    """Cases by seed; `name` is `development` or `final`; `only` those whose name holds a word;
+    `hard` cases with difficulties instead of the others."""
 
     name: str
     seed: int
     quick: bool = False
     only: str = ""
+    # Not in the digest of the other runs; names of cases tell these apart.
+    hard: bool = field(default=False, repr=False)
 
     @property
     def digest(self) -> str:
@@ -72,6 +75,10 @@ class Partition:
         return [found[i] for i in order if self.only in found[i].name]
 
     def _in_order(self) -> Iterator[Planned]:
+        if self.hard:
+            counts = stationary.HARD_QUICK if self.quick else stationary.HARD
+            yield from stationary.planned(self.seed, counts, self.quick)
+            return
         full = not self.quick
         settled = stationary.FULL if full else stationary.QUICK
         yield from stationary.planned(self.seed, settled, self.quick)

@@ -46,6 +46,7 @@ class Judged:
     baselines : held-out errors of the baselines over that of recalibration, by name
     error : why the tool gave no answer; empty if it gave one
     digest : hash of the sealed answer
+    difficulties : what makes the case harder, as the sealed answer names it
     """
 
     case: str
@@ -74,6 +75,7 @@ class Judged:
     baselines: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     error: str = ""
+    difficulties: tuple[str, ...] = ()
 
     @property
     def clean(self) -> bool:

@@ -25,7 +25,7 @@ from rulec.prove.limits import (
     TAILS,
 )
 from rulec.prove.results import Judged
-from rulec.prove.truth.sealed import CONCEALMENTS
+from rulec.prove.truth.sealed import CONCEALMENTS, DIFFICULTIES
 
 HALVES = ("stationary", "dynamic")
 
@@ -103,6 +103,7 @@ SHARES: tuple[tuple[str, str, Goal], ...] = (
 """Scores that are shares of cases: title, attribute, goal."""
 
 INSIDE = Goal(*GOAL_INSIDE, "–".join(f"{100 * end:.0f}" for end in GOAL_INSIDE) + " %")
+COVERAGE = "truth inside the 95 % interval"
 RATIO = Goal(0.0, GOAL_RATIO, f"{GOAL_RATIO:g}")
 COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 
@@ -110,8 +111,8 @@ COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 def table(judged: Sequence[Judged]) -> list[Row]:
     """All scores in the order of their goals; a case that failed counts as it was judged."""
     rows = [_share(title, goal, seen(judged, name)) for title, name, goal in SHARES]
-    hits, count = (sum(j.inside[i] for j in judged) for i in (0, 1))
-    rows.append(_of_hits("truth inside the 95 % interval", INSIDE, count, hits))
+    hits, count = _insides(judged)
+    rows.append(_of_hits(COVERAGE, INSIDE, count, hits))
     ratios, courses = seen(judged, "ratio"), seen(judged, "course")
     title = "held-out error over the true model's"
     rows.append(_number(f"{title}, median", RATIO, ratios, np.median))
@@ -208,6 +209,16 @@ def by_concealment(judged: Sequence[Judged]) -> list[Group]:
     return [group(title, cases) for title, cases in groups if cases]
 
 
+def by_difficulty(judged: Sequence[Judged]) -> list[Group]:
+    """A case with two difficulties stands in both groups; nothing where no case has any."""
+    groups = [
+        (w, [j for j in judged if name in j.difficulties]) for name, w in DIFFICULTIES.items()
+    ]
+    found = [group(title, cases) for title, cases in groups if cases]
+    plain_ones = [j for j in judged if not j.difficulties]
+    return [*found, group("none", plain_ones)] if found and plain_ones else found
+
+
 def by(judged: Sequence[Judged], name: str) -> list[Group]:
     """By an attribute such as `plant` or `partition`."""
     titles = sorted({str(getattr(j, name)) for j in judged})
@@ -217,7 +228,13 @@ def by(judged: Sequence[Judged], name: str) -> list[Group]:
 def group(title: str, judged: Sequence[Judged]) -> Group:
     """The shares of some cases."""
     rows = (_share(t, goal, seen(judged, name)) for t, name, goal in SHARES)
-    return Group(title, len(judged), tuple(rows))
+    hits, count = _insides(judged)
+    return Group(title, len(judged), (*rows, _of_hits(COVERAGE, INSIDE, count, hits)))
+
+
+def _insides(judged: Sequence[Judged]) -> tuple[int, int]:
+    """Intervals that hold the truth, and all."""
+    return sum(j.inside[0] for j in judged), sum(j.inside[1] for j in judged)
 
 
 def _share(title: str, goal: Goal, values: Sequence[float]) -> Row:

@@ -103,7 +103,7 @@ def groups(found: Sequence[Group], title: str) -> str:
     """Shares by group, each with the number of cases it is of."""
     if not found:
         return ""
-    names = ("place", "name", "clean", "unnamed", "told")
+    names = ("place", "name", "clean", "unnamed", "told", "inside")
     body = "".join(
         f"<tr><td>{safe(g.title)}</td>{_number(str(g.count))}{''.join(map(_part, g.shares))}</tr>"
         for g in found

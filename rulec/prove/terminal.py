@@ -13,7 +13,7 @@ from rulec.prove.attainable import at_best_words
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
-from rulec.prove.scores import Row, plain, table
+from rulec.prove.scores import Group, Row, by_difficulty, plain, table
 from rulec.prove.tables import PLAIN, interval_of, of_count, planted_words, said_words, value_of
 
 MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
@@ -28,6 +28,10 @@ def show(out: Console, run: Run) -> None:
     for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
         if words:
             out.print(styled("[dim]{}[/]", words))
+    parts = by_difficulty(run.shown)
+    if parts:
+        out.print(styled("\n[bold]By difficulty[/]"))
+        out.print(_parts(parts))
     found = worst(run.shown)
     if not found:
         return
@@ -48,6 +52,16 @@ def text(run: Run, width: int = 100) -> str:
     show(out, run)
     assert isinstance(out.file, io.StringIO)
     return out.file.getvalue()
+
+
+def _parts(parts: list[Group]) -> Table:
+    """The shares of each part."""
+    shown = Table("made harder by", box=None, pad_edge=False, collapse_padding=True)
+    for title in ("cases", "place", "name", "clean", "unnamed", "told", "inside"):
+        shown.add_column(title, justify="right")
+    for part in parts:
+        shown.add_row(part.title, str(part.count), *(of_count(row) for row in part.shares))
+    return shown
 
 
 def _goals(rows: list[Row], plainly: list[Row]) -> Table:
