@@ -48,7 +48,7 @@ def _ended_by(number: signal.Signals) -> Iterator[None]:
 
 def words_of(options: argparse.Namespace) -> list[str]:
     """The options as words again."""
-    words = [f"--{name}" for name in ("quick", "final", "real") if getattr(options, name)]
+    words = [f"--{name}" for name in ("quick", "final", "real", "hard") if getattr(options, name)]
     for name in ("seed", "only", "jobs", "keep", "json", "report"):
         value = getattr(options, name)
         if value not in (None, ""):

@@ -14,7 +14,7 @@ from rulec.prove.limits import CLAIMED, LOOKED_AT
 from rulec.prove.mistakes import confusion, worst
 from rulec.prove.page import headline, page
 from rulec.prove.results import Heldout, Judged, Run, run_from_json
-from rulec.prove.scores import by, by_concealment, curve, table, wilson
+from rulec.prove.scores import by, by_concealment, by_difficulty, curve, table, wilson
 from rulec.prove.terminal import text
 from tests.prove.made import judged, planted, run
 from tests.runtime.reports import tree
@@ -237,3 +237,18 @@ def test_the_terminal_shows_table_and_worst() -> None:
     assert re.search(r"clean called clean +99 % +100 .*(met|missed)", shown)
     assert "The worst cases" in shown
     assert "wrong and certain" in shown
+
+
+def test_scores_stand_by_difficulty_with_coverage() -> None:
+    """A case with two difficulties counts in both parts; runs without any have no parts."""
+    plain_one = Judged(
+        case="a", half="stationary", plant="p", profile="steps", partition="development",
+        verdict_true="none", verdict="none", concealed=("clean",), planted=(), places=(), said=(),
+        gain=0.0, margin=0.0, digest="", clean_right=1.0, inside=(1, 2),
+    )  # fmt: skip
+    hard = replace(plain_one, difficulties=("form", "drift"), clean_right=0.0, inside=(3, 4))
+    assert not by_difficulty([plain_one])
+    form, drift, rest = by_difficulty([plain_one, hard])
+    assert (form.count, drift.count, rest.title) == (1, 1, "none")
+    assert [row.share for row in (form.shares[2], form.shares[-1])] == [0.0, 0.75]
+    assert rest.shares[-1].share == 0.5
