@@ -40,27 +40,8 @@ def visits(random: np.random.Generator, samples: int) -> Array:
     return _held(random, samples, 12, 18)
 
 
-PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
-    "steps": steps,
-    "ramps": ramps,
-    "start-stop": steps,
-    "long-constant": long_constant,
-}
-
-
 FEW = 3, 6
 """Operating states of a plant that has few."""
-
-
-def shares(
-    random: np.random.Generator, modules: Sequence[str], profile: str, samples: int, before: int
-) -> dict[str, Array]:
-    """Course of each module's setting, 0 to 1, shape (before+samples,)."""
-    if profile == "few-states":
-        runs = few_states(random, modules, samples)
-        return {m: np.concatenate([visits(random, before), runs[m]]) for m in modules}
-    make = PROFILES[profile]
-    return {m: np.concatenate([visits(random, before), make(random, samples)]) for m in modules}
 
 
 def few_states(
@@ -73,6 +54,31 @@ def few_states(
     cuts = np.linspace(0.0, samples, order.size + 1)[:-1]
     held = np.searchsorted(cuts, np.arange(samples), side="right") - 1
     return {m: np.asarray(random.uniform(size=count)[order[held]]) for m in modules}
+
+
+def one_of_few(random: np.random.Generator, samples: int) -> Array:
+    """The course of one setting alone between a few states."""
+    return few_states(random, ["alone"], samples)["alone"]
+
+
+PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
+    "steps": steps,
+    "ramps": ramps,
+    "start-stop": steps,
+    "long-constant": long_constant,
+    "few-states": one_of_few,
+}
+
+
+def shares(
+    random: np.random.Generator, modules: Sequence[str], profile: str, samples: int, before: int
+) -> dict[str, Array]:
+    """Course of each module's setting, 0 to 1, shape (before+samples,)."""
+    if profile == "few-states":
+        runs = few_states(random, modules, samples)
+        return {m: np.concatenate([visits(random, before), runs[m]]) for m in modules}
+    make = PROFILES[profile]
+    return {m: np.concatenate([visits(random, before), make(random, samples)]) for m in modules}
 
 
 def stops(random: np.random.Generator, samples: int) -> Array:

@@ -114,6 +114,7 @@ def scene(
     """
     random = stream(seed, "course")
     share = drive.shares(random, list(rig.pumps), profile, samples, before)
+    make = drive.PROFILES[profile]
     hard = difficulty(rig, difficulties, seed, LOAD)
     samples += before
     seconds = np.arange(samples, dtype=np.float64)
