@@ -11,6 +11,8 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.fit import evaluated, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from tests.rig.experiment import limits
 from tests.rig.experiment.sizes import Size, size_of
@@ -24,6 +26,16 @@ def number_of_terms(rows: Rows) -> int:
     drivers: int = len(inputs) + (1 if system.data.timed else 0)
     places: int = len(system.builder.spots)
     return places * max(drivers, 1)
+
+
+def _smooth_in_time(time: Array) -> Array:
+    """Independent smooth courses whose sum has unit variance, shape (n, courses)."""
+    phase = (time - time[0]) / max(float(np.ptp(time)), 1e-300)
+    alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / limits.FORM_LENGTH) ** 2)
+    size, ways = np.linalg.eigh(alike)
+    kept = size > limits.FORM_RANK * size.max()
+    courses: Array = ways[:, kept] * np.sqrt(size[kept])
+    return courses
 
 
 @dataclass(frozen=True)
@@ -40,25 +52,29 @@ class Term:
 
 @dataclass(frozen=True)
 class Random:
-    """Columns whose sizes are found: errors of form, and terms without a name."""
+    """Random columns: errors of form and terms without a name, whose sizes are found, and errors
+    of sensors that move within their class, whose size is known."""
 
     forms: Array
+    moving: Array
     terms: tuple[Term, ...]
 
     @property
     def count(self) -> int:
         """Number of columns."""
-        return self.forms.shape[1] + sum(t.columns.shape[1] for t in self.terms)
+        return (
+            self.forms.shape[1] + self.moving.shape[1] + sum(t.columns.shape[1] for t in self.terms)
+        )
 
     def ratio(self, form: float, sizes: Sequence[float]) -> Array:
         """Standard deviation of each column's number, shape (columns,)."""
-        parts = [np.full(self.forms.shape[1], form)]
+        parts = [np.full(self.forms.shape[1], form), np.ones(self.moving.shape[1])]
         parts += [np.full(t.columns.shape[1], s) for t, s in zip(self.terms, sizes, strict=True)]
         return np.concatenate(parts)
 
     def loads(self, form: float, sizes: Sequence[float]) -> Array:
         """Columns in units of those, shape (rows, columns)."""
-        whole = np.concatenate([self.forms, *(t.columns for t in self.terms)], axis=1)
+        whole = np.concatenate([self.forms, self.moving, *(t.columns for t in self.terms)], axis=1)
         loaded: Array = whole * self.ratio(form, sizes)
         return loaded
 
@@ -74,6 +90,7 @@ class Geometry:
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
         self.forms = self._forms(likeness(system))
+        self.moving = self._moving()
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
         self.rank = np.bincount(self.group).astype(float)
         constants = gammaln((limits.STUDENT + self.rank) / 2) - self.rank / 2 * np.log(
@@ -105,6 +122,24 @@ class Geometry:
         kept = size * limits.FORM_SHARES[-1] > limits.FORM_NOT_SEEN
         forms: Array = left[:, kept] * size[kept]
         return forms
+
+    def _moving(self) -> Array:
+        """Rows of errors of sensors that move slowly within their class, shape (rows, errors)."""
+        system, setting = self.rows.system, Configuration()
+        known = prior_of(system, setting)
+        none = np.zeros((int(self.seen.sum()), 0))
+        if not system.data.timed or not len(known.names):
+            return none
+        plain = evaluated(self.rows, setting, known, known.mean, system.data.open)
+        course = _smooth_in_time(system.data.time)[self.point]
+        errors = [i for i, name in enumerate(known.names) if name.startswith(ERROR)]
+        tables = [plain.jacobian[self.seen][:, [i]] * course for i in errors]
+        if not tables:
+            return none
+        whole = limits.SHARE_OF_CLASS * np.concatenate(tables, axis=1)
+        left, size, _ = np.linalg.svd(whole, full_matrices=False)
+        moving: Array = left[:, size > limits.FORM_NOT_SEEN] * size[size > limits.FORM_NOT_SEEN]
+        return moving
 
     def _distance(self, residual: Array, scale: float) -> Array:
         distance: Array = np.bincount(self.group, residual**2) / scale**2

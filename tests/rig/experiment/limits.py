@@ -41,6 +41,13 @@ Origin: assumed."""
 FORM_KNOWN = 3.0
 """Factor to which that is known before. Origin: assumed."""
 
+FORM_RANK = 1e-3
+"""Share of the largest variance below which a smooth course is left out. Origin: numerical."""
+
+SHARE_OF_CLASS = 0.5
+"""How far the error of a sensor moves within its class while a recording runs, as share of its
+standard uncertainty. Origin: assumed."""
+
 FORM_NOT_SEEN = 0.3
 """Standard deviations of the noise below which an error of form is not carried along. Origin:
 numerical."""

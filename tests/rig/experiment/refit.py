@@ -80,7 +80,7 @@ def refitted(
     prior, n = known.prior, len(known.prior.names)
     values = [setting.values.get(a, m) for a, m in zip(prior.names, prior.mean, strict=True)]
     at = np.clip(np.array(values), prior.lowest, prior.highest)
-    random = Random(geometry.forms, terms)
+    random = Random(geometry.forms, geometry.moving, terms)
     forms = np.zeros(random.count)
     if near is not None:
         kept = min(len(forms), len(near.forms))
