@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,9 +50,29 @@ class Term:
 
 
 @dataclass(frozen=True)
+class Sizes:
+    """How large random columns are: errors of form as share of an output's usual size, errors of
+    sensors as share of their class, terms without a name in units of the noise of a point."""
+
+    form: float
+    moving: float
+    terms: tuple[float, ...]
+
+    @property
+    def odds(self) -> float:
+        """Log density of errors of form and of sensors, before the recording."""
+        form = np.log(max(self.form, limits.FORM_SHARES[1]) / limits.USUAL_FORM)
+        moving = np.log(self.moving / limits.USUAL_MOVING)
+        known = (form / np.log(limits.FORM_KNOWN)) ** 2 + (
+            moving / np.log(limits.MOVING_KNOWN)
+        ) ** 2
+        return -0.5 * float(known)
+
+
+@dataclass(frozen=True)
 class Random:
-    """Random columns: errors of form and terms without a name, whose sizes are found, and errors
-    of sensors that move within their class, whose size is known."""
+    """Random columns, whose sizes are found: errors of form, errors of sensors that move within
+    their class, and terms without a name."""
 
     forms: Array
     moving: Array
@@ -66,17 +85,18 @@ class Random:
             self.forms.shape[1] + self.moving.shape[1] + sum(t.columns.shape[1] for t in self.terms)
         )
 
-    def ratio(self, form: float, sizes: Sequence[float]) -> Array:
+    def ratio(self, sizes: Sizes) -> Array:
         """Standard deviation of each column's number, shape (columns,)."""
-        parts = [np.full(self.forms.shape[1], form), np.ones(self.moving.shape[1])]
-        parts += [np.full(t.columns.shape[1], s) for t, s in zip(self.terms, sizes, strict=True)]
+        parts = [np.full(self.forms.shape[1], sizes.form)]
+        parts += [np.full(self.moving.shape[1], sizes.moving)]
+        own = zip(self.terms, sizes.terms, strict=True)
+        parts += [np.full(t.columns.shape[1], size) for t, size in own]
         return np.concatenate(parts)
 
-    def loads(self, form: float, sizes: Sequence[float]) -> Array:
-        """Columns in units of those, shape (rows, columns)."""
-        whole = np.concatenate([self.forms, self.moving, *(t.columns for t in self.terms)], axis=1)
-        loaded: Array = whole * self.ratio(form, sizes)
-        return loaded
+    @property
+    def columns(self) -> Array:
+        """All columns, each of unit size, shape (rows, columns)."""
+        return np.concatenate([self.forms, self.moving, *(t.columns for t in self.terms)], axis=1)
 
 
 class Geometry:
@@ -136,9 +156,9 @@ class Geometry:
         tables = [plain.jacobian[self.seen][:, [i]] * course for i in errors]
         if not tables:
             return none
-        whole = limits.SHARE_OF_CLASS * np.concatenate(tables, axis=1)
-        left, size, _ = np.linalg.svd(whole, full_matrices=False)
-        moving: Array = left[:, size > limits.FORM_NOT_SEEN] * size[size > limits.FORM_NOT_SEEN]
+        left, size, _ = np.linalg.svd(np.concatenate(tables, axis=1), full_matrices=False)
+        kept = size * limits.MOVING_SHARES[-1] > limits.FORM_NOT_SEEN
+        moving: Array = left[:, kept] * size[kept]
         return moving
 
     def _distance(self, residual: Array, scale: float) -> Array:

@@ -44,9 +44,15 @@ FORM_KNOWN = 3.0
 FORM_RANK = 1e-3
 """Share of the largest variance below which a smooth course is left out. Origin: numerical."""
 
-SHARE_OF_CLASS = 0.5
-"""How far the error of a sensor moves within its class while a recording runs, as share of its
-standard uncertainty. Origin: assumed."""
+MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
+"""How far errors of sensors move within their class while a recording runs, as share of their
+standard uncertainty, that are tried. Origin: numerical."""
+
+USUAL_MOVING = 0.2
+"""The usual one of these: most of a sensor's class is an error that stays. Origin: assumed."""
+
+MOVING_KNOWN = 3.0
+"""Factor to which that is known before. Origin: assumed."""
 
 FORM_NOT_SEEN = 0.3
 """Standard deviations of the noise below which an error of form is not carried along. Origin:
@@ -83,6 +89,10 @@ LET_GO_ODDS = -2.0
 
 ONSETS = 23
 """Times at which a fault may begin that are tried at first. Origin: numerical."""
+
+WIDER = 3.0
+"""Factor by which an amplitude may be larger beside others than alone, when what it would gain is
+told to first order. Origin: numerical."""
 
 PAIRED_COLUMNS = 500
 """Columns of which all pairs are scanned: those that gain most alone. Origin: numerical."""
@@ -122,6 +132,10 @@ nothing. Origin: numerical."""
 LIKELIER = 0.5
 """Probability from which on a member of the best set is told. Origin: source (Barbieri and Berger
 2004, median probability model)."""
+
+WORTH_A_CUT = 20.0
+"""Gain of a fault that comes and goes from which on means are cut at its ends, nats. Origin:
+numerical."""
 
 MOST_MEANS = 150
 """Means of states, about, that stand for a recording: as many pieces of evidence as its operating

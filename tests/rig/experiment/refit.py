@@ -10,7 +10,7 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -22,7 +22,7 @@ from rulec.mismatch.evidence.steady.fit import Prior as Known
 from rulec.mismatch.evidence.steady.rows import Rows
 from tests.rig.experiment import limits
 from tests.rig.experiment.effect_forms import forms_of_effects
-from tests.rig.experiment.geometry import Geometry, Random, Term
+from tests.rig.experiment.geometry import Geometry, Random, Sizes, Term
 from tests.rig.experiment.prior import Prior
 
 
@@ -40,7 +40,7 @@ class Model:
     at: Array
     forms: Array
     terms: tuple[Term, ...]
-    form: float
+    sizes: Sizes
     scale: float
     evidence: float
     table: Array
@@ -56,11 +56,10 @@ class Model:
 
 @dataclass(frozen=True)
 class _Chosen:
-    """Error of form, sizes of terms, noise, and the linear solution with them."""
+    """Sizes of random columns, noise, and the linear solution with them."""
 
     score: float
-    form: float
-    sizes: tuple[float, ...]
+    sizes: Sizes
     scale: float
     solution: Array
     weights: Array
@@ -85,17 +84,17 @@ def refitted(
     if near is not None:
         kept = min(len(forms), len(near.forms))
         forms[:kept] = near.forms[:kept]
-    form, scale = (0.004, 1.0) if near is None else (near.form, near.scale)
-    sizes = tuple(1.0 for _ in terms)
+    begun = (0.004, limits.USUAL_MOVING) if near is None else (near.sizes.form, near.sizes.moving)
+    sizes = Sizes(*begun, tuple(1.0 for _ in terms))
+    scale = 1.0 if near is None else near.scale
     now = _evaluated(rows, setting, prior, at)
     damping, cost = 1e-3, np.inf
     for step in range(steps):
         if step in (0, 4):
-            begin = at, forms, form, sizes
+            begin = at, forms, sizes
             found = _choose(geometry, known, random, now, begin, np.zeros((int(seen.sum()), 0)))
-            form, scale, forms = found.form, found.scale, found.solution[n:]
-            sizes = found.sizes
-            loads = random.loads(form, sizes)
+            sizes, scale, forms = found.sizes, found.scale, found.solution[n:]
+            loads = random.columns * random.ratio(sizes)
             cost = _cost(geometry, known, now, at, forms, loads, scale)
         residual = now.residual[seen] + loads @ forms
         table = np.concatenate([now.jacobian[seen], loads], axis=1)
@@ -128,7 +127,7 @@ def refitted(
             damping = max(damping, 1e-6) * 8.0
         if gain < 1e-2:
             break
-    return _weighed(geometry, known, random, now, (at, forms, form, sizes))
+    return _weighed(geometry, known, random, now, (at, forms, sizes))
 
 
 def _evaluated(rows: Rows, setting: Configuration, prior: Known, at: Array) -> Fitted:
@@ -149,35 +148,32 @@ def _cost(
     return -likelihood - known.density(at)[0] + 0.5 * float(forms @ forms)
 
 
-Begin = tuple[Array, Array, float, tuple[float, ...]]
-"""Values, random numbers, error of form and sizes of terms to begin with."""
+Begin = tuple[Array, Array, Sizes]
+"""Values, random numbers and their sizes to begin with."""
 
 
 def _choose(
     geometry: Geometry, known: Prior, random: Random, now: Fitted, begin: Begin, more: Array
 ) -> _Chosen:
-    """Error of form, sizes of terms and noise under which the recording is most probable.
+    """Sizes of random columns and noise under which the recording is most probable.
 
     `more` are columns of errors of the effects' own forms.
     """
-    at, forms, form, sizes = begin
+    at, forms, sizes = begin
     n = len(at)
     jacobian = now.jacobian[geometry.seen]
     off = at - known.prior.mean
     left = now.residual[geometry.seen] - jacobian @ off
-    table = np.concatenate([jacobian, random.loads(1.0, [1.0] * len(sizes)), more], axis=1)
+    table = np.concatenate([jacobian, random.columns, more], axis=1)
     precision = _joint(known.density(at)[1], random.count, more.shape[1])
-    begun = random.ratio(form, sizes) * forms
-    start = np.concatenate([off, begun, np.zeros(more.shape[1])])
+    start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
     best: _Chosen | None = None
 
-    def tried(
-        form: float, sizes: tuple[float, ...], scale: float, known_: tuple[Array, ...]
-    ) -> None:
+    def tried(sizes: Sizes, scale: float, known_: tuple[Array, ...]) -> None:
         nonlocal best
         normal, moment, weights = known_
         ratio = np.ones(len(precision))
-        ratio[n : n + random.count] = random.ratio(form, sizes)
+        ratio[n : n + random.count] = random.ratio(sizes)
         whole = normal * np.outer(ratio, ratio) + precision
         size = np.sqrt(np.diag(whole))
         factor = cho_factor(whole / np.outer(size, size) + 1e-13 * np.eye(len(size)))
@@ -185,11 +181,9 @@ def _choose(
         residual = left + table @ (ratio * solution)
         score = geometry.likelihood(residual, scale) - 0.5 * float(solution @ precision @ solution)
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
-        off = np.log(max(form, limits.FORM_SHARES[1]) / limits.USUAL_FORM)
-        score -= 0.5 * (off / np.log(limits.FORM_KNOWN)) ** 2
-        score -= 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
+        score += sizes.odds - 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
         if best is None or score > best.score:
-            best = _Chosen(score, form, sizes, scale, solution, weights, table * ratio)
+            best = _Chosen(score, sizes, scale, solution, weights, table * ratio)
 
     def products(weights: Array) -> tuple[Array, ...]:
         return table.T @ (table * weights[:, None]), table.T @ (weights * left), weights
@@ -197,17 +191,23 @@ def _choose(
     for scale in limits.NOISE_SCALES:
         parts = products(geometry.weights(left + table @ start, scale))
         for share in limits.FORM_SHARES:
-            tried(share, sizes, scale, parts)
+            tried(replace(sizes, form=share), scale, parts)
     assert best is not None
-    for i in range(len(sizes)):
+    for share in limits.FORM_SHARES:
+        parts = products(best.weights)
+        for moving in limits.MOVING_SHARES if random.moving.shape[1] else ():
+            tried(replace(best.sizes, form=share, moving=moving), best.scale, parts)
+    for i in range(len(sizes.terms)):
         parts = products(best.weights)
         for size in limits.TERM_SIZES:
             for share in limits.FORM_SHARES:
-                tried(share, (*best.sizes[:i], size, *best.sizes[i + 1 :]), best.scale, parts)
+                own = best.sizes.terms
+                terms = (*own[:i], size, *own[i + 1 :])
+                tried(replace(best.sizes, form=share, terms=terms), best.scale, parts)
     for _ in range(3):
         before = best
         parts = products(geometry.weights(left + best.table @ best.solution, best.scale))
-        tried(best.form, best.sizes, best.scale, parts)
+        tried(best.sizes, best.scale, parts)
         if best is before:
             break
     return best
@@ -241,7 +241,7 @@ def _weighed(geometry: Geometry, known: Prior, random: Random, now: Fitted, begi
         at=at,
         forms=begin[1],
         terms=random.terms,
-        form=found.form,
+        sizes=found.sizes,
         scale=found.scale,
         evidence=evidence,
         table=found.table,

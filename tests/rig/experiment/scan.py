@@ -223,10 +223,11 @@ def _scanned(
     paired: int = limits.PAIRED_COLUMNS,
 ) -> list[Found]:
     weights, table = model.weights, model.table
-    size = np.array([geometry.size(c.candidate, c.amplitude).scale for c in every])
     if not every:
         return []
-    rows = np.stack([c.rows for c in every], axis=1) * size
+    usual = [geometry.size(c.candidate, c.amplitude) for c in every]
+    scale = np.array([u.scale for u in usual])
+    rows = np.stack([c.rows for c in every], axis=1) * scale
     normal = table.T @ (table * weights[:, None]) + model.precision
     unit = np.sqrt(np.diag(normal))
     factor = np.linalg.cholesky(normal / np.outer(unit, unit) + 1e-12 * np.eye(len(unit)))
@@ -234,7 +235,12 @@ def _scanned(
     known = np.linalg.solve(factor, (table / unit).T @ (model.left * weights))
     gram = rows.T @ (rows * weights[:, None]) - imitated.T @ imitated
     moment = rows.T @ (model.left * weights) - imitated.T @ known
-    odds = _odds(every)
+    # A Student distribution is a normal one whose width is not known: where the recording asks for
+    # more than what is usual, a wider one costs what the tail says.
+    wide = limits.WIDER * np.abs(moment) / np.maximum(np.diag(gram), 1e-12)
+    wide = np.maximum(wide, 1.0)
+    odds = _odds(every) - np.array([u.freedom for u in usual]) * np.log(wide)
+    gram, moment, size = gram * np.outer(wide, wide), moment * wide, scale * wide
     null = np.array([c.amplitude.null or 0.0 for c in every])
     low = (np.array([c.amplitude.lowest for c in every]) - null) / size
     high = (np.array([c.amplitude.highest for c in every]) - null) / size

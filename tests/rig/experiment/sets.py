@@ -104,11 +104,29 @@ def _coming(search: Search, model: Model) -> list[Found]:
 
 def begun(every: Rows) -> Search:
     """A search that has refitted the plain model to means of operating states."""
-    states = rows_of_states(every.system)
-    search = Search(Geometry(states if len(states) else every), every)
-    search.keep(frozenset(), search.refit(Configuration(), None))
+    search = _plain(every, np.zeros(0))
+    cuts = _ends(_coming(search, search.models[frozenset()]))
+    search = _plain(every, cuts) if len(cuts) else search
     search.alike.update(alike_faults(columns(search.geometry, search.models[frozenset()], {})))
     return search
+
+
+def _plain(every: Rows, cuts: np.ndarray) -> Search:
+    states = rows_of_states(every.system, cuts)
+    search = Search(Geometry(states if len(states) else every), every)
+    search.keep(frozenset(), search.refit(Configuration(), None))
+    return search
+
+
+def _ends(found: Sequence[Found]) -> np.ndarray:
+    """When the fault that gains most comes and goes, s: a mean over one of its ends blurs it."""
+    worth = [f for f in found if f.gain > limits.WORTH_A_CUT]
+    best = max(worth, key=lambda f: f.gain, default=None)
+    courses = [column.course for column, _ in best.starts] if best else []
+    spans = [span for course in courses if course for span in course.periods]
+    return np.unique(
+        [end for span in spans for end in (span.since, np.nextafter(span.until, np.inf))]
+    )
 
 
 def with_laws(every: Rows, laws: Sequence[Collection[str]]) -> Posterior:
@@ -162,9 +180,12 @@ def _grow(search: Search, names: Names) -> None:
     geometry, model = search.geometry, search.models[names]
     every = columns(geometry, model, search.alike)
     found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
-    for one in [*found, *_coming(search, model)]:
+    for one in found:
         if names | one.names not in search.odds:
             _join(search, names, one)
+    # A fault that began, too, may be one that comes and goes: the likelier one is kept.
+    for one in _coming(search, model):
+        _join(search, names, one)
     _join_terms(search, names, terms(geometry, model))
 
 

@@ -70,16 +70,18 @@ def _inputs(system: System) -> list[tuple[Array, float]]:
     return found
 
 
-def rows_of_states(system: System) -> Rows:
-    """Rows whose points are means per operating state and block of time."""
-    rows = rows_of(replace(system, data=averaged(system)), Configuration())
+def rows_of_states(system: System, cuts: Array | None = None) -> Rows:
+    """Rows whose points are means per operating state and block of time; none reaches over a cut,
+    s, at which something began or ended."""
+    data = averaged(system, np.zeros(0) if cuts is None else cuts)
+    rows = rows_of(replace(system, data=data), Configuration())
     return rows_of(replace(rows.system, data=with_wobble(rows)), Configuration())
 
 
-def averaged(system: System) -> Data:
+def averaged(system: System, cuts: Array) -> Data:
     """The data with one point for each state and block."""
     data = system.data
-    group = _groups(system)
+    group = _groups(system, cuts)
     count = np.bincount(group).astype(float)
     first = np.full(len(count), len(data))
     np.minimum.at(first, group, np.arange(len(data)))
@@ -140,13 +142,14 @@ def _between(state: NDArray[np.intp], open_: np.ndarray, errors: Array) -> float
     return (NORMAL_SPREAD * float(np.median(every))) ** 2 / 2.0
 
 
-def _groups(system: System) -> NDArray[np.intp]:
+def _groups(system: System, cuts: Array) -> NDArray[np.intp]:
     """Number of the group of each point, shape (n,): of one state and block, and as usable."""
     data = system.data
     moving = [np.asarray(flags, dtype=int) for flags in data.moving.values()]
     bad = [np.asarray(flags) != 0 for flags in data.points.bad.values()]
     state = states_of(system)
-    key = np.stack([state, _stretch(data, state), *moving, *bad], axis=1).astype(int)
+    piece = np.searchsorted(cuts, data.time, side="right")
+    key = np.stack([state, _stretch(data, state), piece, *moving, *bad], axis=1).astype(int)
     group: NDArray[np.intp] = np.unique(key, axis=0, return_inverse=True)[1].ravel()
     return group
 

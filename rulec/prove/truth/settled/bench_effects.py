@@ -6,7 +6,6 @@ import numpy as np
 
 from ..units import BAR, LITRE_PER_HOUR, Array
 from .effect import Effect, Made, middle, quantile
-from .pump_effects import DAY
 from .scene import Scene
 from .term import State, Term
 
@@ -77,7 +76,7 @@ def worn_rings(scene: Scene, module: str, size: float, random: np.random.Generat
     def law(s: State) -> Array:
         return np.asarray(flow * np.sqrt(np.maximum(s.pressure, 0.0) / usual))
 
-    return Made((Term("slip", module, law),), {"w": size / length * DAY})
+    return Made((Term("slip", module, law),), {"w": size / scene.days})
 
 
 def narrowed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -85,7 +84,7 @@ def narrowed(scene: Scene, module: str, size: float, random: np.random.Generator
     length = float(scene.time[-1])
     faster = 1.0 + size * scene.time / length
     gain = 1.0 - 1.0 / faster
-    return Made((Term("gain", module, lambda s: gain),), {"w": size / length * DAY})
+    return Made((Term("gain", module, lambda s: gain),), {"w": size / scene.days})
 
 
 METERED = ("metered",)
@@ -99,7 +98,7 @@ EFFECTS = (
     Effect("part-load-power", "power rises at part load", "physics", 5e-3, 2.0, part_load_power,
            kinds=METERED, corner=True),
     Effect("worn-rings", "wear rings widen", "physics", 1.0, 400.0, worn_rings, kinds=METERED,
-           timed=True),
+           timed=True, slow=True),
     Effect("narrowed", "passages of the impeller foul", "physics", 1e-3, 0.5, narrowed,
-           kinds=METERED, timed=True),
+           kinds=METERED, timed=True, slow=True),
 )  # fmt: skip

@@ -39,6 +39,7 @@ class Effect:
     driver : signal that drives it and may be missing in a recording
     corner : does it act in a part of the operating range only?
     timed : does it follow the time since the recording began?
+    slow : does it take days to weeks? Then samples are minutes to an hour apart
     """
 
     name: str
@@ -52,6 +53,7 @@ class Effect:
     driver: str = ""
     corner: bool = False
     timed: bool = False
+    slow: bool = False
 
 
 DISPLACEMENT = ("cavity", "membrane", "oil-set")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..units import BAR, LITRE_PER_HOUR, Array
 from .effect import DOSING, Effect, Made, warmer
-from .pump_effects import DAY, MINUTE
+from .pump_effects import MINUTE
 from .scene import Scene
 from .term import State, Term
 
@@ -51,14 +51,14 @@ def fouling(scene: Scene, module: str, size: float, random: np.random.Generator)
     """Friction grows with time; size over the recording."""
     length = float(scene.time[-1])
     course = size * scene.time / length
-    return Made((Term("friction", module, lambda s: course),), {"w": size / length * DAY})
+    return Made((Term("friction", module, lambda s: course),), {"w": size / scene.days})
 
 
 def worn(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """A throttle wears and lets more through, at the end by the share `size` of the flow."""
     length = float(scene.time[-1])
     course = (1.0 + size * scene.time / length) ** -2 - 1.0
-    return Made((Term("friction", module, lambda s: course),), {"w": size / length * DAY})
+    return Made((Term("friction", module, lambda s: course),), {"w": size / scene.days})
 
 
 def transition(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -91,7 +91,7 @@ def settling(scene: Scene, module: str, size: float, random: np.random.Generator
     """The line passes more at the start, until deposits have settled; size as share of flow."""
     constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
     course = (1.0 + size * np.exp(-scene.time / constant)) ** -2 - 1.0
-    parameters = {"a": size, "tau": constant / MINUTE}
+    parameters = {"a": size, "tau": constant * scene.pace / MINUTE}
     return Made((Term("friction", module, lambda s: course),), parameters)
 
 
@@ -114,9 +114,9 @@ def _effects() -> Iterator[Effect]:
     yield Effect("line-warm", "friction falls when warm", "physics", 1e-5, 0.02, line_warm,
                  kinds=DOSING, driver="T")  # fmt: skip
     yield Effect("fouling", "friction grows with time", "physics", 2e-4, 0.8, fouling, kinds=DOSING,
-                 timed=True)  # fmt: skip
+                 timed=True, slow=True)  # fmt: skip
     yield Effect("worn", "throttle wears", "physics", 2e-4, 0.5, worn, kinds=DOSING,
-                 timed=True)  # fmt: skip
+                 timed=True, slow=True)  # fmt: skip
     yield Effect("hose", "hose widens", "physics", 1e-4, 0.3, hose, kinds=DOSING)
     for name, title, low, high, make in (
         ("mixer-laminar", "laminar part of the mixer", 0.2, 3000, laminar),
@@ -126,8 +126,9 @@ def _effects() -> Iterator[Effect]:
     ):
         timed, corner = make is fouling, make is transition
         yield Effect(
-            name, title, "physics", low, high, make, at="mixer", timed=timed, corner=corner
-        )
+            name, title, "physics", low, high, make, at="mixer",
+            timed=timed, slow=timed, corner=corner,
+        )  # fmt: skip
 
 
 EFFECTS = tuple(_effects())

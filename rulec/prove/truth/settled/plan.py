@@ -35,6 +35,9 @@ ATTEMPTS = 40
 SAMPLES = 420, 900
 SMALL = 260, 360
 
+PACES = 60.0, 3600.0
+"""Seconds from sample to sample where what is planted takes days."""
+
 BEFORE = 300
 """Samples of an earlier run on which a plant is calibrated."""
 
@@ -100,7 +103,7 @@ class SettledCase:
         columns = scene_.recorded(scene_.truly(self.terms), self.terms)
         gone = self.answer.unrecorded
         shown = {h: v[first:] for h, v in columns.items() if not gone or f".{gone} [" not in h}
-        shown["time [s]"] = shown["time [s]"] - first
+        shown["time [s]"] = shown["time [s]"] - scene_.clock[first]
         write_csv(folder / "recording.csv", shown)
         if first:
             terms = self.terms if "calibrated" in self.plan.conceal else ()
@@ -123,7 +126,8 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
     before = BEFORE if _is_calibrated(plan, rig, random) else 0
     correlated = "correlated" in plan.conceal
-    drawn = scene(rig, seed, samples, plan.profile, correlated, before, plan.difficulties)
+    pace = _pace(plan, seed)
+    drawn = scene(rig, seed, samples, plan.profile, correlated, before, plan.difficulties, pace)
     seen = sight(drawn)
     found = []
     for one in placed:
@@ -138,6 +142,14 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
         return None
     answer = answer_of(plan.name, plan.group, plan.conceal, seen, found, seed)
     return SettledCase(plan, seen.scene, terms, answer)
+
+
+def _pace(plan: Planned, seed: int) -> float:
+    """Seconds from sample to sample: what fouls, wears or creeps is not seen within minutes."""
+    if not any(EFFECTS[name].slow for name in plan.effects):
+        return 1.0
+    low, high = (math.log(pace) for pace in PACES)
+    return round(math.exp(stream(seed, "pace").uniform(low, high)))
 
 
 def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool:

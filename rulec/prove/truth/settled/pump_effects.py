@@ -102,14 +102,16 @@ def warm_up_slip(scene: Scene, module: str, size: float, random: np.random.Gener
     constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
     sign = float(random.choice([-1.0, 1.0]))
     course = sign * size * np.exp(-scene.time / constant)
-    return _one("slip", module, lambda s: s.slip * course, a=sign * size, tau=constant / MINUTE)
+    return _one(
+        "slip", module, lambda s: s.slip * course, a=sign * size, tau=constant * scene.pace / MINUTE
+    )
 
 
 def wear(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Gaps wear; size is the growth over the recording."""
     length = float(scene.time[-1])
     course = size * scene.time / length
-    return _one("slip", module, lambda s: s.slip * course, w=size / length * DAY)
+    return _one("slip", module, lambda s: s.slip * course, w=size / scene.days)
 
 
 def head_warm(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -122,7 +124,7 @@ def head_wear(scene: Scene, module: str, size: float, random: np.random.Generato
     """Head lost with time; size over the recording."""
     length = float(scene.time[-1])
     course = size * scene.time / length
-    return _one("head", module, lambda s: s.pressure * course, w=size / length * DAY)
+    return _one("head", module, lambda s: s.pressure * course, w=size / scene.days)
 
 
 def head_speed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -166,7 +168,9 @@ def warm_up_power(scene: Scene, module: str, size: float, random: np.random.Gene
     """Cold bearings and seals take more until they are warm."""
     constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
     course = size * np.exp(-scene.time / constant)
-    return _one("power", module, lambda s: s.power * course, a=size, tau=constant / MINUTE)
+    return _one(
+        "power", module, lambda s: s.power * course, a=size, tau=constant * scene.pace / MINUTE
+    )
 
 
 STROKES = ("cavity", "membrane")
@@ -194,11 +198,11 @@ EFFECTS = (
     Effect("warm-up-slip", "slip until warm", "physics", 5e-3, 0.9, warm_up_slip,
            kinds=DISPLACEMENT, timed=True),
     Effect("wear", "slip grows with time", "physics", 5e-3, 3.0, wear, kinds=DISPLACEMENT,
-           timed=True),
+           timed=True, slow=True),
     Effect("head-warm", "head rises with temperature", "physics", 1e-5, 0.02, head_warm,
            kinds=("centrifugal",), driver="T"),
     Effect("head-wear", "head lost with time", "physics", 2e-4, 0.3, head_wear,
-           kinds=("centrifugal",), timed=True),
+           kinds=("centrifugal",), timed=True, slow=True),
     Effect("head-speed", "head not by the square of speed", "physics", 1e-3, 0.8, head_speed,
            kinds=("centrifugal",)),
     Effect("copper", "copper loss", "physics", 1e-3, 0.6, copper, kinds=DISPLACEMENT),

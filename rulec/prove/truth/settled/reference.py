@@ -41,7 +41,8 @@ def reference(
 
 
 def _clock(scene: Scene) -> Array:
-    return np.arange(scene.time.size - scene.first, dtype=np.float64)
+    clock: Array = scene.clock[scene.first :] - scene.clock[scene.first]
+    return clock
 
 
 def _noise(scene: Scene, place: str, value: Array) -> Array:

@@ -22,6 +22,8 @@ from .term import Change, shown_by
 SENSING = Sensing(law="truncated")
 """Errors of sensors stay inside the bounds of their class."""
 
+DAY = 86400.0
+
 FLOW = 1000.0 * LITRE_PER_HOUR
 """Largest flow of a metered pump, in proportion to its speed."""
 
@@ -41,13 +43,14 @@ class Scene:
     values : true parameters, SI
     first : sample with which the recording begins; those before it are of an earlier run, on which
         the plant is calibrated
-    time : s since the recording began, shape (n,), never negative; one sample per second
+    time : samples since the recording began, shape (n,), never negative
     given : true inputs, SI, by signal
     temperature, level : of each pump module, K and m
     suction : gauge pressure before each metered pump, Pa
     running : bool; where the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
     hard : what makes it harder than its plain laws; its form errors are in `plain`
+    pace : s from sample to sample
     """
 
     rig: Rig
@@ -63,6 +66,17 @@ class Scene:
     running: np.ndarray
     plain: Mapping[str, Array]
     hard: Difficulty = NONE
+    pace: float = 1.0
+
+    @property
+    def days(self) -> float:
+        """Length of the recording."""
+        return float(self.time[-1]) * self.pace / DAY
+
+    @property
+    def clock(self) -> Array:
+        """Time of the samples, those before the recording too, s."""
+        return np.arange(self.time.size, dtype=np.float64) * self.pace
 
     def truly(self, terms: Sequence[Change] = (), values: Values | None = None) -> dict[str, Array]:
         """True values of all signals with some terms, SI.
@@ -85,7 +99,7 @@ class Scene:
         self, truth: Mapping[str, Array], terms: Sequence[Change] = ()
     ) -> dict[str, Array]:
         """Columns of the recording by header, in the units of the sensors."""
-        columns = {"time [s]": np.arange(self.time.size, dtype=np.float64)}
+        columns = {"time [s]": self.clock}
         for place, value in self.shown(truth, terms).items():
             sensor = self.rig.sensors[place]
             if not place.endswith((".T", ".l")):
@@ -107,6 +121,7 @@ def scene(
     correlated: bool = False,
     before: int = 0,
     difficulties: Sequence[str] = (),
+    pace: float = 1.0,
 ) -> Scene:
     """Draw true parameters and how a plant is run, `before` samples longer than its recording.
 
@@ -163,6 +178,7 @@ def scene(
         running,
         plain,
         hard,
+        pace,
     )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..units import BAR, Array
 from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, warmer
-from .pump_effects import DAY
 from .scene import Scene
 from .term import Kind, Reading, Term
 
@@ -24,7 +23,7 @@ def _follows(
         course = warmer(scene, module) if by == "T" else scene.time / length
         amount = sign * size * course
         reading = Reading(f"{module}.{signal}", lambda value: shown(value, amount))
-        factor = 1.0 if by == "T" else DAY / length
+        factor = 1.0 if by == "T" else 1.0 / scene.days
         return Made((reading,), {name: sign * size * factor / unit})
 
     return make
@@ -88,9 +87,9 @@ def _effects() -> Iterator[Effect]:
     yield Effect("dp-gain-warm", "gain of the pressure follows temperature", "sensor", 2e-5, 5e-3,
                  _follows("dp", _scaled, "T", 1.0, "r"), kinds=DOSING, driver="T")  # fmt: skip
     yield Effect("dp-zero-creep", "zero of the pressure creeps", "sensor", 300.0, 8e4,
-                 _follows("dp", _added, "t", BAR, "z"), kinds=DOSING, timed=True)  # fmt: skip
+                 _follows("dp", _added, "t", BAR, "z"), kinds=DOSING, timed=True, slow=True)  # fmt: skip
     yield Effect("power-gain-creep", "gain of the power creeps", "sensor", 2e-3, 0.4,
-                 _follows("P_el", _scaled, "t", 1.0, "r"), timed=True)  # fmt: skip
+                 _follows("P_el", _scaled, "t", 1.0, "r"), timed=True, slow=True)  # fmt: skip
     yield Effect("leak", "bypass opens", "fault", 1e-3, 0.5, _fault("leak", 1.0), timed=True)
     yield Effect("clogged", "line clogs", "fault", 2e-3, 1.0, _fault("friction", 1.0), kinds=DOSING,
                  timed=True)  # fmt: skip
