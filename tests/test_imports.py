@@ -46,6 +46,7 @@ ROOMS = (
     "rulec.mismatch.evidence.steady",
     "rulec.mismatch.evidence.stores",
     "rulec.mismatch.search",
+    "rulec.mismatch.search.settled",
     "rulec.mismatch.search.stores",
     "rulec.mismatch.inference",
     "rulec.mismatch.answer",

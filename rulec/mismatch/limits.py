@@ -137,10 +137,6 @@ SHEET_HOLDS = 4.0
 more do in one of 3000 modules of five values. Origin: distribution (normal, two-sided, 6e-5 per
 value)."""
 
-LOOSE = 2.0
-"""Standard uncertainties by which a value may move in a refit to half of the blocks. Origin:
-assumed."""
-
 MISFIT_FAR = 5.0
 """Robust standard deviations beyond which a point is set aside, as in calibration. Origin:
 assumed."""
@@ -308,10 +304,6 @@ COMMON = 6.0
 """What a claim about several modules must gain more than one about a single module. Origin:
 assumed."""
 
-HEALED = 3.0
-"""How much less expected a fault is with each time that it ends by itself, in log odds. Origin:
-assumed."""
-
 FLICKERING = 2.0
 """How much less expected a sensor is that errs in some periods only, in log odds. Origin:
 assumed."""
@@ -334,32 +326,11 @@ NEEDED_OVER_TIME = 3.0
 """Gain in log likelihood that an explanation of a plant that stores needs beyond the logarithm
 of those tried. Origin: assumed."""
 
-WORTH = 0.005
-"""Gain per settled point that is worth naming: a term of about a tenth of the scatter. Origin:
-assumed."""
-
-SAYS_THE_SAME = 0.1
-"""Log likelihood by which the predictions of two models differ at most that say the same: less
-than a tenth of what is worth a remark between two explanations (1, in nats). Origin: source
-(Jeffreys 1961, a tenth of it)."""
-
-
 # Blocks that were not fitted to, and rivals.
 
 SURE = 3.0
 """Standard deviations, robust over blocks, by which a gain differs from none. Origin:
 distribution (normal, two-sided, 0.3 %)."""
-
-SOMETHING = 1.5
-"""Standard uncertainties by which a strength differs from its null at least. Origin: assumed."""
-
-SAME_CHANGE = 0.5
-"""Cosine of the changes that two explanations make, from which on they explain the same. Origin:
-assumed."""
-
-SHUFFLES = 20
-"""Shuffled courses that a driver must beat. Origin: distribution (all beaten by chance in 1 of
-21)."""
 
 SEED = 20_240_117
 """Rivals are drawn from one fixed seed, so that the same recording gives the same answer.
@@ -369,58 +340,20 @@ STEADY = 0.9
 """Share of the gain of a term that its mean explains as well where its course has no part in it.
 Origin: assumed."""
 
-LOUD = 3.0
-"""A term is at least this many times what it makes of the noise of readings. Origin: assumed."""
-
-DRIVEN = 0.7
-"""Times the gain of a fault that comes and goes more than once: if a curve over one reading does
-nearly as well, it comes and goes with that reading, and is no fault of its own. Origin: assumed."""
-
-COARSE = 0.5
-"""Part of that gain which such a curve must gain on blocks that it was not fitted to. Origin:
-assumed."""
-
 EVEN = 1.5
 """Odds up to which two are told apart by blocks that they were not fitted to. Origin: assumed."""
 
-CLOSE = 0.01
-"""Odds from which on another explanation is asked again after periods were cut anew. Origin:
-assumed."""
-
-UNNAMED_PART = 0.15
-"""What has no name is reported if it gains more than this share of what was explained with a
-name. Origin: assumed."""
-
-
 # How much of the search at settled points is tried.
-
-MOST_TERMS = 7
-"""Explanations of one recording. Origin: assumed."""
 
 MANY = 3
 """Explanations from which on it is asked whether two that are chosen together say the same.
 Origin: assumed."""
 
-FINALISTS = 8
-"""Trials of each round that are refitted in full. Origin: assumed."""
-
-CONTESTED = 6
-"""Refitted trials of each round that are judged on blocks they were not fitted to. Origin:
-assumed."""
-
 OTHERS = 4
 """Other explanations of each that are tried in an exchange. Origin: assumed."""
 
-PAIRED = 12
-"""Single trials to which a second is looked for, under a calibration that holds. Origin:
-assumed."""
-
 SECONDS = 2
 """Seconds that are tried beside each single explanation. Origin: assumed."""
-
-BEGUN = 4
-"""Single explanations, under a calibration that holds, to which a second is looked for. Origin:
-assumed."""
 
 PAIR_GAINS_MORE = 1.5
 """Times what its parts gain alone, linearised, that a pair gains which hides itself. Origin:
@@ -437,9 +370,6 @@ NO_PAIR = 0.9
 
 COMING = 4
 """Faults that come and go that are refitted in a round. Origin: assumed."""
-
-FEW_CHANGES = 2
-"""Periods of a fault that begins, at most. Origin: assumed."""
 
 LONGEST_COURSE = 1500
 """Means that a course is reduced to before it is cut: the effort grows with their square.
@@ -487,24 +417,6 @@ LEVELS_LEAVE = 0.05
 SHORTEST = 3
 """Means that a period has at least. Origin: assumed."""
 
-COINCIDES = 0.7
-"""Share of what a perfect reading would tell of when a fault is there: from it on the fault
-follows the operating point. Origin: assumed."""
-
-COINCIDING_ENDS = 3
-"""Beginnings and ends of periods from which on this is no accident. Origin: assumed."""
-
-SHIFTS = 19
-"""Shifts in time of the same course, none of which may coincide as well. Origin: distribution
-(by chance in 1 of 20)."""
-
-MOVED = 0.03
-"""Share of its range by which a reading has changed its way at least. Origin: assumed."""
-
-CLEARLY = 5.0
-"""Times its noise by which a reading has changed its way at least. Origin: assumed."""
-
-
 # What has no name.
 
 LATENT_PLACES = 3
@@ -520,9 +432,6 @@ KNOT_ODD = 3.0
 """Robust standard deviations at which single points of a course are cut: one odd point is no
 course. Origin: assumed."""
 
-CURVE_PLACES = 2
-"""Most suspect places at which curves over one reading are drawn. Origin: assumed."""
-
 BANDS = (8, 6, 4)
 """Pieces of a curve over one reading at settled points: as many as its readings tell apart.
 Origin: assumed."""
@@ -533,15 +442,6 @@ BAND_WIDTH = 4.0
 FEATURE_VARIES = 5.0
 """Times its noise by which a reading must vary to stand in a term without physics. Origin:
 assumed."""
-
-MOST_FEATURES = 3
-"""Products of readings in a term without physics. Origin: assumed."""
-
-MOST_READINGS = 5
-"""Readings of which products are made. Origin: assumed."""
-
-FEATURE_GAINS = 1.1
-"""Times the gain without it that one more product must gain. Origin: assumed."""
 
 FOLLOWED = 12
 """Readings and states that a term without physics of a plant that stores may follow. Origin:
@@ -689,7 +589,7 @@ MOST_PREDICTED = 4
 
 # Verdicts.
 
-CERTAIN = 0.6
+CERTAIN = 0.9
 """Probability below which the best name is one of several. Origin: assumed."""
 
 MENTIONED = 0.1
@@ -735,3 +635,141 @@ assumed."""
 
 NO_VALUE = 1e6
 """Error, in units of its noise, of an estimate that a law cannot give. Origin: numerical."""
+
+ALIKE_SHARE = 0.03
+"""Inputs of one operating state agree within this share of their range. Origin: assumed."""
+
+ALIKE_NOISE = 4.0
+"""Or within this many times their noise. Origin: assumed."""
+
+HELD = 1.5
+"""Scatter of an input while a state lasts, in units of its noise, below which it is held. Origin:
+numerical."""
+
+FEWEST_VISITS = 6
+"""Differences between visits to states from which the noise of means is told. Origin: assumed."""
+
+FORM_LENGTH = 0.3
+"""Distance of inputs, as share of their range, over which errors of form are alike. Origin:
+assumed."""
+
+STUDENT = 4.0
+"""Degrees of freedom of errors of points and of stated calibrations. Origin: source (Lange, Little,
+Taylor 1989, as is usual)."""
+
+FORM_SHARES = (1e-5, 0.001, 0.002, 0.004, 0.008, 0.015, 0.03, 0.06)
+"""Errors of form that are tried, as share of an output's usual size. Origin: numerical."""
+
+USUAL_FORM = 0.01
+"""Usual error of form of a law, as that share: formulas of pumps and lines hold to about 1 %.
+Origin: assumed."""
+
+FORM_KNOWN = 3.0
+"""Factor to which that is known before. Origin: assumed."""
+
+FORM_RANK = 1e-3
+"""Share of the largest variance below which a smooth course is left out. Origin: numerical."""
+
+MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
+"""How far errors of sensors move within their class while a recording runs, as share of their
+standard uncertainty, that are tried. Origin: numerical."""
+
+USUAL_MOVING = 0.2
+"""The usual one of these: most of a sensor's class is an error that stays. Origin: assumed."""
+
+MOVING_KNOWN = 3.0
+"""Factor to which that is known before. Origin: assumed."""
+
+FORM_NOT_SEEN = 0.3
+"""Standard deviations of the noise below which an error of form is not carried along. Origin:
+numerical."""
+
+NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
+"""Sizes of the noise that are tried, in units of what was expected. Origin: numerical."""
+
+NOISE_KNOWN = 1.5
+"""Factor to which the size of the noise is known before. Origin: assumed."""
+
+EFFECT_FORM = 0.03
+"""Usual error of form of an effect's own law, as share of what it changes. Origin: assumed."""
+
+TERM_SIZES = (1.0, 3.0, 10.0, 30.0, 95.0, 300.0, 950.0, 3000.0)
+"""Sizes of terms without a name that are tried, in units of the noise of a point. Origin:
+numerical."""
+
+TERM_FUNCTIONS = 12
+"""Smooth functions of a driver that a term without a name may hold. Origin: numerical."""
+
+TERM_LENGTHS = (0.4, 0.1)
+"""Distances, as share of a driver's range, over which a term without a name is alike: all over the
+range, and in a band of it. Origin: assumed."""
+
+BAND_SHARE = 0.3
+"""Share of the variance of such a term that lies in bands. Origin: assumed."""
+
+TERM_ODDS = -1.0
+"""Log odds of a term without a name against a law. Origin: assumed."""
+
+SORT_ODDS = {"physics": 0.0, "ageing": -0.5, "fault": -1.0, "sensor": -2.0}
+"""Log odds of each sort of explanation before the recording. Origin: assumed."""
+
+LET_GO_ODDS = -2.0
+"""Log odds of a calibration that no longer holds. Origin: assumed."""
+
+ONSETS = 23
+"""Times at which a fault may begin that are tried at first. Origin: numerical."""
+
+WIDER = 3.0
+"""Factor by which an amplitude may be larger beside others than alone, when what it would gain is
+told to first order. Origin: numerical."""
+
+PAIRED_COLUMNS = 500
+"""Columns of which all pairs are scanned: those that gain most alone. Origin: numerical."""
+
+FIRST_SETS = 40
+"""Single explanations that are refitted at first: far from a model a slope says little of what a
+large effect would gain. Origin: numerical."""
+
+WORTH_A_REFIT = -2.0
+"""Log odds to first order from which on a set is refitted. Origin: numerical."""
+
+SETS_GROWN = 2
+"""Sets that are grown in a round. Origin: numerical."""
+
+SEARCH_ROUNDS = 8
+"""Rounds in which sets are grown. Origin: numerical."""
+
+LARGEST_SET = 5
+"""Most explanations that are named together. Origin: assumed."""
+
+SETS_REFITTED = 12
+"""Sets that are refitted of each that is grown. Origin: numerical."""
+
+TERMS_REFITTED = 3
+"""Terms without a name that are refitted of each set that is grown. Origin: numerical."""
+
+ONSET_STEPS = (4, 2, 1)
+"""Points by which an onset is moved, in turn, as long as that is likelier. Origin: numerical."""
+
+ONSET_POINTS = 9
+"""Points at which the onset of a fault is looked for in the end. Origin: numerical."""
+
+LEAST_GAIN = 0.01
+"""Gain of what is told although a set without it is as likely, nats: shares need a number above
+nothing. Origin: numerical."""
+
+LIKELIER = 0.5
+"""Probability from which on a member of the best set is told. Origin: source (Barbieri and Berger
+2004, median probability model)."""
+
+WORTH_A_CUT = 20.0
+"""Gain of a fault that comes and goes from which on means are cut at its ends, nats. Origin:
+numerical."""
+
+MOST_MEANS = 150
+"""Means of states, about, that stand for a recording: as many pieces of evidence as its operating
+points are, not as its samples. Origin: assumed."""
+
+SAME_FLOW = 0.3
+"""Share by which a reading may differ from an estimate of the flow of its module and be
+one. Origin: assumed."""

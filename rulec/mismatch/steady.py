@@ -37,7 +37,7 @@ from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
-from rulec.mismatch.search.search import Search, search
+from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
 
 SHOWN = 4
@@ -75,8 +75,8 @@ def explain(
 
 def _explained(recording: Recording, found: Search) -> Explanation:
     """What a search found."""
-    fitted = found.best.fitted
-    system, accepted = fitted.rows.system, tuple(won.accepted for won in found.accepted)
+    fitted, accepted = found.fitted, found.accepted
+    system = fitted.rows.system
     of_rows = system.data.of_rows
     # Places that follow a driver that nobody recorded, the first that was found first.
     latent = tuple(reconstruct(fitted, spot) for spot in fitted.setting.spots)

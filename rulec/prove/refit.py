@@ -23,29 +23,23 @@ from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec.effects.candidate import Candidate
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
-from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.limits import FEW_CHANGES
-from rulec.mismatch.search.compete import CrossValidated, contest, entered
-from rulec.mismatch.search.periods import coming_and_going
-from rulec.mismatch.search.search import search
+from rulec.mismatch.search.settled.sets import explain, with_laws, with_terms
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike
 from rulec.mismatch.search.stores.price import needed as needed_of_stores
 from rulec.mismatch.search.stores.search import search as search_stores
 from rulec.mismatch.search.stores.searcher import Searcher
-from rulec.mismatch.search.weigh import gain_in_sample, needed
 from rulec.prove.analyst import FORM
 from rulec.prove.campaign import OPENED
 from rulec.prove.judge import name_right, place_right, unnamed_right
 from rulec.prove.kept import CASES
 from rulec.prove.limits import CLEAR
-from rulec.prove.nonparametric_term import at_its_place, course_at, in_its_tank
+from rulec.prove.nonparametric_term import course_at, in_its_tank
 from rulec.prove.truth.sealed import Planted
 
 Laws = Sequence[Planted]
@@ -135,43 +129,25 @@ def _right(planted: Planted, candidates: Sequence[Candidate]) -> list[Candidate]
 
 
 def _stationary(case: Opened) -> Refitted:
-    ruleset, builder = case.ruleset, case.builder
+    ruleset, builder, places = case.ruleset, case.builder, case.places_without_entry
     data = prepare(case.recording, ruleset, ())
     assert data is not None
-    found = search(rows_of(System(ruleset, builder, data), Configuration()), _quiet)
-    plain, best = found.plain, found.best.fitted
-    reported = contest(
-        fit(best.rows, best.setting, best.used, variance_inflation=plain.fitted.variance_inflation),
-        None,
-    )
-    nonparametric = at_its_place(plain, case.places_without_entry)
-    orders = (case.laws, case.laws[::-1])
-    models = [plain, *nonparametric[:1], *(_with(plain, order, builder) for order in orders)]
-    true = max(models, key=lambda c: gain_in_sample(c, plain))
+    rows = rows_of(System(ruleset, builder, data), Configuration())
+    found = explain(rows, _quiet)
+    laws = [{c.id for c in _right(one, builder.candidates)} for one in case.laws]
+    ways = [with_laws(rows, order) for order in (laws, laws[::-1])]
+    ways += [with_terms(rows, places)] if places else []
+    plain = found.odds[frozenset()]
+    true = max(ways, key=lambda way: way.odds[way.best])
     return Refitted(
         case=case.answer["case"],
-        true=gain_in_sample(true, plain),
-        reported=gain_in_sample(reported, plain),
-        needed=needed(plain, len(builder.candidates)),
-        laws=tuple(c.id for c in true.fitted.setting.joined),
-        names=tuple(c.id for c in best.setting.joined),
-        course=course_at(case.folder, nonparametric),
+        true=true.odds[true.best] - plain,
+        reported=found.odds[found.best] - plain,
+        needed=0.0,
+        laws=tuple(sorted(true.best)),
+        names=tuple(sorted(found.best)),
+        course=course_at(case.folder, rows, places),
     )
-
-
-def _with(now: CrossValidated, laws: Laws, builder: ModelBuilder) -> CrossValidated:
-    """The model with the true laws, added one after the other."""
-    for one in laws:
-        ways = [
-            entered(now.fitted, trial)
-            for candidate in _right(one, builder.candidates)
-            for trial in (
-                *screen(now.fitted, [candidate])[:1],
-                *coming_and_going(now.fitted, [candidate], FEW_CHANGES),
-            )
-        ]
-        now = max(ways, key=lambda c: gain_in_sample(c, now), default=now)
-    return now
 
 
 def _dynamic(case: Opened) -> Refitted:

@@ -9,23 +9,20 @@ import pytest
 from rulec_runtime.recordings.recording import read_recording
 
 from rulec.effects.model_builder import open_builder
-from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
-from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.search.compete import CrossValidated, contest
-from rulec.mismatch.search.weigh import gain_in_sample, needed
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.search.settled.sets import with_terms
 from rulec.prove.aligned import driver_of, driver_text, likeness
 from rulec.prove.campaign import DRIVER
-from rulec.prove.nonparametric_term import at_its_place, course_at
+from rulec.prove.nonparametric_term import course_at
 from rulec.prove.truth.sealed import Request
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
 
 
-def plain_of(folder: Path) -> CrossValidated:
-    """The plain model of a case that was written."""
+def rows_in(folder: Path) -> Rows:
+    """The settled points of a case that was written."""
     opened = open_builder(folder / "plant")
-    rows = rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
-    return contest(fit(rows, Configuration(), rows.system.data.open), None)
+    return rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
 
 
 def test_the_course_of_a_driver_is_found_at_its_place(tmp_path: Path) -> None:
@@ -35,17 +32,17 @@ def test_the_course_of_a_driver_is_found_at_its_place(tmp_path: Path) -> None:
     made.write(tmp_path)
     driver = made.reference(Request(())).driver
     assert driver is not None
-    plain = plain_of(tmp_path)
+    rows = rows_in(tmp_path)
     (planted,) = made.answer.effects
-    models = at_its_place(plain, planted.places)
-    assert course_at(tmp_path, models) is None
+    assert course_at(tmp_path, rows, planted.places) is None
     (tmp_path / DRIVER).write_text(driver_text(*driver), encoding="utf-8")
-    course = course_at(tmp_path, models)
+    course = course_at(tmp_path, rows, planted.places)
     assert course is not None
     assert course > 0.9
-    assert gain_in_sample(models[0], plain) > needed(plain, 1)
-    assert any(c.sort == HIDDEN for m in models for c in m.fitted.setting.joined)
-    assert [] == at_its_place(plain, ["nowhere.at-all"])
+    found = with_terms(rows, planted.places)
+    assert found.nothing < 0.01
+    assert all("~" in name for name in found.names)
+    assert course_at(tmp_path, rows, ["nowhere.at-all"]) is None
 
 
 @pytest.mark.parametrize(("sign", "noise", "least"), [(1.0, 0.0, 1.0), (-1.0, 0.1, 0.95)])

@@ -1,1 +1,1 @@
-"""Explanations added one after the other, as long as each beats its rivals."""
+"""What may explain a recording, searched by what each explanation would gain."""

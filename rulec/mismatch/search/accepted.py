@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rulec.effects.candidate import Candidate
-from rulec.mismatch.evidence.steady.screen import InitialCandidate
 from rulec.mismatch.result import Rival
 
 Odds = tuple[tuple[Candidate, float], ...]
@@ -29,23 +28,3 @@ class Accepted:
     def probability(self) -> float:
         """Against all others that would do, and against what has no name, or nothing."""
         return 1.0 / (1.0 + self.unnamed + sum(odds for _, odds in self.others))
-
-
-@dataclass(frozen=True)
-class Won:
-    """An explanation that won its round; `others` are those that came next, best first.
-
-    `odds` are theirs against the winner.
-    """
-
-    trial: InitialCandidate
-    gain: float
-    rivals: tuple[Rival, ...]
-    others: tuple[InitialCandidate, ...]
-    odds: tuple[float, ...]
-
-    @property
-    def accepted(self) -> Accepted:
-        """The same without the values to start from."""
-        others = zip((t.candidate for t in self.others), self.odds, strict=True)
-        return Accepted(self.trial.candidate, self.gain, tuple(others), self.rivals)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -10,54 +10,12 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import HIDDEN, Course, Span
-from rulec.mismatch.evidence.steady.fit import Fitted, student_weights
-from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspects
+from rulec.mismatch.evidence.steady.fit import Fitted
+from rulec.mismatch.evidence.steady.locate import Suspect, spot_column
 from rulec.mismatch.evidence.steady.screen import InitialCandidate
-from rulec.mismatch.search.knots import clipped, knotted, levels_of
+from rulec.mismatch.search.knots import clipped, levels_of
 from rulec.mismatch.search.periods import degree_course
-from rulec.mismatch.search.time_varying import spot_of, wandering
-
-
-def hidden_trials(fitted: Fitted) -> list[InitialCandidate]:
-    """A course that is free in time, where it explains most: of an error, and of a parameter.
-
-    Which of a law's parameters wanders shows before any fit; that none does, and something adds to
-    the law, does not: the more a course curves the law, the less one linear step says of both.
-    """
-    if not fitted.rows.system.data.timed:
-        return []
-    taken = fitted.setting.spots
-    places = _likeliest(fitted, [s for s in suspects(fitted) if s.spot.id not in taken])
-    found = []
-    for place in places[: limits.LATENT_PLACES]:
-        own = [w for w in wandering(fitted, place.spot) if w.spot.id not in taken]
-        found += [free_course(fitted, way) for way in (place, *_likeliest(fitted, own)[:1])]
-    return found
-
-
-def _likeliest(fitted: Fitted, ways: list[Suspect]) -> list[Suspect]:
-    """Where a course explains most first; a law sooner than a reading, as it is priced."""
-    price = {"signal": limits.FLICKERING + limits.RARITY["sensor"]}
-    return sorted(ways, key=lambda way: price.get(way.spot.kind, 0.0) - _told(fitted, way))
-
-
-def _told(fitted: Fitted, suspect: Suspect) -> float:
-    """What a course there explains of all residuals, in log likelihood, its values paid for."""
-    rows = fitted.rows
-    course, weight = degree_course(fitted, suspect.column)
-    known = np.flatnonzero(np.isfinite(course) & fitted.used)
-    if len(known) < limits.KNOT_POINTS * limits.LATENT_KNOTS[0]:
-        return -np.inf
-    sound = student_weights(rows, fitted.residual, fitted.scale) * fitted.used[rows.point]
-    total = float(np.sum(sound * fitted.residual**2))
-    best = -np.inf
-    for count, levels, table in knotted(course[known], weight[known]):
-        off = course[known] - table @ levels
-        explained = float(np.sum(weight[known] * (course[known] ** 2 - off**2)))
-        n = int(np.sum(sound > 0))
-        left = max(total - explained, 1e-12 * total)
-        best = max(best, 0.5 * (n * np.log(total / left) - count * np.log(n)))
-    return float(best)
+from rulec.mismatch.search.time_varying import spot_of
 
 
 def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
@@ -79,24 +37,6 @@ def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     course = Course(spot.unknown, segment, tuple(periods), at - segment)
     return InitialCandidate(
         candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
-    )
-
-
-def with_the_course_of(fitted: Fitted, trial: InitialCandidate) -> InitialCandidate | None:
-    """An error at the place of a fault, with its periods: what it follows is not known."""
-    candidate, course = trial.candidate, trial.course
-    spots = [s for s in fitted.rows.system.builder.spots if s.module == candidate.module]
-    here = [s for s in spots if s.place == candidate.place]
-    here = here or [s for s in spots if set(s.observers) & set(candidate.observers)]
-    if course is None or not here or here[0].id in fitted.setting.spots:
-        return None
-    same = replace(course, unknown=here[0].unknown)
-    return InitialCandidate(
-        candidate=_candidate(here[0]),
-        values=dict.fromkeys(same.names(), 0.0),
-        fixed={},
-        gain=trial.gain,
-        course=same,
     )
 
 

@@ -85,16 +85,6 @@ def in_periods(
     return max(found, key=lambda t: _likely(t, each), default=None)
 
 
-def speaking(fitted: Fitted, candidate: Candidate) -> np.ndarray:
-    """Points that speak of a fault, shape (n,): where a module stands still nothing is lost."""
-    null = {u.id: u.null for u in candidate.unknowns if u.null is not None}
-    columns = columns_of(fitted, candidate, null, {})
-    if columns is None:
-        return np.zeros(len(fitted.used), dtype=bool)
-    spoken: np.ndarray = np.isfinite(degree_course(fitted, columns[:, 0])[0])
-    return spoken
-
-
 def _longest(segments: Segments, on: np.ndarray) -> np.ndarray:
     """The longest period alone: the others may be noise."""
     first, last = max(runs_of(segments, on), key=lambda run: run[1] - run[0])

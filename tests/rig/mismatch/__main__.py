@@ -1,4 +1,4 @@
-"""Print all figures: `python -m tests.rig.mismatch [zema hsy esp clean speed planted stores]`."""
+"""Print all figures: `python -m tests.rig.mismatch [zema hsy esp clean speed stores]`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from tests.conftest import recordings_folder
 from tests.rig.mismatch import clean, esp, hsy, speed, stores, zema
 from tests.rig.mismatch.ask import Answer, Failed, ask, exists
 from tests.rig.mismatch.case import Case
-from tests.rig.mismatch.planted.run import run as planted
 from tests.rig.mismatch.show import show_answers, show_lines
 
 NEEDED = ("mismatch", "simulate", "adopt")
@@ -30,7 +29,6 @@ def main() -> None:
     parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
     parser.add_argument("--seeds", type=int, default=200, help="clean recordings (default 200)")
     parser.add_argument("--workers", type=int, default=2, help="processes (default 2)")
-    parser.add_argument("--quick", action="store_true", help="planted: a few cases of every kind")
     parser.add_argument("--keep", metavar="FOLDER", type=Path, help="leave all files there")
     options = parser.parse_args()
     if strangers := set(options.experiments) - set(EXPERIMENTS):
@@ -96,10 +94,6 @@ def _speed(out: Console, work: Path, options: argparse.Namespace) -> None:
     show_lines(out, "growth", speed.growth_lines(chain([clean_], speed.growth(work))))
 
 
-def _planted(out: Console, work: Path, options: argparse.Namespace) -> None:
-    planted(out, options.workers, options.quick)
-
-
 def _stores(out: Console, work: Path, options: argparse.Namespace) -> None:
     found = list(stores.verdicts(work, {"clean": options.seeds}))
     wrong = [
@@ -118,7 +112,6 @@ EXPERIMENTS: dict[str, Callable[[Console, Path, argparse.Namespace], None]] = {
     "esp": _esp,
     "clean": _clean,
     "speed": _speed,
-    "planted": _planted,
     "stores": _stores,
 }
 

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.search.compete import contest, refit
-from rulec.mismatch.search.latent_input import described, hidden_trials, reconstruct
-from rulec.mismatch.search.winner import best_of
+from rulec.mismatch.search.latent_input import described, reconstruct
+from rulec.mismatch.search.settled.told import search
 from tests.runtime.mismatch.made import (
     USUAL,
     alone,
@@ -88,16 +85,13 @@ def test_spans_are_told_in_fitting_units(seconds: float, expected: str) -> None:
 def test_what_drives_a_slip_shows_in_its_parameter() -> None:
     """The pressure moves; an error that adds to the flow would have to move with it."""
     unrecorded = replace(run(), values={n: v for n, v in run().values.items() if n != "A.T"})
-    rows = rows_at(alone(), unrecorded)
-    plain = fit(rows, Configuration(), rows.system.data.open)
-    best = best_of([refit(plain, trial) for trial in hidden_trials(plain)], contest(plain, None))
-    assert best is not None
-    (wandering,) = best.fitted.setting.joined
+    found = search(rows_at(alone(), unrecorded), lambda text: None)
+    (wandering,) = found.fitted.setting.joined
     assert wandering.id.startswith("parameter:A.C")
     assert wandering.place == "Q_geo"
-    found = reconstruct(best.fitted, wandering.id)
-    warm = np.interp(found.time, run().time, run().values["A.T"])
-    assert abs(np.corrcoef(found.course, warm)[0, 1]) > 0.9
+    hidden = reconstruct(found.fitted, wandering.id)
+    warm = np.interp(hidden.time, run().time, run().values["A.T"])
+    assert abs(np.corrcoef(hidden.course, warm)[0, 1]) > 0.9
 
 
 @pytest.mark.prove

@@ -18,7 +18,7 @@ from rulec.mismatch.evidence.steady.locate import (
 from rulec.mismatch.evidence.steady.predict import predictors_for
 from rulec.mismatch.evidence.steady.system import System
 from tests.runtime.mismatch.made import alone, opened, recorded, rows_at, tour
-from tests.runtime.mismatch.warm import SAMPLES, after, plain
+from tests.runtime.mismatch.warm import SAMPLES, joined, plain, trial
 
 TIME = np.arange(400.0)
 
@@ -43,8 +43,9 @@ def test_the_suspected_place_is_the_wrong_one() -> None:
 
 def test_nothing_is_suspect_once_it_is_repaired() -> None:
     """What is left of the residuals with the effect is noise: its scale is 1."""
-    assert noise_scale(plain().rows, after().fitted.residual) == pytest.approx(1.0, abs=0.1)
-    assert float(after().fitted.scale) < 1.1
+    repaired = joined(plain(), trial())
+    assert noise_scale(plain().rows, repaired.residual) == pytest.approx(1.0, abs=0.1)
+    assert float(repaired.scale) < 1.1
 
 
 def test_a_place_looks_like_itself() -> None:

@@ -12,10 +12,10 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, columns_of
 from rulec.mismatch.limits import ODD, STEP_PENALTY
-from rulec.mismatch.search.compete import refit
 from rulec.mismatch.search.periods import degree_course, in_periods
 from rulec.mismatch.search.segments import apart, cut, few_levels
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
+from tests.runtime.mismatch.warm import joined
 
 N = 400
 
@@ -147,7 +147,7 @@ def test_a_fault_comes_with_its_periods() -> None:
     assert found is not None
     assert found.course is not None
     assert 2 == found.course.levels
-    values = refit(plain(*DEGREES), found)[0].setting.values
+    values = joined(plain(*DEGREES), found).setting.values
     told = [(p.since, p.until, values[f"A.leakage.x#{p.level}"]) for p in found.course.periods]
     assert len(DEGREES) == len(told)
     for (since, until, x), (begin, end, degree) in zip(DEGREES, told, strict=True):

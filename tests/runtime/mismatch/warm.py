@@ -9,7 +9,6 @@ from rulec_runtime.recordings.recording import Recording
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
-from rulec.mismatch.search.compete import CrossValidated, contest, entered
 from tests.runtime.mismatch.made import USUAL, Built, alone, recorded, rows_at, tour, warming
 
 SAMPLES = 240
@@ -31,10 +30,10 @@ def plain(warm: bool = True) -> Fitted:
     return fit(rows, Configuration(), rows.system.data.open)
 
 
-@functools.cache
-def before(warm: bool = True) -> CrossValidated:
-    """The plain model, judged on blocks it was not fitted to."""
-    return contest(plain(warm), None)
+def joined(fitted: Fitted, trial: InitialCandidate) -> Fitted:
+    """A model refitted with a candidate, as a screen found it."""
+    setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
+    return fit(fitted.rows, setting, fitted.used)
 
 
 @functools.cache
@@ -43,9 +42,3 @@ def trial(name: str = SLIP, warm: bool = True) -> InitialCandidate:
     candidate = next(c for c in alone()[1].candidates if c.id == name)
     (found,) = screen(plain(warm), [candidate])
     return found
-
-
-@functools.cache
-def after(name: str = SLIP, warm: bool = True) -> CrossValidated:
-    """The model with the candidate, judged likewise."""
-    return entered(plain(warm), trial(name, warm))

@@ -87,7 +87,8 @@ def _effects() -> Iterator[Effect]:
     yield Effect("dp-gain-warm", "gain of the pressure follows temperature", "sensor", 2e-5, 5e-3,
                  _follows("dp", _scaled, "T", 1.0, "r"), kinds=DOSING, driver="T")  # fmt: skip
     yield Effect("dp-zero-creep", "zero of the pressure creeps", "sensor", 300.0, 8e4,
-                 _follows("dp", _added, "t", BAR, "z"), kinds=DOSING, timed=True, slow=True)  # fmt: skip
+                 _follows("dp", _added, "t", BAR, "z"), kinds=DOSING, timed=True,
+                 slow=True)  # fmt: skip
     yield Effect("power-gain-creep", "gain of the power creeps", "sensor", 2e-3, 0.4,
                  _follows("P_el", _scaled, "t", 1.0, "r"), timed=True, slow=True)  # fmt: skip
     yield Effect("leak", "bypass opens", "fault", 1e-3, 0.5, _fault("leak", 1.0), timed=True)

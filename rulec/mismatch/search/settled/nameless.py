@@ -8,14 +8,14 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import TIME
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.time_varying import wandering
-from tests.rig.experiment import limits
-from tests.rig.experiment.geometry import Geometry, Term
-from tests.rig.experiment.refit import Model
 
 
 def terms(geometry: Geometry, model: Model) -> list[Term]:
@@ -32,20 +32,25 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
             ways += [(w.spot.id, w.column, TIME) for w in wandering(model.fitted, spot)]
         for id_, slopes, name in ways:
             values = system.data.time if name == TIME else system.data.values[name]
-            table = slopes[geometry.seen, None] * _smooth(values)[geometry.point]
+            table = slopes[geometry.seen, None] * _smooth(values, name != TIME)[geometry.point]
             size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
             if size > 0.0 and np.isfinite(table).all():
-                found.append(Term(f"{id_}~{name}", table / size))
+                found.append(Term(f"{id_}~{name}", spot.id, table / size))
     return found
 
 
-def _smooth(values: Array) -> Array:
-    """Independent smooth functions of a driver, of unit prior size, shape (n, functions)."""
+def _smooth(values: Array, in_bands: bool) -> Array:
+    """Independent smooth functions of a driver, of unit prior size, shape (n, functions).
+
+    What happens in a band of a driver may be a resonance; in a band of time it is a fault.
+    """
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
     low, high = np.quantile(known, [0.02, 0.98])
     z = np.clip((known - low) / max(float(high - low), 1e-300), -0.1, 1.1)
     knots = np.linspace(0.0, 1.0, 41)
-    kernel = np.exp(-0.5 * ((knots[:, None] - knots[None, :]) / limits.TERM_LENGTH) ** 2) + 1.0
+    apart = (knots[:, None] - knots[None, :]) ** 2
+    wide, narrow = (np.exp(-0.5 * apart / length**2) for length in limits.TERM_LENGTHS)
+    kernel = 1.0 + wide + limits.BAND_SHARE * narrow * in_bands
     size, ways = np.linalg.eigh(kernel)
     best = np.argsort(-size)[: limits.TERM_FUNCTIONS]
     table = [np.interp(z, knots, ways[:, i] * np.sqrt(size[i])) for i in best]

@@ -8,16 +8,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rulec.effects.candidate import Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration, Span
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_references
+from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System
-from tests.rig.experiment import limits
-from tests.rig.experiment.geometry import Geometry, Term
-from tests.rig.experiment.nameless import nameless, terms
-from tests.rig.experiment.refit import Model, refitted
-from tests.rig.experiment.scan import Found, alike_faults, columns, coming, joined, scan
-from tests.rig.experiment.states import rows_of_states
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.nameless import nameless, terms
+from rulec.mismatch.search.settled.refit import Model, refitted
+from rulec.mismatch.search.settled.scan import (
+    Found,
+    alike_faults,
+    columns,
+    coming,
+    coming_again,
+    joined,
+    scan,
+)
 
 Names = frozenset[str]
 """Ids of candidates, those that begin or come and go marked, and names of terms."""
@@ -150,7 +158,7 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
     search = begun(every)
     spots = {s.id for s in every.system.builder.spots if f"{s.module}.{s.place}" in places}
     every_term = terms(search.geometry, search.models[frozenset()])
-    here = [t for t in every_term if t.name.rpartition("~")[0] in spots]
+    here = [t for t in every_term if t.spot in spots]
     _join_terms(search, frozenset(), here)
     return search.posterior()
 
@@ -159,7 +167,7 @@ def explain(every: Rows, progress: Progress) -> Posterior:
     """The sets of explanations of a recording, with their odds."""
     search = begun(every)
     grown: set[Names] = set()
-    for number in range(1, limits.ROUNDS + 1):
+    for number in range(1, limits.SEARCH_ROUNDS + 1):
         best = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_GROWN]
         todo = [names for names in best if names not in grown]
         if not todo:
@@ -250,8 +258,18 @@ def without(names: Names, candidate: Candidate) -> Names:
 
 
 def _sharpen(search: Search, names: Names) -> None:
-    """Move onsets as long as that is likelier: those that were tried lie far apart."""
+    """Find periods anew beside all else, and move onsets as long as that is likelier: those that
+    were tried lie far apart."""
     time = search.geometry.rows.system.data.time
+    setting = search.models[names].setting
+    for course in setting.courses:
+        again = coming_again(search.every, setting, setting.candidate_of(course), time)
+        if again is not None:
+            ((column, _),) = again.starts
+            bare = setting.leaving(column.candidate.id)
+            model = search.models[names]
+            there = joined(search.geometry.rows.system, bare, again.starts)
+            search.keep(names, search.refit(there, model, model.terms))
     for number, course in enumerate(search.models[names].setting.courses):
         for step in limits.ONSET_STEPS if len(course.periods) == 1 else ():
             for way in (-step, step):

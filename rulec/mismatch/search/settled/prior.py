@@ -8,11 +8,11 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import TIME, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from tests.rig.experiment import limits
-from tests.rig.experiment.geometry import Geometry
+from rulec.mismatch.search.settled.geometry import Geometry
 
 
 class Prior:

@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch.evidence.steady.fit import Fitted
-from tests.rig.experiment.geometry import Geometry
+from rulec.mismatch.search.settled.geometry import Geometry
 
 
 def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Spot
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
-from tests.rig.experiment import limits
 
 
 def curve_at(fitted: Fitted, spot: Spot, name: str) -> Candidate | None:

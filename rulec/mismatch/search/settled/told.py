@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspect_at
@@ -15,14 +16,13 @@ from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.curve import curve_at
 from rulec.mismatch.search.latent_input import free_course
+from rulec.mismatch.search.settled.geometry import Term
+from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.settled.scan import at_times
+from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
 from rulec.mismatch.search.time_varying import wandering
-from tests.rig.experiment import limits
-from tests.rig.experiment.curve import curve_at
-from tests.rig.experiment.geometry import Term
-from tests.rig.experiment.refit import Model
-from tests.rig.experiment.scan import at_times
-from tests.rig.experiment.sets import Names, Posterior, Progress, explain
 
 
 @dataclass(frozen=True)

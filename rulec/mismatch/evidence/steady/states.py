@@ -16,11 +16,11 @@ from rulec_runtime.diagnosis.steady.observe import Points
 from rulec_runtime.limits import NORMAL_SPREAD
 from rulec_runtime.recordings.stationary import Stretches
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
-from tests.rig.experiment import limits
 
 
 def states_of(system: System) -> NDArray[np.intp]:
@@ -80,8 +80,8 @@ def rows_of_states(system: System, cuts: Array | None = None) -> Rows:
 
 def averaged(system: System, cuts: Array) -> Data:
     """The data with one point for each state and block."""
-    data = system.data
     group = _groups(system, cuts)
+    data, held = _with_held_inputs(system)
     count = np.bincount(group).astype(float)
     first = np.full(len(count), len(data))
     np.minimum.at(first, group, np.arange(len(data)))
@@ -93,7 +93,11 @@ def averaged(system: System, cuts: Array) -> Data:
         means: Array = (np.bincount(group, values) / count)[order]
         return means
 
-    noise = {n: (np.sqrt(np.bincount(group, v**2)) / count)[order] for n, v in data.noise.items()}
+    # The error of a held input is the same in all of its points.
+    noise = {
+        n: mean(v) if n in held else (np.sqrt(np.bincount(group, v**2)) / count)[order]
+        for n, v in data.noise.items()
+    }
     values = {name: mean(v) for name, v in data.points.values.items()}
     systematic = {name: mean(v) for name, v in data.points.systematic.items()}
     u = {name: np.hypot(systematic[name], noise.get(name, 0.0)) for name in values}
@@ -111,6 +115,33 @@ def averaged(system: System, cuts: Array) -> Data:
         moving=_at(data.moving, first),
         stretches=stretches,
     )
+
+
+def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
+    """The data with each input that is held while a state lasts at its mean there; which these are.
+
+    Else every sample could have a true input of its own, and laws under which a reading no longer
+    follows an input, as that of a relief valve at its pressure, would explain the input's noise.
+    """
+    data, state = system.data, states_of(system)
+    new = np.diff(state, prepend=-1) != 0
+    new |= np.diff(data.part, prepend=-1) != 0
+    visit = np.cumsum(new) - 1
+    count = np.bincount(visit).astype(float)[visit]
+    values, noises, held = dict(data.points.values), dict(data.noise), set()
+    for signal in system.ruleset.signals:
+        name = signal.id
+        if not signal.is_input or name not in data.noise or not np.isfinite(values[name]).all():
+            continue
+        usual, noise = (
+            (np.bincount(visit, v) / np.bincount(visit))[visit]
+            for v in (values[name], data.noise[name])
+        )
+        left = (values[name] - usual) / np.maximum(noise, 1e-300)
+        if float(np.sqrt(np.mean(left**2))) < limits.HELD:
+            values[name], noises[name] = usual, noise / np.sqrt(count)
+            held.add(name)
+    return replace(data, points=replace(data.points, values=values), noise=noises), frozenset(held)
 
 
 def with_wobble(rows: Rows) -> Data:

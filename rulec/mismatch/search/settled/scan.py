@@ -10,15 +10,21 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
-from rulec.mismatch.evidence.steady.fit import fit, prior_of
+from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.screen import columns_of, has_drivers, references, starts
+from rulec.mismatch.evidence.steady.screen import (
+    InitialCandidate,
+    columns_of,
+    has_drivers,
+    references,
+    starts,
+)
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.search.periods import coming_and_going
-from tests.rig.experiment import limits
-from tests.rig.experiment.geometry import Geometry
-from tests.rig.experiment.refit import Model
+from rulec.mismatch.search.periods import coming_and_going, in_periods
+from rulec.mismatch.search.settled.geometry import Geometry
+from rulec.mismatch.search.settled.refit import Model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,26 +138,41 @@ def shut_out(model: Model, alike: Alike) -> frozenset[str]:
 def coming(every: Rows, model: Model, alike: Alike, times: Array) -> list[Found]:
     """Faults that come and go, found among all points; `times` are those of means, which blur."""
     known = shut_out(model, alike)
-    setting = model.setting
-    courses = tuple(at_times(course, every.system.data.time) for course in setting.courses)
-    fitted = fit(every, replace(setting, courses=courses), every.system.data.open, 0)
     free = [c for c in every.system.candidates if c.id not in known]
-    found = []
-    for trial in coming_and_going(fitted, free):
-        assert trial.course is not None
-        amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
-        course = at_times(trial.course, times)
-        if set(range(course.levels)) <= set(course.segment.tolist()):
-            column = Column(
-                candidate=trial.candidate,
-                amplitude=amplitude,
-                values=dict(trial.values),
-                fixed={},
-                rows=np.zeros(0),
-                course=course,
-            )
-            found.append(Found(trial.gain, ((column, 0.0),)))
-    return found
+    trials = coming_and_going(_among_all_points(every, model.setting), free)
+    found = (_at_means(trial, times) for trial in trials)
+    return [one for one in found if one is not None]
+
+
+def coming_again(
+    every: Rows, setting: Configuration, fault: Candidate, times: Array
+) -> Found | None:
+    """When a fault comes and goes beside all else that is known by now."""
+    trial = in_periods(_among_all_points(every, setting.leaving(fault.id)), fault)
+    return None if trial is None else _at_means(trial, times)
+
+
+def _among_all_points(every: Rows, setting: Configuration) -> Fitted:
+    courses = tuple(at_times(course, every.system.data.time) for course in setting.courses)
+    return fit(every, replace(setting, courses=courses), every.system.data.open, 0)
+
+
+def _at_means(trial: InitialCandidate, times: Array) -> Found | None:
+    """A fault that comes and goes at means; None where these miss one of its degrees."""
+    assert trial.course is not None
+    amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
+    course = at_times(trial.course, times)
+    if not set(range(course.levels)) <= set(course.segment.tolist()):
+        return None
+    column = Column(
+        candidate=trial.candidate,
+        amplitude=amplitude,
+        values=dict(trial.values),
+        fixed={},
+        rows=np.zeros(0),
+        course=course,
+    )
+    return Found(trial.gain, ((column, 0.0),))
 
 
 def at_times(course: Course, time: Array) -> Course:
@@ -283,7 +304,11 @@ def _pairs_of(
     kept = np.argsort(-single)[:paired]
     first, second = (kept[i] for i in np.triu_indices(len(kept), 1))
     apart = np.array(
-        [every[i].candidate.id != every[j].candidate.id for i, j in zip(first, second, strict=True)]
+        [
+            every[i].candidate.id != every[j].candidate.id
+            for i, j in zip(first, second, strict=True)
+        ],
+        dtype=bool,
     )
     first, second = first[apart], second[apart]
     both = gram[first, second]

@@ -16,14 +16,14 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
 
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.fit import Prior as Known
 from rulec.mismatch.evidence.steady.rows import Rows
-from tests.rig.experiment import limits
-from tests.rig.experiment.effect_forms import forms_of_effects
-from tests.rig.experiment.geometry import Geometry, Random, Sizes, Term
-from tests.rig.experiment.prior import Prior
+from rulec.mismatch.search.settled.effect_forms import forms_of_effects
+from rulec.mismatch.search.settled.geometry import Geometry, Random, Sizes, Term
+from rulec.mismatch.search.settled.prior import Prior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ def refitted(
     prior, n = known.prior, len(known.prior.names)
     values = [setting.values.get(a, m) for a, m in zip(prior.names, prior.mean, strict=True)]
     at = np.clip(np.array(values), prior.lowest, prior.highest)
-    random = Random(geometry.forms, geometry.moving, terms)
+    random = Random(geometry.forms, geometry.moving, geometry.held, terms)
     forms = np.zeros(random.count)
     if near is not None:
         kept = min(len(forms), len(near.forms))

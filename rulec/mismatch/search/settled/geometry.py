@@ -10,12 +10,12 @@ from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
 from rulec.effects.candidate import Candidate, Unknown
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
-from rulec.mismatch.evidence.steady.fit import evaluated, prior_of
+from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
-from tests.rig.experiment import limits
-from tests.rig.experiment.sizes import Size, size_of
-from tests.rig.experiment.states import likeness
+from rulec.mismatch.evidence.steady.states import likeness
+from rulec.mismatch.search.settled.sizes import Size, size_of
 
 
 def number_of_terms(rows: Rows) -> int:
@@ -24,7 +24,8 @@ def number_of_terms(rows: Rows) -> int:
     inputs = [s for s in system.ruleset.signals if s.is_input and s.id in system.data.noise]
     drivers: int = len(inputs) + (1 if system.data.timed else 0)
     places: int = len(system.builder.spots)
-    return places * max(drivers, 1)
+    count: int = places * max(drivers, 1)
+    return count
 
 
 def _smooth_in_time(time: Array) -> Array:
@@ -41,11 +42,12 @@ def _smooth_in_time(time: Array) -> Array:
 class Term:
     """A change at a place that follows a driver in a way without a name.
 
-    `columns`, shape (seen rows, functions), are smooth functions of the driver, each as it shows;
-    how large they are is found with the errors of form.
+    `spot` is the id of the place; `columns`, shape (seen rows, functions), are smooth functions of
+    the driver, each as it shows; how large they are is found with the errors of form.
     """
 
     name: str
+    spot: str
     columns: Array
 
 
@@ -71,24 +73,24 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Random:
-    """Random columns, whose sizes are found: errors of form, errors of sensors that move within
-    their class, and terms without a name."""
+    """Random columns. Sizes of errors of form, of errors of sensors that move within their class,
+    and of terms without a name are found; those of held inputs are known."""
 
     forms: Array
     moving: Array
+    held: Array
     terms: tuple[Term, ...]
 
     @property
     def count(self) -> int:
         """Number of columns."""
-        return (
-            self.forms.shape[1] + self.moving.shape[1] + sum(t.columns.shape[1] for t in self.terms)
-        )
+        count: int = self.columns.shape[1]
+        return count
 
     def ratio(self, sizes: Sizes) -> Array:
         """Standard deviation of each column's number, shape (columns,)."""
         parts = [np.full(self.forms.shape[1], sizes.form)]
-        parts += [np.full(self.moving.shape[1], sizes.moving)]
+        parts += [np.full(self.moving.shape[1], sizes.moving), np.ones(self.held.shape[1])]
         own = zip(self.terms, sizes.terms, strict=True)
         parts += [np.full(t.columns.shape[1], size) for t, size in own]
         return np.concatenate(parts)
@@ -96,7 +98,8 @@ class Random:
     @property
     def columns(self) -> Array:
         """All columns, each of unit size, shape (rows, columns)."""
-        return np.concatenate([self.forms, self.moving, *(t.columns for t in self.terms)], axis=1)
+        own = [t.columns for t in self.terms]
+        return np.concatenate([self.forms, self.moving, self.held, *own], axis=1)
 
 
 class Geometry:
@@ -110,7 +113,15 @@ class Geometry:
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
         self.forms = self._forms(likeness(system))
-        self.moving = self._moving()
+        plain = evaluated(
+            rows,
+            Configuration(),
+            known := prior_of(system, Configuration()),
+            known.mean,
+            system.data.open,
+        )
+        self.moving = self._moving(plain)
+        self.held = self._held(plain)
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
         self.rank = np.bincount(self.group).astype(float)
         constants = gammaln((limits.STUDENT + self.rank) / 2) - self.rank / 2 * np.log(
@@ -143,16 +154,30 @@ class Geometry:
         forms: Array = left[:, kept] * size[kept]
         return forms
 
-    def _moving(self) -> Array:
+    def _held(self, plain: Fitted) -> Array:
+        """Rows of the errors of inputs that are held for several points, shape (rows, errors)."""
+        data = self.rows.system.data
+        flows = self.rows.system.flows(Configuration())
+        columns = [np.zeros((len(self.rows), 0))]
+        for name, slopes in flows.by_reading.items():
+            values = data.values[name]
+            visit = np.cumsum(np.abs(np.diff(values, prepend=np.nan)) > 1e-9 * np.abs(values))
+            longer = np.flatnonzero(np.bincount(visit) > 1)
+            if len(longer):
+                noise = np.nan_to_num(data.noise[name][self.rows.point])
+                shown = self.rows.column(plain.maps, slopes) * noise
+                columns.append(shown[:, None] * (visit[self.rows.point, None] == longer))
+        held: Array = np.concatenate(columns, axis=1)[self.seen]
+        return held
+
+    def _moving(self, plain: Fitted) -> Array:
         """Rows of errors of sensors that move slowly within their class, shape (rows, errors)."""
-        system, setting = self.rows.system, Configuration()
-        known = prior_of(system, setting)
+        system, names = self.rows.system, plain.prior.names
         none = np.zeros((int(self.seen.sum()), 0))
-        if not system.data.timed or not len(known.names):
+        if not system.data.timed:
             return none
-        plain = evaluated(self.rows, setting, known, known.mean, system.data.open)
         course = _smooth_in_time(system.data.time)[self.point]
-        errors = [i for i, name in enumerate(known.names) if name.startswith(ERROR)]
+        errors = [i for i, name in enumerate(names) if name.startswith(ERROR)]
         tables = [plain.jacobian[self.seen][:, [i]] * course for i in errors]
         if not tables:
             return none
