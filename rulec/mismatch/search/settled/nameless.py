@@ -32,27 +32,27 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
             ways += [(w.spot.id, w.column, TIME) for w in wandering(model.fitted, spot)]
         for id_, slopes, name in ways:
             values = system.data.time if name == TIME else system.data.values[name]
-            table = slopes[geometry.seen, None] * _smooth(values, name != TIME)[geometry.point]
-            size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-            if size > 0.0 and np.isfinite(table).all():
-                found.append(Term(f"{id_}~{name}", spot.id, table / size))
+            # What happens in a band of a driver may be a resonance; in a band of time, a fault.
+            for length in limits.TERM_LENGTHS[: 1 if name == TIME else None]:
+                table = slopes[geometry.seen, None] * _smooth(values, length)[geometry.point]
+                size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
+                if size > 0.0 and np.isfinite(table).all():
+                    found.append(Term(f"{id_}~{name}", spot.id, table / size))
     return found
 
 
-def _smooth(values: Array, in_bands: bool) -> Array:
-    """Independent smooth functions of a driver, of unit prior size, shape (n, functions).
-
-    What happens in a band of a driver may be a resonance; in a band of time it is a fault.
-    """
+def _smooth(values: Array, length: float) -> Array:
+    """Independent functions of a driver, of unit prior size, shape (n, functions); `length` is the
+    share of its range over which they are alike."""
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
     low, high = np.quantile(known, [0.02, 0.98])
     z = np.clip((known - low) / max(float(high - low), 1e-300), -0.1, 1.1)
     knots = np.linspace(0.0, 1.0, 41)
     apart = (knots[:, None] - knots[None, :]) ** 2
-    wide, narrow = (np.exp(-0.5 * apart / length**2) for length in limits.TERM_LENGTHS)
-    kernel = 1.0 + wide + limits.BAND_SHARE * narrow * in_bands
+    kernel = 1.0 + np.exp(-0.5 * apart / length**2)
     size, ways = np.linalg.eigh(kernel)
-    best = np.argsort(-size)[: limits.TERM_FUNCTIONS]
+    seen = int((size > limits.FORM_RANK * size.max()).sum())
+    best = np.argsort(-size)[: min(seen, limits.TERM_FUNCTIONS)]
     table = [np.interp(z, knots, ways[:, i] * np.sqrt(size[i])) for i in best]
     return np.stack(table, axis=1)
 
