@@ -146,8 +146,7 @@ def _refuse_events(text: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_NESTING:
-                message = f"this is nested more than {MAX_NESTING} deep"
-                raise _Unwanted(mark, 1, "KB010", message, "no file of this tool needs that")
+                raise _Unwanted(mark, 1, "KB010", *_TOO_DEEP)
         if isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
 
@@ -177,6 +176,9 @@ _SYNTAX = {
 }
 
 
+_TOO_DEEP = f"this is nested more than {MAX_NESTING} deep", "no file of this tool needs that"
+
+
 def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
     """What the YAML reader says, at its place, with a remedy for the usual slips."""
     problem = getattr(error, "problem", None) or str(error).split("\n")[0]
@@ -190,6 +192,9 @@ def _syntax(name: str, text: str, error: Exception) -> Diagnostic:
             place = min(_at(name, context), end)
         elif "," in problem:
             second = _at(name, context)
+    # Some releases of the YAML reader refuse what is far too deep before any event tells of it.
+    if "maximum nesting depth" in problem:
+        return Diagnostic(place, "KB010", *_TOO_DEEP)
     plain = (text for part, text in _SYNTAX.items() if part in problem)
     message, hint = next(plain, (problem, "check indent and quotes"))
     if lines[place.line - 1][place.column - 1 : place.column] == "\t":
