@@ -653,6 +653,9 @@ FORM_LENGTH = 0.3
 """Distance of inputs, as share of their range, over which errors of form are alike. Origin:
 assumed."""
 
+FORM_VARIES = 6.0
+"""Times its noise by which a reading must vary for errors of form to follow it. Origin: assumed."""
+
 STUDENT = 4.0
 """Degrees of freedom of errors of points and of stated calibrations. Origin: source (Lange, Little,
 Taylor 1989, as is usual)."""
@@ -667,7 +670,7 @@ Origin: assumed."""
 FORM_KNOWN = 3.0
 """Factor to which that is known before. Origin: assumed."""
 
-FORM_RANK = 1e-3
+FORM_RANK = 1e-2
 """Share of the largest variance below which a smooth course is left out. Origin: numerical."""
 
 MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
@@ -680,6 +683,10 @@ USUAL_MOVING = 0.2
 MOVING_KNOWN = 3.0
 """Factor to which that is known before. Origin: assumed."""
 
+LARGE_FORM = 0.02
+"""An error of form that is large already: what does not show then is not carried along. Origin:
+assumed."""
+
 FORM_NOT_SEEN = 0.3
 """Standard deviations of the noise below which an error of form is not carried along. Origin:
 numerical."""
@@ -690,8 +697,12 @@ NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
 NOISE_KNOWN = 1.5
 """Factor to which the size of the noise is known before. Origin: assumed."""
 
-EFFECT_FORM = 0.03
-"""Usual error of form of an effect's own law, as share of what it changes. Origin: assumed."""
+EFFECT_FORMS = (0.01, 0.03, 0.1, 0.3)
+"""Errors of form of the effects' own laws that are tried, as share of what they change. Origin:
+numerical."""
+
+USUAL_EFFECT_FORM = 0.03
+"""The usual one of these; known to the same factor as that of the plant's laws. Origin: assumed."""
 
 TERM_SIZES = (1.0, 3.0, 10.0, 30.0, 95.0, 300.0, 950.0, 3000.0)
 """Sizes of terms without a name that are tried, in units of the noise of a point. Origin:

@@ -6,7 +6,7 @@ to one state within a block of time are one point; visits to different ones neve
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,23 +20,23 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
-from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.steady.system import Flows, System
 
 
 def states_of(system: System) -> NDArray[np.intp]:
     """Number of the operating state of each point, shape (n,)."""
     columns = []
-    for values, noise in _inputs(system):
+    for values, noise in _inputs(system).values():
         tolerance = max(limits.ALIKE_SHARE * float(np.ptp(values)), limits.ALIKE_NOISE * noise)
         columns.append(values / max(tolerance, 1e-300))
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 1))
-    centres: list[Array] = []
+    centres = np.empty((0, table.shape[1]))
     counts: list[int] = []
     states = np.zeros(len(table), dtype=np.intp)
     for i, row in enumerate(table):
-        far = [float(np.abs(c - row).max()) for c in centres]
-        if not far or min(far) > 1.0:
-            centres.append(row.copy())
+        far = np.abs(centres - row).max(axis=1, initial=0.0)
+        if not len(far) or far.min() > 1.0:
+            centres = np.concatenate([centres, row[None, :]])
             counts.append(1)
             states[i] = len(centres) - 1
             continue
@@ -46,28 +46,55 @@ def states_of(system: System) -> NDArray[np.intp]:
     return states
 
 
-def likeness(system: System) -> Array:
-    """How alike errors of form are at two points, by their inputs: shape (n, n), 1 where equal."""
-    columns = []
-    for values, noise in _inputs(system):
-        span = float(np.subtract(*np.quantile(values, [0.95, 0.05])))
-        if span > 6.0 * noise:
-            columns.append(values / (limits.FORM_LENGTH * span))
+def likeness(system: System, flows: Flows, module: str) -> Array:
+    """How alike errors of form of a module's laws are at two points, shape (n, n), 1 where equal.
+
+    A law follows from what its module is set to and from the flow through it, and so does what is
+    wrong with its form. The flow counts as the plant's inputs set it: a fault that changes it at
+    the same inputs is no error of form.
+    """
+    every = {n: c for n, c in _inputs(system).items() if _spread(c[0]) > limits.FORM_VARIES * c[1]}
+    own = [values for name, (values, _) in every.items() if name.partition(".")[0] == module]
+    if len(own) < len(every):
+        own += _flow_as_set(system, flows, module, [values for values, _ in every.values()])
+    columns = [values / (limits.FORM_LENGTH * _spread(values)) for values in own]
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
     square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
     alike: Array = np.exp(-0.5 * square)
     return alike
 
 
-def _inputs(system: System) -> list[tuple[Array, float]]:
-    """Values of each recorded input, gaps at the median, and its noise."""
-    data, found = system.data, []
-    for signal in system.ruleset.signals:
-        if signal.is_input and signal.id in data.values:
-            values = data.values[signal.id]
-            values = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-            found.append((values, float(np.nanmedian(data.noise[signal.id]))))
-    return found
+def _flow_as_set(system: System, flows: Flows, module: str, inputs: Sequence[Array]) -> list[Array]:
+    """The flow through a module as a quadratic function of all inputs, shape (n,), m3/s."""
+    own = [i for i, o in enumerate(system.observers) if o.module == module]
+    known = np.isfinite(flows.values[own]).any(axis=0)
+    scaled = [(values - values.mean()) / values.std() for values in inputs]
+    terms = [np.ones(len(known)), *scaled]
+    terms += [one * other for i, one in enumerate(scaled) for other in scaled[: i + 1]]
+    table = np.stack(terms, axis=1)
+    if known.sum() <= 2 * table.shape[1]:
+        table = table[:, : 1 + len(scaled)]
+    middle = np.nanmedian(flows.values[own][:, known], axis=0)
+    values: Array = table @ np.linalg.lstsq(table[known], middle, rcond=1e-6)[0]
+    return [values] if _spread(values) > 0.0 else []
+
+
+def _spread(values: Array) -> float:
+    """Range of a course without its ends."""
+    return float(np.subtract(*np.quantile(values, [0.95, 0.05])))
+
+
+def _inputs(system: System) -> dict[str, tuple[Array, float]]:
+    """Values of each recorded input, and its noise."""
+    inputs = [s.id for s in system.ruleset.signals if s.is_input]
+    return {name: _course(system, name) for name in inputs if name in system.data.values}
+
+
+def _course(system: System, name: str) -> tuple[Array, float]:
+    """Values of a reading, gaps at the median, and its noise."""
+    values = system.data.values[name]
+    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
+    return known, float(np.nanmedian(system.data.noise[name]))
 
 
 def rows_of_states(system: System, cuts: Array | None = None) -> Rows:

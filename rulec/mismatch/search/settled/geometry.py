@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,21 +55,28 @@ class Term:
 @dataclass(frozen=True)
 class Sizes:
     """How large random columns are: errors of form as share of an output's usual size, errors of
-    sensors as share of their class, terms without a name in units of the noise of a point."""
+    sensors as share of their class, errors of the effects' own forms as share of what they change,
+    terms without a name in units of the noise of a point."""
 
     form: float
     moving: float
+    effect: float
     terms: tuple[float, ...]
 
     @property
     def odds(self) -> float:
-        """Log density of errors of form and of sensors, before the recording."""
-        form = np.log(max(self.form, limits.FORM_SHARES[1]) / limits.USUAL_FORM)
-        moving = np.log(self.moving / limits.USUAL_MOVING)
-        known = (form / np.log(limits.FORM_KNOWN)) ** 2 + (
-            moving / np.log(limits.MOVING_KNOWN)
-        ) ** 2
-        return -0.5 * float(known)
+        """Log density of all but terms, before the recording."""
+        known = (
+            (max(self.form, limits.FORM_SHARES[1]), limits.USUAL_FORM, limits.FORM_KNOWN),
+            (self.moving, limits.USUAL_MOVING, limits.MOVING_KNOWN),
+            (self.effect, limits.USUAL_EFFECT_FORM, limits.FORM_KNOWN),
+        )
+        far = [np.log(size / usual) / np.log(factor) for size, usual, factor in known]
+        return -0.5 * float(np.sum(np.square(far)))
+
+
+USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, limits.USUAL_EFFECT_FORM, ())
+"""Sizes before the recording."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +120,7 @@ class Geometry:
         self._sizes: dict[str, Size] = {}
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
-        self.forms = self._forms(likeness(system))
+        self.forms = self._forms()
         plain = evaluated(
             rows,
             Configuration(),
@@ -135,22 +143,25 @@ class Geometry:
             self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
         return self._sizes[unknown.id]
 
-    def _forms(self, alike: Array) -> Array:
+    def _forms(self) -> Array:
         """Rows of errors of form of unit size, shape (rows, errors)."""
         rows, columns = self.rows, []
         values = rows.system.data.values
+        flows = rows.system.flows(Configuration())
+        likeness_of = cache(lambda module: likeness(rows.system, flows, module))
         for cell in rows.cells:
-            size, ways = np.linalg.eigh(alike[np.ix_(cell.points, cell.points)])
-            kept = size > 1e-3 * size.max()
-            smooth = ways[:, kept] * np.sqrt(size[kept])
             for i, name in enumerate(cell.outputs):
+                alike = likeness_of(name.partition(".")[0])
+                size, ways = np.linalg.eigh(alike[np.ix_(cell.points, cell.points)])
+                kept = size > limits.FORM_RANK * size.max()
+                smooth = ways[:, kept] * np.sqrt(size[kept])
                 usual = np.sqrt(np.nanmean(values[name][rows.system.data.open] ** 2))
                 table = np.zeros((len(rows), smooth.shape[1]))
                 weight = (cell.whitener[:, :, i] * usual).T.ravel()
                 table[cell.rows] = weight[:, None] * np.tile(smooth, (cell.rank, 1))
                 columns.append(table[self.seen])
         left, size, _ = np.linalg.svd(np.concatenate(columns, axis=1), full_matrices=False)
-        kept = size * limits.FORM_SHARES[-1] > limits.FORM_NOT_SEEN
+        kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
         forms: Array = left[:, kept] * size[kept]
         return forms
 

@@ -10,7 +10,10 @@ Source: MacKay 1992 (evidence); Kennedy and O'Hagan 2001 (error of form as a Gau
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import product
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -22,7 +25,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.fit import Prior as Known
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.search.settled.effect_forms import forms_of_effects
-from rulec.mismatch.search.settled.geometry import Geometry, Random, Sizes, Term
+from rulec.mismatch.search.settled.geometry import USUAL, Geometry, Random, Sizes, Term
 from rulec.mismatch.search.settled.prior import Prior
 
 
@@ -63,7 +66,8 @@ class _Chosen:
     scale: float
     solution: Array
     weights: Array
-    table: Array
+    ratio: Array
+    table: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def refitted(
@@ -84,16 +88,20 @@ def refitted(
     if near is not None:
         kept = min(len(forms), len(near.forms))
         forms[:kept] = near.forms[:kept]
-    begun = (0.004, limits.USUAL_MOVING) if near is None else (near.sizes.form, near.sizes.moving)
-    sizes = Sizes(*begun, tuple(1.0 for _ in terms))
+    sizes = USUAL if near is None else near.sizes
+    own = {} if near is None else dict(zip(_names(near.terms), near.sizes.terms, strict=True))
+    sizes = replace(sizes, terms=tuple(own.get(name, 1.0) for name in _names(terms)))
     scale = 1.0 if near is None else near.scale
+    fresh = [4 + i for i, name in enumerate(_names(terms)) if name not in own]
+    fresh += [0, 1] if near is None else []
+    no_more = np.zeros((int(seen.sum()), 0))
     now = _evaluated(rows, setting, prior, at)
     damping, cost = 1e-3, np.inf
     for step in range(steps):
         if step in (0, 4):
-            begin = at, forms, sizes
-            found = _choose(geometry, known, random, now, begin, np.zeros((int(seen.sum()), 0)))
-            sizes, scale, forms = found.sizes, found.scale, found.solution[n:]
+            begin = at, forms, sizes, scale
+            found = _choose(geometry, known, random, now, begin, no_more, fresh)
+            sizes, scale, forms, fresh = found.sizes, found.scale, found.solution[n:], []
             loads = random.columns * random.ratio(sizes)
             cost = _cost(geometry, known, now, at, forms, loads, scale)
         residual = now.residual[seen] + loads @ forms
@@ -127,7 +135,11 @@ def refitted(
             damping = max(damping, 1e-6) * 8.0
         if gain < 1e-2:
             break
-    return _weighed(geometry, known, random, now, (at, forms, sizes))
+    return _weighed(geometry, known, random, now, (at, forms, sizes, scale))
+
+
+def _names(terms: Sequence[Term]) -> list[str]:
+    return [term.name for term in terms]
 
 
 def _evaluated(rows: Rows, setting: Configuration, prior: Known, at: Array) -> Fitted:
@@ -148,18 +160,31 @@ def _cost(
     return -likelihood - known.density(at)[0] + 0.5 * float(forms @ forms)
 
 
-Begin = tuple[Array, Array, Sizes]
-"""Values, random numbers and their sizes to begin with."""
+Begin = tuple[Array, Array, Sizes, float]
+"""Values, random numbers, their sizes, and the scale of the noise to begin with."""
+
+Weighted = tuple[Array, Array, Array]
+"""Normal matrix, moment, and the weights of the rows that they hold."""
+
+Place = tuple[int, ...]
+"""Indices of the scale of the noise and of all sizes."""
 
 
 def _choose(
-    geometry: Geometry, known: Prior, random: Random, now: Fitted, begin: Begin, more: Array
+    geometry: Geometry,
+    known: Prior,
+    random: Random,
+    now: Fitted,
+    begin: Begin,
+    more: Array,
+    fresh: Collection[int],
 ) -> _Chosen:
     """Sizes of random columns and noise under which the recording is most probable.
 
-    `more` are columns of errors of the effects' own forms.
+    `more` are columns of errors of the effects' own forms; `fresh` axes whose sizes are not known
+    from a model that is much alike: these are tried throughout, the others climbed.
     """
-    at, forms, sizes = begin
+    at, forms, sizes, noise = begin
     n = len(at)
     jacobian = now.jacobian[geometry.seen]
     off = at - known.prior.mean
@@ -167,50 +192,76 @@ def _choose(
     table = np.concatenate([jacobian, random.columns, more], axis=1)
     precision = _joint(known.density(at)[1], random.count, more.shape[1])
     start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
-    best: _Chosen | None = None
+    effect = limits.EFFECT_FORMS if more.shape[1] else (limits.USUAL_EFFECT_FORM,)
+    axes = (limits.NOISE_SCALES, limits.FORM_SHARES, limits.MOVING_SHARES, effect)
+    axes += (limits.TERM_SIZES,) * len(sizes.terms)
 
-    def tried(sizes: Sizes, scale: float, known_: tuple[Array, ...]) -> None:
-        nonlocal best
-        normal, moment, weights = known_
+    def solved(sizes: Sizes, scale: float, weighted: Weighted) -> _Chosen:
+        normal, moment, weights = weighted
         ratio = np.ones(len(precision))
         ratio[n : n + random.count] = random.ratio(sizes)
-        whole = normal * np.outer(ratio, ratio) + precision
+        ratio[n + random.count :] = sizes.effect
+        whole = ratio[:, None] * normal * ratio + precision
         size = np.sqrt(np.diag(whole))
-        factor = cho_factor(whole / np.outer(size, size) + 1e-13 * np.eye(len(size)))
-        solution = -cho_solve(factor, moment * ratio / size) / size
+        whole /= size[:, None] * size
+        whole[np.diag_indices(len(size))] += 1e-13
+        factor = cho_factor(whole, lower=True, overwrite_a=True, check_finite=False)
+        solution = -cho_solve(factor, moment * ratio / size, check_finite=False) / size
         residual = left + table @ (ratio * solution)
         score = geometry.likelihood(residual, scale) - 0.5 * float(solution @ precision @ solution)
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
         score += sizes.odds - 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
-        if best is None or score > best.score:
-            best = _Chosen(score, sizes, scale, solution, weights, table * ratio)
+        return _Chosen(score, sizes, scale, solution, weights, ratio)
 
-    def products(weights: Array) -> tuple[Array, ...]:
+    def weighted_by(weights: Array) -> Weighted:
         return table.T @ (table * weights[:, None]), table.T @ (weights * left), weights
 
-    for scale in limits.NOISE_SCALES:
-        parts = products(geometry.weights(left + table @ start, scale))
-        for share in limits.FORM_SHARES:
-            tried(replace(sizes, form=share), scale, parts)
-    assert best is not None
-    for share in limits.FORM_SHARES:
-        parts = products(best.weights)
-        for moving in limits.MOVING_SHARES if random.moving.shape[1] else ():
-            tried(replace(best.sizes, form=share, moving=moving), best.scale, parts)
-    for i in range(len(sizes.terms)):
-        parts = products(best.weights)
-        for size in limits.TERM_SIZES:
-            for share in limits.FORM_SHARES:
-                own = best.sizes.terms
-                terms = (*own[:i], size, *own[i + 1 :])
-                tried(replace(best.sizes, form=share, terms=terms), best.scale, parts)
+    @cache
+    def weighted_at(scale: float) -> Weighted:
+        return weighted_by(geometry.weights(left + table @ start, scale))
+
+    @cache
+    def at_place(place: Place) -> _Chosen:
+        scale, *known = (axis[i] for axis, i in zip(axes, place, strict=True))
+        return solved(Sizes(*known[:3], tuple(known[3:])), scale, weighted_at(scale))
+
+    first = (noise, sizes.form, sizes.moving, sizes.effect, *sizes.terms)
+    begins = tuple(_nearest(axis, value) for axis, value in zip(axes, first, strict=True))
+    place = climbed(lambda p: at_place(p).score, begins, [len(axis) for axis in axes], fresh)
+    best = at_place(place)
     for _ in range(3):
-        before = best
-        parts = products(geometry.weights(left + best.table @ best.solution, best.scale))
-        tried(best.sizes, best.scale, parts)
-        if best is before:
+        weights = geometry.weights(left + table @ (best.ratio * best.solution), best.scale)
+        again = solved(best.sizes, best.scale, weighted_by(weights))
+        if again.score <= best.score:
             break
-    return best
+        best = again
+    return replace(best, table=table * best.ratio)
+
+
+def _nearest(axis: Sequence[float], value: float) -> int:
+    return int(np.argmin(np.abs(np.log(np.array(axis) / value))))
+
+
+def climbed(
+    score: Callable[[Place], float], begin: Place, lengths: Sequence[int], fresh: Collection[int]
+) -> Place:
+    """The best place of a grid that can be reached from another by steps along one axis.
+
+    Axes in `fresh` are tried throughout first, all of their combinations.
+    """
+    ways = [range(n) if i in fresh else (begin[i],) for i, n in enumerate(lengths)]
+    best = max(product(*ways), key=score)
+    while True:
+        beside = [
+            (*best[:i], best[i] + step, *best[i + 1 :])
+            for i, n in enumerate(lengths)
+            for step in (-1, 1)
+            if 0 <= best[i] + step < n
+        ]
+        next_ = max(beside, key=score)
+        if score(next_) <= score(best):
+            return best
+        best = next_
 
 
 def _joint(values: Array, forms: int, more: int) -> Array:
@@ -218,14 +269,13 @@ def _joint(values: Array, forms: int, more: int) -> Array:
     n = len(values)
     joint = np.eye(n + forms + more)
     joint[:n, :n] = values
-    joint[n + forms :, n + forms :] *= limits.EFFECT_FORM**-2
     return joint
 
 
 def _weighed(geometry: Geometry, known: Prior, random: Random, now: Fitted, begin: Begin) -> Model:
     at = begin[0]
     more = forms_of_effects(geometry, now)
-    found = _choose(geometry, known, random, now, begin, more)
+    found = _choose(geometry, known, random, now, begin, more, ())
     density, tangent = known.density(at)
     off = at - known.prior.mean
     jacobian = now.jacobian[geometry.seen]
