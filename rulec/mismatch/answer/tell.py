@@ -127,15 +127,20 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
     periods = tuple((p.since, p.until) for p in finding.periods)
     curve = next((own.curve for own in accepted if own.candidate.id == finding.id), None)
     elsewhere = _elsewhere(model, finding) if finding.probability < limits.CERTAIN else ()
+    shape, size = None if curve is None else shape_of(model, curve), term
+    if shape is not None and shape.driver in variables:
+        # From its own level: the fit to all points has no level, but that of its middle.
+        driver = variables[shape.driver]
+        size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
     return Location(
         module=finding.module,
         place=finding.place,
         title=model.ruleset.modules.get(finding.module, finding.module),
         share=finding.closed,
-        region=() if periods else region_of(term, drivers) or region_of(term, variables),
+        region=() if periods else region_of(size, drivers) or region_of(size, variables),
         periods=periods or _when(model, term),
         also=elsewhere if curve is None else curve.elsewhere,
-        shape=None if curve is None else shape_of(model, curve),
+        shape=shape,
     )
 
 
