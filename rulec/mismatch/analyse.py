@@ -63,7 +63,7 @@ def analyse(
     shown = told(found, refits, proofs)
     findings = (*named, *found.failing)
     locations = (
-        *(location_of(model, f) for f in named),
+        *(location_of(model, f, found.accepted) for f in named),
         *(failed_at(f) for f in found.failing),
         *found.places,
     )
@@ -88,7 +88,7 @@ def analyse(
         confounded=confounded(model.free, model.covariance, unknowns),
         hidden=found.hidden,
         untested=untested(model, named),
-        next=next_step(verdict, findings, found.hidden, model.builder.missing, refused),
+        next=next_step(verdict, findings, found.hidden, model.builder.missing, refused, locations),
         split=samples.split,
         digest=samples.digest,
         noise=found.noise,

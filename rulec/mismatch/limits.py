@@ -719,6 +719,46 @@ TERM_ODDS = -3.0
 """Log odds of a term without a name against a law: of twenty effects the catalogue has nineteen.
 Origin: assumed."""
 
+CURVE_POINTS = 41
+"""Points at which a term without a name is told over its driver. Origin: numerical."""
+
+CURVE_CLEAR = 3.0
+"""Standard uncertainties by which a curve must rise or fall to be told so: it is looked at between
+all of its points. Origin: distribution (normal, 1 of 400, some ten independent points)."""
+
+CURVE_STEP = 0.15
+"""Share of the height of a curve below which a rise or fall is not told. Origin: assumed."""
+
+CURVE_FLAT = 0.1
+"""Share of a rise at either end of it that counts as flat. Origin: assumed."""
+
+CURVE_WHOLE = 0.7
+"""Share of a driver's range from which on a rise is told as steady. Origin: assumed."""
+
+MOVED_SHARE = 0.02
+"""Share of a driver's range by which it must move to come from one side. Origin: assumed."""
+
+MOVED_NOISE = 6.0
+"""Times its noise by which a driver must move to come from one side. Origin: distribution (normal,
+beyond chance for every point of a recording)."""
+
+FEWEST_ON_A_BRANCH = 5
+"""Visits from either side from which on branches are compared. Origin: assumed."""
+
+SCATTERS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Scatter of visits that is tried, as share of all that they show. Origin: numerical."""
+
+BRANCHES_CLEAR = 3.0
+"""Standard uncertainties by which branches must differ to be told apart. Origin: distribution
+(normal, 1 of 400)."""
+
+BRANCHES_COUNT = 0.2
+"""Share of the height of a curve that a gap between branches must have to count; a gap that is
+smaller for sure is none. Origin: assumed."""
+
+LOST_TOLD = 3
+"""Effects that lost against a term without a name that are told. Origin: assumed."""
+
 SORT_ODDS = {"physics": 0.0, "ageing": -0.5, "fault": -1.0, "sensor": -2.0}
 """Log odds of each sort of explanation before the recording. Origin: assumed."""
 

@@ -31,11 +31,49 @@ class Region:
     share: float
 
 
+@dataclass(frozen=True)
+class Beaten:
+    """A name that was tried in the place of a term without one: it fits worse by `nats`, most of
+    that in `region` (None: everywhere)."""
+
+    effect: str
+    title: str
+    nats: float
+    region: Region | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """What is left out at a place over its driver, as shown.
+
+    `at`, `value` and `u`, shape (n,), are the driver in `driver_unit`, what the law of that place
+    would have to add in `unit`, from the level at which it begins, and its standard uncertainty.
+    `means`, shape (m, 3), are the same of single operating states. `text` tells the shape in words;
+    `monotone` whether it turns back nowhere. `memory` is ``yes``, ``no`` or ``cannot be told``:
+    whether it matters from which side the driver came; `memory_text` says how far that is sure.
+    `beaten` are names that were tried in its place, the nearest first.
+    """
+
+    driver: str
+    driver_unit: str
+    unit: str
+    at: Array
+    value: Array
+    u: Array
+    means: Array
+    text: str
+    monotone: bool
+    memory: str
+    memory_text: str
+    beaten: tuple[Beaten, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Location:
     """A place that is wrong: `share` of the whole mismatch, where and when (periods in s).
 
-    `title` tells the place in words; `also` lists places that no residual tells from it.
+    `title` tells the place in words; `also` lists places that no residual tells from it. `shape` is
+    that of what has no name, where it follows a driver.
     """
 
     module: str
@@ -45,6 +83,7 @@ class Location:
     region: tuple[Region, ...]
     periods: tuple[tuple[float, float], ...]
     also: tuple[str, ...] = ()
+    shape: Shape | None = None
 
 
 @dataclass(frozen=True)

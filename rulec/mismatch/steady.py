@@ -180,6 +180,9 @@ class Explanation(Explained[Fitted]):
                 spot = spots.get((finding.module, finding.place))
                 drivers = frozenset(candidate.drivers.values())
                 places.append((candidate.observers, drivers, spot.unit if spot else ""))
+            elif finding.sort == "free":
+                spot = spots[finding.module, finding.place]
+                places.append((spot.observers, frozenset(), spot.unit))
         places += [(h.spot.observers, frozenset(), h.spot.unit) for h in self.latent]
         places = places or [(tuple(o.id for o in system.observers), frozenset(), "")]
         found: dict[str, Predictor] = {}

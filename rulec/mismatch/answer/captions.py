@@ -9,7 +9,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import counted, degree, number, percent, period
 
 from rulec.mismatch.answer.drawn import Drawn, middle_by, rms, span
-from rulec.mismatch.result import HiddenDriver, Period
+from rulec.mismatch.result import HiddenDriver, Period, Shape
 
 
 def say_time(drawn: Drawn) -> str:
@@ -79,6 +79,16 @@ def say_hidden(hidden: HiddenDriver) -> str:
     size = _amount(span(hidden.course), unit)
     text = hidden.text.rstrip(".") or "The course"
     return f"{text[:1].upper()}{text[1:]}; it spans {size}."
+
+
+def say_shape(shape: Shape) -> str:
+    """The shape in words, and whether the way there matters."""
+    matters = {
+        "yes": "It matters from which side the driver came",
+        "no": "It does not matter from which side the driver came",
+    }
+    memory = matters.get(shape.memory, "Whether it matters from which side the driver came is open")
+    return f"Over {shape.driver} {shape.text}. {memory}: {shape.memory_text}."
 
 
 def _amount(value: float, unit: str) -> str:

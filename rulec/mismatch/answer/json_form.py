@@ -17,6 +17,7 @@ from rulec.mismatch.result import (
     Mismatch,
     Region,
     Repair,
+    Shape,
 )
 
 
@@ -73,7 +74,34 @@ def _heldout(mismatch: Mismatch) -> list[list[float]]:
 
 
 def _location(location: Location) -> dict[str, Any]:
-    return {**vars(location), "region": [_region(region) for region in location.region]}
+    form = {**vars(location), "region": [_region(region) for region in location.region]}
+    shape = form.pop("shape")
+    return form if shape is None else {**form, **_shape(shape)}
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    """The shape of what has no name; rows are driver, value and standard uncertainty."""
+    return {
+        "shape": {
+            "driver": shape.driver,
+            "driver_unit": shape.driver_unit,
+            "unit": shape.unit,
+            "points": [list(row) for row in zip(shape.at, shape.value, shape.u, strict=True)],
+            "means": [list(row) for row in shape.means],
+            "text": shape.text,
+            "monotone": shape.monotone,
+        },
+        "memory": {"answer": shape.memory, "text": shape.memory_text},
+        "beaten": [
+            {
+                "effect": beaten.effect,
+                "title": beaten.title,
+                "nats": beaten.nats,
+                "region": None if beaten.region is None else _region(beaten.region),
+            }
+            for beaten in shape.beaten
+        ],
+    }
 
 
 def _region(region: Region) -> dict[str, Any]:

@@ -10,17 +10,19 @@ from rulec_runtime.report.chart import Axis, Panel, axis, labels_apart
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.thin_curves import COLUMNS, columns_of, thin_series
 
+from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.captions import (
     say_agreement,
     say_detail,
     say_driver,
     say_hidden,
     say_periods,
+    say_shape,
     say_time,
 )
 from rulec.mismatch.answer.drawn import Drawn, curves_of, detail_of, middle_by, telling_drivers
 from rulec.mismatch.answer.wording import titled
-from rulec.mismatch.result import Finding, HiddenDriver, Mismatch, Period
+from rulec.mismatch.result import Finding, HiddenDriver, Location, Mismatch, Period, Shape
 
 DRIVERS = 4
 """Drivers drawn."""
@@ -38,12 +40,18 @@ MODELS = (("repaired", "s0"), ("recalibrated", "s1"), ("shipped", "s5"))
 def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
     """All pictures that the comparison allows."""
     drawn = curves_of(mismatch)
+    shapes = [(at, at.shape) for at in mismatch.locations if at.shape is not None]
+    shapes = [(at, shape) for at, shape in shapes if shape.driver != TIME]
+    for i, (location, shape) in enumerate(shapes):
+        yield _left_out(location, shape, i)
     if drawn is not None:
         yield _over_time(drawn, "time", f"{drawn.signal} over time", say_time(drawn))
         if len(drawn.time) > 2 * COLUMNS:
             part = detail_of(drawn)
             yield _over_time(part, "detail", f"{drawn.signal} in detail", say_detail(part))
-        for i, title in enumerate(telling_drivers(drawn)[:DRIVERS]):
+        followed = {f"{shape.driver} [{shape.driver_unit}]" for _, shape in shapes}
+        titles = sorted(telling_drivers(drawn), key=lambda title: title not in followed)
+        for i, title in enumerate(titles[:DRIVERS]):
             yield _over_driver(drawn, i, title, drawn.drivers[title])
         yield _agreement(drawn)
     for i, finding in enumerate(mismatch.findings):
@@ -52,6 +60,33 @@ def pictures_of(mismatch: Mismatch) -> Iterator[Figure]:
             yield _periods(drawn, finding, periods, i)
     if mismatch.hidden is not None and np.isfinite(mismatch.hidden.course).any():
         yield _course(mismatch.hidden)
+
+
+def _left_out(location: Location, shape: Shape, index: int) -> Figure:
+    """What is left out at a place over its driver: the curve, its band, and single means."""
+    at, low, high = shape.at, shape.value - 2.0 * shape.u, shape.value + 2.0 * shape.u
+    z, v, u = shape.means.T
+    across = axis(float(at[0]), float(at[-1]), 8, tight=True)
+    panel = Panel(across, _holding(low, high, v, np.zeros(1)), 240)
+    lines = [
+        panel.band(at, low, high, "s0"),
+        panel.bars(z, v - 2.0 * u, v + 2.0 * u, "s1"),
+        panel.curve(at, shape.value, "s0"),
+    ]
+    place = f"{location.module}.{location.place}"
+    unit, of_driver = ("" if own == "1" else f" [{own}]" for own in (shape.unit, shape.driver_unit))
+    title = f"What is left out at {place} over {shape.driver}"
+    marks = [panel.marks(z, v, "disc", "s1")]
+    svg = panel.drawn(title, f"missing in {place}{unit}", lines, marks, True)
+    return Figure(
+        name=f"shape{index}",
+        title=title,
+        key="blue: what the law would have to add, with its 95 % band; orange: means of "
+        "operating states, with their 95 % bars",
+        body=plot(svg, True, f"{shape.driver}{of_driver}"),
+        caption=say_shape(shape),
+        narrow=True,
+    )
 
 
 def _over_time(drawn: Drawn, name: str, title: str, caption: str) -> Figure:

@@ -45,5 +45,5 @@ def _about(finding: Finding) -> Iterator[tuple[str, str]]:
     yield "what", finding.title
     yield "where", f"{finding.module}.{finding.place}"
     yield from finding_facts(finding)
-    if finding.equation:
+    if finding.equation and finding.sort != "free":
         yield "equation", finding.equation

@@ -10,6 +10,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch import limits
+from rulec.mismatch.answer.shapes import shape_of
 from rulec.mismatch.answer.wording import quantity
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.region import periods_of, region_of
@@ -115,20 +116,31 @@ def _of_periods(periods: tuple[Period, ...]) -> str:
     return f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
 
 
-def location_of(model: Model, finding: Finding) -> Location:
-    """Where and when a finding shows; where it is open, also the places of what may be instead."""
+def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = ()) -> Location:
+    """Where and when a finding shows; where it is open, also the places of what may be instead.
+
+    What has no name has a shape besides.
+    """
     candidate, term = _joined(model, finding.id), model.term(_joined(model, finding.id))
     variables = model.variables(finding.module)
     drivers = {d: variables[d] for d in candidate.drivers.values() if d in variables}
     periods = tuple((p.since, p.until) for p in finding.periods)
+    curve = next((own.curve for own in accepted if own.candidate.id == finding.id), None)
+    elsewhere = _elsewhere(model, finding) if finding.probability < limits.CERTAIN else ()
+    shape, size = None if curve is None else shape_of(model, curve), term
+    if shape is not None and shape.driver in variables:
+        # From its own level: the fit to all points has no level, but that of its middle.
+        driver = variables[shape.driver]
+        size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
     return Location(
         module=finding.module,
         place=finding.place,
         title=model.ruleset.modules.get(finding.module, finding.module),
         share=finding.closed,
-        region=() if periods else region_of(term, drivers) or region_of(term, variables),
+        region=() if periods else region_of(size, drivers) or region_of(size, variables),
         periods=periods or _when(model, term),
-        also=_elsewhere(model, finding) if finding.probability < limits.CERTAIN else (),
+        also=elsewhere if curve is None else curve.elsewhere,
+        shape=shape,
     )
 
 

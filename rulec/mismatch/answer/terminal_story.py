@@ -13,7 +13,9 @@ from rich.text import Text
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.text import counted, number, period
 
+from rulec.effects.candidate import TIME
 from rulec.mismatch.answer.sparkline import sparkline
+from rulec.mismatch.answer.text_plot import text_plot
 from rulec.mismatch.answer.wording import (
     confounded_words,
     errors_of,
@@ -24,6 +26,7 @@ from rulec.mismatch.answer.wording import (
     fit_words,
     hidden_facts,
     interval,
+    is_repaired,
     labelled,
     letter,
     meaning,
@@ -34,7 +37,7 @@ from rulec.mismatch.answer.wording import (
     symbol,
     value_and_u,
 )
-from rulec.mismatch.result import Finding, Fit, HiddenDriver, Mismatch
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Mismatch
 
 _COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
 
@@ -90,19 +93,29 @@ def _findings(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
     places = list(mismatch.locations)
     for finding in mismatch.findings[:SHOWN]:
         yield "what", finding.text
+        # Two findings may be of one place; places stand in the order of findings.
         here = [p for p in places if (p.module, p.place) == (finding.module, finding.place)]
-        for location in here:
+        for location in here[:1]:
             places.remove(location)
-            yield from place_facts(location)
+            yield from place_facts(location, _shape(location))
         yield from finding_facts(finding, SHOWN)
     if len(mismatch.findings) > SHOWN:
         left = len(mismatch.findings) - SHOWN
         yield "", f"and {counted(left, 'other finding')} (--json has all)"
         return
     for location in places[:SHOWN]:
-        yield from place_facts(location)
+        yield from place_facts(location, _shape(location))
     if len(places) > SHOWN:
         yield "", f"and {counted(len(places) - SHOWN, 'other place')}"
+
+
+def _shape(location: Location) -> list[str]:
+    """The shape of what has no name as rows of characters; of a course in time another one is
+    drawn."""
+    shape = location.shape
+    if shape is None or shape.driver == TIME:
+        return []
+    return text_plot(shape.at, shape.value, shape.u, (shape.driver_unit, shape.unit))
 
 
 def _drawn(hidden: HiddenDriver) -> Iterator[str]:
@@ -123,7 +136,7 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     for title in ("", "fitted", "held out", ""):
         justify = "left" if not title else "right"
         table.add_column(title, justify=justify, header_style="dim", no_wrap=True)  # type: ignore[arg-type]
-    repaired = bool(mismatch.findings)
+    repaired = is_repaired(mismatch)
     rows = errors_of(fit, repaired)
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
     for name, seen, kept in rows:
@@ -158,14 +171,14 @@ def _bar(name: str, value: float, largest: float) -> RenderableType:
 
 def _numbers(out: Console, mismatch: Mismatch) -> None:
     """Parameters with their uncertainty, and what remains in doubt."""
-    shown = [f for f in mismatch.findings[:SHOWN] if f.parameters]
+    shown = [f for f in mismatch.findings[:SHOWN] if f.parameters and f.sort != "free"]
     doubts = [*_doubts(mismatch), *_rows_used(mismatch)]
     if shown or doubts:
         _heading(out, "Numbers")
     if shown:
         out.print(_inset(_parameters(shown)))
     for finding in shown:
-        if finding.equation:
+        if finding.equation and finding.sort != "free":
             out.print(_inset(Text(f"{finding.module}: {finding.equation}", "dim")))
     _facts(out, doubts)
 

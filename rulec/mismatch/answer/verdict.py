@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from rulec.effects.candidate import Missing
+from rulec_runtime.report.text import percent
+
+from rulec.effects.candidate import TIME, Missing
 from rulec.mismatch import limits
-from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.answer.wording import region_words
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
 
@@ -44,11 +48,13 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
         nameless = [at for at in locations if (at.module, at.place) not in named]
         most = max(nameless or locations, key=lambda place: place.share, default=None)
         where = f"{most.module}.{most.place}" if most else "the plant"
+        follows = "" if most is None or most.shape is None else _follows(most.shape)
         return (
-            f"Something is missing at {where} that no known effect, fault or sensor error explains."
+            f"Something is missing at {where} that no known effect, fault or sensor error "
+            f"explains.{follows}"
         )
     if verdict == "ambiguous":
-        return f"Several explanations fit about equally: {names[0]}."
+        return _open(told[0], names[0])
     parts = [
         (lead, [n for f, n in zip(told, names, strict=True) if f.sort in sorts])
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
@@ -58,6 +64,18 @@ def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[L
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
+
+
+def _open(finding: Finding, name: str) -> str:
+    """What is likeliest, alone or with all that are about as likely."""
+    if any(a.probability >= limits.MENTIONED for a in finding.alternatives):
+        return f"Several explanations fit about equally: {name}."
+    probability = percent(finding.probability)
+    return f"Not sure enough to be named: {name} ({probability})."
+
+
+def _follows(shape: Shape) -> str:
+    return "" if shape.driver == TIME else f" It follows {shape.driver}."
 
 
 def _with_others(finding: Finding) -> str:
@@ -108,6 +126,7 @@ def next_step(
     hidden: HiddenDriver | None,
     missing: Sequence[Missing],
     refused: str = "",
+    locations: Sequence[Location] = (),
 ) -> str:
     """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
     if hidden is not None:
@@ -126,11 +145,35 @@ def next_step(
         )
     if verdict == "named":
         return f"{NOT_YET}: {refused}. {PLAIN}" if refused else ADOPT
+    shaped = [at for at in locations if at.shape is not None and at.shape.driver != TIME]
+    if verdict == "unnamed" and shaped:
+        return _look_at(shaped[0])
     if first is not None:
         return first.action
     if missing:
         return f"Record {missing[0].sensor}: {missing[0].title} would then be judged."
     return "Vary the operating point at this place, and compare once more."
+
+
+def _look_at(location: Location) -> str:
+    """What to look at, and what to run, where it is known what drives what is left out."""
+    shape, place = location.shape, f"{location.module}.{location.place}"
+    assert shape is not None
+    over = [region for region in location.region if region.variable == shape.driver]
+    when = region_words(replace(over[0], share=float("nan"))) if over else ""
+    when = when.replace(shape.driver, f"{shape.driver} is", 1)
+    told = [
+        f"Look at what happens at {place} while {when}."
+        if when
+        else f"Look at what changes at {place} with {shape.driver}."
+    ]
+    if shape.memory != "no":
+        told.append(
+            f"Run {shape.driver} slowly up and down through its range: that tells whether it "
+            "matters which way it came."
+        )
+    told.append("Where you know the law, write it as an effect and run again.")
+    return " ".join(told)
 
 
 def is_spoiled(fit: Fit) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.report.text import counted, degree, fixed, listed, moment, number, percent
@@ -11,6 +12,7 @@ from rulec_runtime.report.wording import STATUS
 from rulec.mismatch import limits
 from rulec.mismatch.result import (
     Alternative,
+    Beaten,
     Confounded,
     Estimate,
     Evidence,
@@ -21,6 +23,7 @@ from rulec.mismatch.result import (
     Mismatch,
     Period,
     Region,
+    Shape,
 )
 
 VERDICTS = {
@@ -39,7 +42,7 @@ SORTS = {
     "ageing": "a change with time or age",
     "fault": "a fault of the plant",
     "sensor": "an error of a sensor",
-    "free": "a free-form term without physics behind it",
+    "free": "a dependence for which the catalogue has no name",
 }
 
 SPANS = 4
@@ -148,7 +151,8 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
 
 def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[str, str]]:
     """Terms and what is to be said of a finding; so many alternatives at `most`."""
-    yield "probability", f"{share(finding.probability)}, {SORTS.get(finding.sort, finding.sort)}"
+    sort = SORTS.get(finding.sort, finding.sort)
+    yield "probability", f"{share(finding.probability)}, {sort}"
     others = [f"{a.title} ({share(a.probability)})" for a in plausible(finding)]
     if others:
         left = len(others[most:]) if most else 0
@@ -160,8 +164,9 @@ def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[s
         yield "do", finding.action
 
 
-def place_facts(location: Location) -> Iterator[tuple[str, str]]:
-    """Terms and what is to be said of a place."""
+def place_facts(location: Location, drawn: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
+    """Terms and what is to be said of a place; `drawn` are rows with the shape of what is left
+    out."""
     yield "where", where(location)
     if location.region:
         yield "", "; ".join(region_words(region) for region in location.region)
@@ -169,6 +174,30 @@ def place_facts(location: Location) -> Iterator[tuple[str, str]]:
         yield "", periods_words(location.periods)
     if location.also:
         yield "", f"not told apart from {listed(location.also)}"
+    if location.shape is not None:
+        yield from shape_facts(location.shape, drawn)
+
+
+def shape_facts(shape: Shape, drawn: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
+    """Terms and what is to be said of the shape of what has no name."""
+    yield "shape", f"over {shape.driver} {shape.text}"
+    yield from (("", row) for row in drawn)
+    yield "memory", f"{shape.memory}: {shape.memory_text}"
+    for beaten in shape.beaten[: limits.LOST_TOLD]:
+        yield "not", beaten_words(beaten)
+
+
+def beaten_words(beaten: Beaten) -> str:
+    """An effect that lost, by how much, and where.
+
+    >>> beaten_words(Beaten("x", "Slip by temperature", 40.2, Region("T", 50.0, None, "degC", 0.8)))
+    'Slip by temperature: fits worse by 40 in log likelihood, 80\xa0% of that at T above 50 degC'
+    """
+    words = f"{beaten.title}: fits worse by {number(beaten.nats, 2)} in log likelihood"
+    if beaten.region is None:
+        return words
+    region = replace(beaten.region, share=float("nan"))
+    return f"{words}, {share(beaten.region.share)} of that at {region_words(region)}"
 
 
 def hidden_facts(hidden: HiddenDriver, drawn: Sequence[str] = ()) -> Iterator[tuple[str, str]]:
@@ -270,10 +299,13 @@ def titled(finding: Finding) -> str:
 def rivals_words(finding: Finding) -> str:
     """What the finding won against: its gain, and that of the strongest rival."""
     known = [r for r in finding.rivals if np.isfinite(r.gain)]
-    words = f"{titled(finding)}: gain in log likelihood {number(finding.gain)}"
+    title = "What has no name" if finding.sort == "free" else titled(finding)
+    words = f"{title}: gain in log likelihood {number(finding.gain)}"
     if not known:
         return f"{words}."
     best = max(known, key=lambda r: r.gain)
+    if finding.sort == "free":
+        return f"{words}; the best name gains {number(best.gain)} ({best.title})."
     return (
         f"{words}; strongest of {counted(len(finding.rivals), 'rival')} {number(best.gain, 2)} "
         f"({best.title})."
@@ -302,8 +334,18 @@ def confounded_words(pair: Confounded) -> str:
     return f"{pair.first} and {pair.second} (correlation {number(pair.correlation, 2)})"
 
 
+def is_repaired(mismatch: Mismatch) -> bool:
+    """Is there a plant to write, with more than other values?"""
+    return bool(mismatch.repair.joined)
+
+
 def labelled(finding: Finding) -> Iterator[tuple[str, Estimate]]:
-    """Parameters with module, title and the name that they have in the equation."""
+    """Parameters with module, title and the name that they have in the equation.
+
+    Those of a curve without a name are told by its shape.
+    """
+    if finding.sort == "free":
+        return
     for name, estimate in finding.parameters.items():
         title = f", {estimate.title}" if estimate.title else ""
         yield f"{finding.module}: {name}{title}", estimate

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from rulec.effects.candidate import Candidate
 from rulec.mismatch.result import Rival
+from rulec.mismatch.search.curve_found import CurveFound
 
 Odds = tuple[tuple[Candidate, float], ...]
 """Other explanations in the place of one, and their odds against it."""
@@ -15,7 +16,8 @@ Odds = tuple[tuple[Candidate, float], ...]
 class Accepted:
     """An explanation that the final model has: its own gain, and the odds of others instead.
 
-    `unnamed` are the odds of what has no name, and of nothing.
+    `unnamed` are the odds of what has no name, and of nothing. `curve` tells what it is over its
+    driver, where it has no name.
     """
 
     candidate: Candidate
@@ -23,6 +25,7 @@ class Accepted:
     others: Odds
     rivals: tuple[Rival, ...]
     unnamed: float = 0.0
+    curve: CurveFound | None = None
 
     @property
     def probability(self) -> float:

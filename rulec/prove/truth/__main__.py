@@ -16,6 +16,7 @@ from .runs import (
     visiting_run,
 )
 from .sensors import NOISE_FREE, TABLE_1, Sensing
+from .shaking import shaken_run
 from .transients import settling
 from .warming import warm_run
 
@@ -112,6 +113,7 @@ def _write_examples(name: str, folder: Path) -> None:
         _write(folder, "leakage_A", leakage_replay(plant), TABLE_1, EXAMPLE_SEED)
         _write(folder, "healthy", healthy_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
         _write(folder, "warm_A", warm_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
+        _write(folder, "shaking_B", shaken_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
     else:
         tour = visiting_run(plant, operating_points(plant, 5), {"D.clogging": 0.3}, lead_in=15)
         _write(folder, "clogging_D", settling(tour), TABLE_1, EXAMPLE_SEED)

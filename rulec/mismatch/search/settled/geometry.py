@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
-from rulec.effects.candidate import Candidate, Unknown
+from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
+from rulec.mismatch.search.settled.basis import Basis
 from rulec.mismatch.search.settled.sizes import Size, size_of
 
 
@@ -43,12 +44,19 @@ def _smooth_in_time(time: Array) -> Array:
 class Term:
     """A change at a place that follows a driver in a way without a name.
 
-    `spot` is the id of the place; `columns`, shape (seen rows, functions), are smooth functions of
-    the driver, each as it shows; how large they are is found with the errors of form.
+    `spot` is the id of the place, `changed` that place, or the parameter of its law that changes.
+    `slopes`, shape (seen rows,), are those of the residuals by `changed`, SI. `columns`, shape
+    (seen rows, functions), are the functions of `basis`, each as it shows, over their `norm`; how
+    large they are is found with the errors of form.
     """
 
     name: str
     spot: str
+    changed: Spot
+    driver: str
+    slopes: Array
+    basis: Basis
+    norm: float
     columns: Array
 
 
@@ -203,9 +211,13 @@ class Geometry:
 
     def likelihood(self, residual: Array, scale: float) -> float:
         """Log likelihood of the seen rows."""
+        return self.constant - float(self.lost(residual, scale).sum())
+
+    def lost(self, residual: Array, scale: float) -> Array:
+        """What each group of rows takes from the log likelihood, shape (groups,)."""
         far = np.log1p(self._distance(residual, scale) / limits.STUDENT)
-        tails = self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far
-        return self.constant - float(tails.sum())
+        lost: Array = self.rank * np.log(scale) + 0.5 * (limits.STUDENT + self.rank) * far
+        return lost
 
     def weights(self, residual: Array, scale: float) -> Array:
         """Weights of the rows in the normal matrix."""

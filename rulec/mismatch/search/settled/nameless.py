@@ -13,6 +13,7 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.search.settled.basis import basis_over
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.time_varying import wandering
@@ -25,36 +26,40 @@ def terms(geometry: Geometry, model: Model) -> list[Term]:
         column = spot_column(model.fitted, spot)
         if column is None:
             continue
-        ways = [(spot.id, column, name) for name in varying(model.fitted, spot.module)]
+        ways = [(spot, column, name) for name in varying(model.fitted, spot.module)]
         if system.data.timed:
-            ways.append((spot.id, column, TIME))
+            ways.append((spot, column, TIME))
             # What drives a law seldom adds to it: it changes what stands in it.
-            ways += [(w.spot.id, w.column, TIME) for w in wandering(model.fitted, spot)]
-        for id_, slopes, name in ways:
-            values = system.data.time if name == TIME else system.data.values[name]
+            ways += [(w.spot, w.column, TIME) for w in wandering(model.fitted, spot)]
+        for changed, slopes, name in ways:
+            values = driver_of(system, name)
+            known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
+            own = slopes[geometry.seen]
             # What happens in a band of a driver may be a resonance; in a band of time, a fault.
             for length in limits.TERM_LENGTHS[: 1 if name == TIME else None]:
-                table = slopes[geometry.seen, None] * _smooth(values, length)[geometry.point]
+                basis = basis_over(values, length)
+                table = own[:, None] * basis.at(known)
                 size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
                 if size > 0.0 and np.isfinite(table).all():
-                    found.append(Term(f"{id_}~{name}", spot.id, table / size))
+                    found.append(
+                        Term(
+                            name=f"{changed.id}~{name}",
+                            spot=spot.id,
+                            changed=changed,
+                            driver=name,
+                            slopes=own,
+                            basis=basis,
+                            norm=size,
+                            columns=table / size,
+                        )
+                    )
     return found
 
 
-def _smooth(values: Array, length: float) -> Array:
-    """Independent functions of a driver, of unit prior size, shape (n, functions); `length` is the
-    share of its range over which they are alike."""
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-    low, high = np.quantile(known, [0.02, 0.98])
-    z = np.clip((known - low) / max(float(high - low), 1e-300), -0.1, 1.1)
-    knots = np.linspace(0.0, 1.0, 41)
-    apart = (knots[:, None] - knots[None, :]) ** 2
-    kernel = 1.0 + np.exp(-0.5 * apart / length**2)
-    size, ways = np.linalg.eigh(kernel)
-    seen = int((size > limits.FORM_RANK * size.max()).sum())
-    best = np.argsort(-size)[: min(seen, limits.TERM_FUNCTIONS)]
-    table = [np.interp(z, knots, ways[:, i] * np.sqrt(size[i])) for i in best]
-    return np.stack(table, axis=1)
+def driver_of(system: System, name: str) -> Array:
+    """Values of a driver at all points, shape (n,), SI; NaN where it was not read."""
+    values: Array = system.data.time if name == TIME else system.data.values[name]
+    return values
 
 
 def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float, Term]]:

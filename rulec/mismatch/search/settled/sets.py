@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rulec.effects.candidate import Candidate
+from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration, Span
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -178,7 +178,32 @@ def explain(every: Rows, progress: Progress) -> Posterior:
             _sharpen(search, names)
             _grow(search, names)
             _prune(search, names)
+    _challenge(search)
     return search.posterior()
+
+
+def _challenge(search: Search) -> None:
+    """Refit effects of the catalogue in the place of each term of the best set, so that the answer
+    can say by how much they lost."""
+    names = search.posterior().best
+    for term in search.models[names].terms:
+        rest = names - {term.name}
+        ids = {c.id for c in in_its_place(search.geometry.rows.system, term)}
+        if rest not in search.models or not ids:
+            continue
+        model = search.models[rest]
+        own = columns(search.geometry, model, search.alike)
+        for one in scan(search.geometry, model, own, search.alike, limits.LOST_TOLD, ids):
+            if len(one.starts) == 1 and rest | one.names not in search.odds:
+                _join(search, rest, one)
+
+
+def in_its_place(system: System, term: Term) -> tuple[Candidate, ...]:
+    """Effects at the place of a term; those with its driver, where there are any."""
+    place = (term.changed.module, term.changed.place)
+    here = [c for c in system.candidates if (c.module, c.place) == place]
+    same = [c for c in here if term.driver in c.drivers.values()]
+    return tuple(same if same and term.driver != TIME else here)
 
 
 def _grow(search: Search, names: Names) -> None:

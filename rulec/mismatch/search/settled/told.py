@@ -18,7 +18,10 @@ from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve import curve_at
 from rulec.mismatch.search.latent_input import free_course
-from rulec.mismatch.search.settled.geometry import Term
+from rulec.mismatch.search.settled.branches import branches_of
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.lost import lost_to
+from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.scan import at_times
 from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
@@ -46,7 +49,22 @@ def search(rows: Rows, progress: Progress) -> Search:
     progress("refitting the most probable explanation to all settled points")
     model = posterior.models[posterior.best]
     fitted, candidates = _on_all_points(rows, model, _told(posterior))
-    accepted = tuple(_accepted(posterior, name, c) for name, c in candidates.items())
+    geometry = Geometry(model.fitted.rows)
+    curves = {}
+    for term in (t for t in model.terms if t.name in candidates):
+        curve = curve_of(geometry, model, term)
+        curves[term.name] = replace(
+            curve,
+            branches=branches_of(
+                fitted, candidates[term.name], curve, term.basis, size_of_term(model, term)
+            ),
+            elsewhere=_elsewhere(posterior, geometry, term),
+            lost=lost_to(geometry, posterior, term),
+        )
+    accepted = tuple(
+        replace(_accepted(posterior, name, c), curve=curves.get(name))
+        for name, c in candidates.items()
+    )
     return Search(fitted, accepted, posterior)
 
 
@@ -154,14 +172,35 @@ def _place(fitted: Fitted, id_: str) -> Suspect | None:
     return next((way for way in ways if way.spot.id == id_), None)
 
 
+def _alike(posterior: Posterior, name: str) -> frozenset[str]:
+    """A name with all that say the same: terms without a name over one driver, wherever they are.
+
+    Their columns often coincide, and each would have a part of what all of them have.
+    """
+    _, mark, driver = name.rpartition("~")
+    if not mark or driver == TIME:
+        return frozenset({name})
+    return frozenset(n for names in posterior.odds for n in names if n.endswith(mark + driver))
+
+
+def _elsewhere(posterior: Posterior, geometry: Geometry, term: Term) -> tuple[str, ...]:
+    """Other places at which a term over the same driver may be, the likeliest first."""
+    spots = {s.id: f"{s.module}.{s.place}" for s in geometry.rows.system.builder.spots}
+    own = posterior.names
+    names = sorted(_alike(posterior, term.name) - {term.name}, key=lambda n: -own[n])
+    near = [n.rpartition("~")[0] for n in names if own[n] >= limits.MENTIONED]
+    return tuple(spots[id_] for id_ in near if id_ in spots)
+
+
 def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
     """How sure an explanation of the best set is, and what may be in its place."""
     best, sets = posterior.best, posterior.sets
-    own = posterior.names[name]
+    alike = _alike(posterior, name)
+    own = sum(p for names, p in sets.items() if names & alike)
     known = _candidates(posterior)
     others: dict[str, float] = {}
     for names, probability in sets.items():
-        if name in names:
+        if names & alike:
             continue
         for other in names - best:
             if other in known:
@@ -195,15 +234,31 @@ def _beside(posterior: Posterior, best: Names, name: str) -> float:
     return max(odds for names, odds in posterior.odds.items() if names <= rest)
 
 
+def _titled(candidate: Candidate) -> str:
+    """A title with its module, once."""
+    title, module = candidate.title, candidate.module
+    return title if f"{module}." in title else f"{title} in {module}"
+
+
 def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
-    """What must lose against an explanation, and what it gains in its place."""
-    best = posterior.best
-    rest = best - {name}
-    unnamed = [
-        odds
+    """What must lose against an explanation, and what it gains in its place.
+
+    For a name that is a term without one; for such a term, the best name.
+    """
+    rest = posterior.best - {name}
+    beside = _beside(posterior, posterior.best, name)
+    term = "~" in name
+    there = {
+        names: odds
         for names, odds in posterior.odds.items()
-        if name not in names and all("~" in n for n in names - rest) and names - rest
-    ]
-    if unnamed:
-        gain = max(unnamed) - _beside(posterior, best, name)
-        yield Rival("a term without a name in its place", gain)
+        if name not in names
+        and (rest < names if term else names - rest)
+        and all(("~" in n) is not term for n in names - rest)
+    }
+    if there:
+        names = max(there, key=lambda n: there[n])
+        title = "a term without a name in its place"
+        if term:
+            known = _candidates(posterior)
+            title = " and ".join(sorted(_titled(known[n]) for n in names - rest))
+        yield Rival(title, there[names] - beside)

@@ -1,0 +1,69 @@
+"""The values of a term without a name over its driver, from the model that holds it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+
+from rulec.mismatch import limits
+from rulec.mismatch.search.curve_found import CurveFound
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.nameless import driver_of
+from rulec.mismatch.search.settled.refit import Model
+
+
+def curve_of(geometry: Geometry, model: Model, term: Term) -> CurveFound:
+    """A term of a model, with what single means show beside all else that the model holds.
+
+    The values of the plant, errors of form and other terms are refitted with it, so their doubt is
+    in the covariance. There noise counts as no smaller than stated: what lasts within the class of
+    a sensor does not show in the scatter.
+    """
+    solution = solved(model)[0]
+    covariance = solved(replace(model, weights=model.weights * min(model.scale, 1.0) ** 2))[1]
+    own = _columns_of(geometry, model, term)
+    size = size_of_term(model, term)
+    driver = driver_of(geometry.rows.system, term.driver)
+    read = driver[np.unique(geometry.point)]
+    at = np.linspace(float(np.nanmin(read)), float(np.nanmax(read)), limits.CURVE_POINTS)
+    there = size * term.basis.at(at)
+    weight = np.bincount(geometry.point, term.slopes**2 * model.weights)
+    left = model.left + model.table @ solution
+    moment = np.bincount(geometry.point, term.slopes * left * model.weights)
+    known = np.flatnonzero((weight > 0.0) & np.isfinite(driver[: len(weight)]))
+    meant = size * term.basis.at(driver[known]) @ solution[own] - moment[known] / weight[known]
+    return CurveFound(
+        place=term.changed,
+        driver=term.driver,
+        at=at,
+        value=there @ solution[own],
+        covariance=there @ covariance[np.ix_(own, own)] @ there.T,
+        means=np.stack([driver[known], meant, weight[known] ** -0.5], axis=1),
+    )
+
+
+def size_of_term(model: Model, term: Term) -> float:
+    """How large the functions of a term are in a model, SI of its place."""
+    return model.sizes.terms[model.terms.index(term)] / term.norm
+
+
+def solved(model: Model) -> tuple[Array, Array]:
+    """All numbers of a model, shape (values,), less the means of the priors, and their covariance,
+    shape (values, values)."""
+    weights, table = model.weights, model.table
+    normal = table.T @ (table * weights[:, None]) + model.precision
+    unit = np.sqrt(np.diag(normal))
+    inverse = np.linalg.inv(normal / np.outer(unit, unit)) / np.outer(unit, unit)
+    return -inverse @ (table.T @ (model.left * weights)), inverse
+
+
+def _columns_of(geometry: Geometry, model: Model, term: Term) -> Array:
+    """Places of a term's functions among all numbers of its model, in the order of `Random`."""
+    before = len(model.at)
+    before += sum(part.shape[1] for part in (geometry.forms, geometry.moving, geometry.held))
+    for other in model.terms[: model.terms.index(term)]:
+        before += other.columns.shape[1]
+    places: Array = np.arange(before, before + term.columns.shape[1])
+    return places
