@@ -63,12 +63,10 @@ class Term:
 @dataclass(frozen=True)
 class Sizes:
     """How large random columns are: errors of form as share of an output's usual size, errors of
-    sensors as share of their class, errors of the effects' own forms as share of what they change,
-    terms without a name in units of the noise of a point."""
+    sensors as share of their class, terms without a name in units of the noise of a point."""
 
     form: float
     moving: float
-    effect: float
     terms: tuple[float, ...]
 
     @property
@@ -77,13 +75,12 @@ class Sizes:
         known = (
             (max(self.form, limits.FORM_SHARES[1]), limits.USUAL_FORM, limits.FORM_KNOWN),
             (self.moving, limits.USUAL_MOVING, limits.MOVING_KNOWN),
-            (self.effect, limits.USUAL_EFFECT_FORM, limits.FORM_KNOWN),
         )
         far = [np.log(size / usual) / np.log(factor) for size, usual, factor in known]
         return -0.5 * float(np.sum(np.square(far)))
 
 
-USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, limits.USUAL_EFFECT_FORM, ())
+USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, ())
 """Sizes before the recording."""
 
 

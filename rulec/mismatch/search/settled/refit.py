@@ -92,7 +92,7 @@ def refitted(
     own = {} if near is None else dict(zip(_names(near.terms), near.sizes.terms, strict=True))
     sizes = replace(sizes, terms=tuple(own.get(name, 1.0) for name in _names(terms)))
     scale = 1.0 if near is None else near.scale
-    fresh = [4 + i for i, name in enumerate(_names(terms)) if name not in own]
+    fresh = [3 + i for i, name in enumerate(_names(terms)) if name not in own]
     fresh += [0, 1] if near is None else []
     no_more = np.zeros((int(seen.sum()), 0))
     now = _evaluated(rows, setting, prior, at)
@@ -192,15 +192,14 @@ def _choose(
     table = np.concatenate([jacobian, random.columns, more], axis=1)
     precision = _joint(known.density(at)[1], random.count, more.shape[1])
     start = np.concatenate([off, random.ratio(sizes) * forms, np.zeros(more.shape[1])])
-    effect = limits.EFFECT_FORMS if more.shape[1] else (limits.USUAL_EFFECT_FORM,)
-    axes = (limits.NOISE_SCALES, limits.FORM_SHARES, limits.MOVING_SHARES, effect)
-    axes += (limits.TERM_SIZES,) * len(sizes.terms)
+    axes: list[tuple[float, ...]] = [limits.NOISE_SCALES, limits.FORM_SHARES, limits.MOVING_SHARES]
+    axes += [limits.TERM_SIZES] * len(sizes.terms)
 
     def solved(sizes: Sizes, scale: float, weighted: Weighted) -> _Chosen:
         normal, moment, weights = weighted
         ratio = np.ones(len(precision))
         ratio[n : n + random.count] = random.ratio(sizes)
-        ratio[n + random.count :] = sizes.effect
+        ratio[n + random.count :] = limits.EFFECT_FORM
         whole = ratio[:, None] * normal * ratio + precision
         size = np.sqrt(np.diag(whole))
         whole /= size[:, None] * size
@@ -222,10 +221,10 @@ def _choose(
 
     @cache
     def at_place(place: Place) -> _Chosen:
-        scale, *known = (axis[i] for axis, i in zip(axes, place, strict=True))
-        return solved(Sizes(*known[:3], tuple(known[3:])), scale, weighted_at(scale))
+        scale, form, moving, *own = (axis[i] for axis, i in zip(axes, place, strict=True))
+        return solved(Sizes(form, moving, tuple(own)), scale, weighted_at(scale))
 
-    first = (noise, sizes.form, sizes.moving, sizes.effect, *sizes.terms)
+    first = (noise, sizes.form, sizes.moving, *sizes.terms)
     begins = tuple(_nearest(axis, value) for axis, value in zip(axes, first, strict=True))
     place = climbed(lambda p: at_place(p).score, begins, [len(axis) for axis in axes], fresh)
     best = at_place(place)
