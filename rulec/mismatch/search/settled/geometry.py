@@ -12,6 +12,7 @@ from scipy.special import gammaln
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.extent import usual_size
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
@@ -138,13 +139,12 @@ class Geometry:
     def _forms(self, alike: Array) -> Array:
         """Rows of errors of form of unit size, shape (rows, errors)."""
         rows, columns = self.rows, []
-        values = rows.system.data.values
         for cell in rows.cells:
             size, ways = np.linalg.eigh(alike[np.ix_(cell.points, cell.points)])
             kept = size > 1e-3 * size.max()
             smooth = ways[:, kept] * np.sqrt(size[kept])
             for i, name in enumerate(cell.outputs):
-                usual = np.sqrt(np.nanmean(values[name][rows.system.data.open] ** 2))
+                usual = usual_size(rows.system, name)
                 table = np.zeros((len(rows), smooth.shape[1]))
                 weight = (cell.whitener[:, :, i] * usual).T.ravel()
                 table[cell.rows] = weight[:, None] * np.tile(smooth, (cell.rank, 1))
