@@ -63,7 +63,7 @@ class Binder:
         if driver.where == "downstream":
             behind = self._behind(module)
             return bool(behind) and not self._ids(behind, driver)
-        if driver.where == "unread":
+        if driver.where in ("unread", "beside"):
             # Of which further reading of that quantity this would be nobody can say.
             return False
         return not self._own(module, driver)
@@ -83,6 +83,8 @@ class Binder:
             return [s for s in own if s in site.reads]
         if driver.where == "downstream":
             return self._ids(self._behind(module), driver)
+        if driver.where == "beside":
+            return [s for s in own if not self._reads(module, site, driver.quantity)]
         if driver.quantity == join.reads:
             # A threshold of the very reading that is put right.
             return [site.name]
@@ -100,6 +102,11 @@ class Binder:
         for other in others if not found else ():
             found += drivers_at(self._network.plant, driver.quantity, other, like=module)
         return found[:NEAREST_DRIVERS]
+
+    def _reads(self, module: str, site: Site, quantity: str) -> bool:
+        """Does the equation of a place read some signal of a quantity?"""
+        signals = self._network.plant.modules[module].type.signals
+        return any(s in signals and signals[s].quantity == quantity for s in site.reads)
 
     def _own(self, module: str, driver: Driver) -> list[str]:
         """Own states of a quantity, or else signals: what is stored is what its sensor shows."""

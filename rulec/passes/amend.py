@@ -34,8 +34,8 @@ class Change:
 
     `kind` is ``definition``, ``observer``, ``signal``, ``balance`` (the derivative of a state),
     ``reading`` (what a sensor shows) or ``end`` (what flows in or out). The law stands over ``law``
-    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, plan inputs
-    such as ``B.T``, or a property of the `fluid` at one of these, as ``viscosity(T)``) and
+    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, plan
+    inputs such as ``B.T``, or a property of the `fluid` at one of these, as ``viscosity(T)``) and
     `parameters`, whose plan inputs are in `ids`. `also` lists further places with laws of their
     own; `states` are brought in, and stand in all laws.
     """

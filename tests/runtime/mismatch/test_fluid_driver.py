@@ -1,4 +1,4 @@
-"""A property of the plant's fluid drives a law where nobody reads it but its temperature is read."""
+"""A property of the plant's fluid drives a law where only the fluid's temperature is read."""
 
 from __future__ import annotations
 
