@@ -352,3 +352,15 @@ def test_text_that_means_something_to_yaml_is_quoted(value: Any) -> None:
     assert document is not None
     assert {"key": value} == document.data
     assert {"key": value} == yaml.safe_load(text) or isinstance(value, float)
+
+
+def test_a_property_of_the_fluid_is_written_as_one(tmp_path: Path) -> None:
+    """The new type asks for it, and the plant fills it: the same flows as in the analysis."""
+    plant = ROOT / "tests" / "runtime" / "mismatch" / "oily.yaml"
+    name = "A.slip-viscosity@Q_geo(dp, viscosity(T))"
+    data, builder = mismatch(plant, [(name, {"m": 0.8, "mu0": 0.05})])
+    new = adopted(tmp_path, data)
+    assert_same_flows(new, data, builder, "A")
+    (kind,) = (m.type for m in models_of(new).plant.modules.values())
+    assert kind.asks == ("viscosity",)
+    assert kind.signals["T"].is_input

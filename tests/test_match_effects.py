@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.effects.model_builder import ModelBuilder
+from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.places import Site
 from rulec.passes.types import Compilation
+from tests.conftest import ROOT
 from tests.effects import driver, effect, join, parameter, with_effects
 from tests.rig.mismatch.adopted import rig_plant
 from tests.test_amend import opened
@@ -155,6 +157,49 @@ def test_a_gauge_that_no_equation_reads_may_drive(tmp_path: Path) -> None:
     own = ModelBuilder(with_effects(models, gauge), builder._readings)
     assert set() == places(own, "gauge")
     assert not [m for m in own.missing if m.name == "gauge"]
+
+
+METERING = """\
+module: metering
+version: 1
+title: Metering pump whose law reads no pressure
+signals:
+  n:  {quantity: rotational speed, unit: rpm, sensor: converter-speed, input: true, reference: 900}
+  dp: {quantity: pressure difference, unit: bar, sensor: piezoresistive, range: [0, 10],
+       reference: 2}
+  Q:  {quantity: volume flow, unit: l/h, sensor: magnetic-inductive, range: [0, 1000],
+       reference: 500}
+parameters:
+  V:  {value: 9.26, unit: ml/rev, u: 0.1, source: data sheet}
+  k2: {value: 8.0e-6, unit: bar/(l/h)**2, u: 1.0e-6, source: data sheet}
+observers:
+  meter: {component: line, Q: Q, reference: true, source: flow meter}
+  pump:  {component: pump, Q: n*V, source: displacement}
+  line:  {component: line, Q: sqrt(dp/k2), source: quadratic}
+"""
+
+
+def test_a_law_that_reads_no_pressure_may_follow_one(rig: Opened, tmp_path: Path) -> None:
+    """The gauge is read by the line; a pump whose law reads it has the slip by that already."""
+    shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    (tmp_path / "kb" / "modules" / "metering.yaml").write_text(METERING)
+    text = "plant: metered\ntitle: Metered\nmodules: {A: {type: metering}}\nconnections: []\n"
+    (tmp_path / "plant.yaml").write_text(text)
+    _, builder = open_builder(tmp_path)
+    for name in ("slip-linear", "bypass-flow"):
+        found = [c for c in builder.candidates if c.name == name]
+        assert [("pump", {"n": "A.n", "p": "A.dp"})] == [(c.place, dict(c.drivers)) for c in found]
+    beside = effect(
+        "beside",
+        join("law - c*p", gives="volume flow", rises_with="n"),
+        drivers={
+            "n": driver("rotational speed"),
+            "p": driver("pressure difference", "beside"),
+        },
+        parameters={"c": parameter()},
+    )
+    own = ModelBuilder(with_effects(rig[0], beside), rig[2]._readings)
+    assert set() == places(own, "beside")
 
 
 def test_an_effect_joins_a_place_once(rig: Opened) -> None:

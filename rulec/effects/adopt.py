@@ -17,6 +17,7 @@ from rulec.effects.gathering import Gathering
 from rulec.effects.hold_back import held_back
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Repair
+from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.module_type import ENDS, ModuleType, Parameter, Signal, State
 from rulec.knowledge.plant import Module, Plant
 from rulec.language.origin import Origin
@@ -118,7 +119,7 @@ def why_not(candidate: Candidate, network: Network) -> str:
     if candidate.sort in NOT_PHYSICS:
         return NOT_PHYSICS[candidate.sort]
     readings = Gathering(network)
-    for source in candidate.drivers.values():
+    for source in map(reading_of, candidate.drivers.values()):
         if source == TIME:
             return "a module type knows no time"
         if not source.startswith(f"{candidate.module}.") and not readings.name(
@@ -192,7 +193,7 @@ def _read(kind: ModuleType) -> set[str]:
 def _shown_in(plant: Plant, parameter: Parameter, unknown: Unknown) -> Unit:
     """A unit that a file may have; a typical reading is shown as its signal or state is."""
     if unknown.fixed and unknown.driver:
-        module, _, name = unknown.driver.partition(".")
+        module, _, name = reading_of(unknown.driver).partition(".")
         kind = plant.modules[module].type
         shown = kind.states.get(name) or kind.signals.get(name)
         if shown is not None and shown.unit.dimension == parameter.unit.dimension:

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import networkx as nx
 
 from rulec.effects.candidate import TIME
+from rulec.effects.fluid_driver import FluidDriver, drivers_at
 from rulec.effects.places import Site
 from rulec.knowledge.effect import Driver, Effect, Join
+from rulec.knowledge.fluid import property_at
 from rulec.knowledge.module_type import INFLOW
 from rulec.limits import NEAREST_DRIVERS, STEEP
 from rulec.passes.link import Network
@@ -28,6 +30,11 @@ class Binding:
 
     signals: Mapping[str, str]
     missing: tuple[str, ...] = ()
+
+    @property
+    def of_fluid(self) -> bool:
+        """Is a driver a property of the fluid, in place of a reading?"""
+        return any(property_at(source)[0] for source in self.signals.values())
 
 
 class Binder:
@@ -56,7 +63,7 @@ class Binder:
         if driver.where == "downstream":
             behind = self._behind(module)
             return bool(behind) and not self._ids(behind, driver)
-        if driver.where == "unread":
+        if driver.where in ("unread", "beside"):
             # Of which further reading of that quantity this would be nobody can say.
             return False
         return not self._own(module, driver)
@@ -76,12 +83,30 @@ class Binder:
             return [s for s in own if s in site.reads]
         if driver.where == "downstream":
             return self._ids(self._behind(module), driver)
-        if driver.where == "plant" and not own:
-            return self._ids(self._nearest(module), driver)[:NEAREST_DRIVERS]
+        if driver.where == "beside":
+            return [s for s in own if not self._reads(module, site, driver.quantity)]
         if driver.quantity == join.reads:
             # A threshold of the very reading that is put right.
             return [site.name]
-        return [s for s in own if site.key != ("signal", s)]
+        if driver.where == "plant" and not own:
+            own = self._ids(self._nearest(module), driver)[:NEAREST_DRIVERS]
+        derived = [d.local(module) for d in self._of_fluid(module, driver)]
+        return [*(s for s in own if site.key != ("signal", s)), *derived]
+
+    def _of_fluid(self, module: str, driver: Driver) -> list[FluidDriver]:
+        """A property of what runs through a module, at the thermometers that tell of it."""
+        if driver.where not in _AS_PROPERTY or self._network.stores:
+            return []
+        others = self._nearest(module) if driver.where == "plant" else []
+        found = drivers_at(self._network.plant, driver.quantity, module)
+        for other in others if not found else ():
+            found += drivers_at(self._network.plant, driver.quantity, other, like=module)
+        return found[:NEAREST_DRIVERS]
+
+    def _reads(self, module: str, site: Site, quantity: str) -> bool:
+        """Does the equation of a place read some signal of a quantity?"""
+        signals = self._network.plant.modules[module].type.signals
+        return any(s in signals and signals[s].quantity == quantity for s in site.reads)
 
     def _own(self, module: str, driver: Driver) -> list[str]:
         """Own states of a quantity, or else signals: what is stored is what its sensor shows."""
@@ -114,6 +139,10 @@ class Binder:
         )
         others = [name for name in names if name != module]
         return sorted(others, key=lambda name: far.get(name, len(names)))
+
+
+_AS_PROPERTY = ("own", "plant")
+"""Where a driver may stand, for a property of the fluid to be one."""
 
 
 def _is_replaced(driver: Driver, join: Join) -> bool:

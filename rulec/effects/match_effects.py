@@ -14,11 +14,13 @@ from typing import Any
 from rulec.effects.binding import Binder, Binding, drivers_of
 from rulec.effects.candidate import TIME, Candidate, Missing, Unknown
 from rulec.effects.equation_text import equation_of
+from rulec.effects.fluid_driver import thermometer
 from rulec.effects.join_places import matching
 from rulec.effects.onset import CLOCK, beginning_change, beginning_unknowns, degree_unknown
 from rulec.effects.places import Site, Survey, sites_of, survey
 from rulec.effects.spots import unit_of
 from rulec.knowledge.effect import PLAIN, Effect, EffectParameter, EffectState, Join
+from rulec.knowledge.fluid import property_at, reading_of
 from rulec.knowledge.knowledge import FaultType, Variant
 from rulec.knowledge.module_type import ENDS, INFLOW, OUTFLOW, Parameter, State
 from rulec.knowledge.plant import Module, Plant
@@ -105,7 +107,7 @@ def everywhere(found: Iterable[Matched], plant: Plant) -> Iterator[Matched]:
 
 
 def _is_own(unknown: Unknown, module: str) -> bool:
-    return unknown.driver is not None and unknown.driver.partition(".")[0] == module
+    return unknown.driver is not None and reading_of(unknown.driver).partition(".")[0] == module
 
 
 def _common(alike: Sequence[Matched]) -> Matched:
@@ -161,7 +163,9 @@ class _Matcher:
                         known = lacking.setdefault(site.name, asked)
                         lacking[site.name] = min(known, asked, key=len)
                     if not binding.missing:
-                        several = len(bindings) > 1
+                        # What is read has the plain id, whatever a fluid would tell besides.
+                        read = [b for b in bindings if not b.of_fluid]
+                        several = len(read) > 1 or binding.of_fluid
                         made = self._candidate(effect, join, site, binding, several)
                         taken |= {site.key} if made else set()
                         yield from made
@@ -171,14 +175,16 @@ class _Matcher:
 
     def _missing(self, effect: Effect, site: Site, binding: Binding) -> Iterator[Missing]:
         for name in binding.missing:
-            driver = effect.drivers[name]
+            quantity, fluid = effect.drivers[name].quantity, self._module.fluid
+            if fluid is not None and quantity in fluid.properties:
+                quantity = thermometer(self._plant.knowledge)
             yield Missing(
                 name=effect.name,
                 title=effect.title,
                 module=self._module.name,
                 place=site.name,
-                quantity=driver.quantity,
-                sensor=cheapest_sensor(self._plant, driver.quantity),
+                quantity=quantity,
+                sensor=cheapest_sensor(self._plant, quantity),
             )
 
     def _candidate(
@@ -201,6 +207,7 @@ class _Matcher:
             states={
                 n: self._state(n, state, site, effect.origin) for n, state in effect.states.items()
             },
+            fluid=self._module.fluid,
         )
         drivers = {n: self._id(binding.signals[n]) for n in drivers_of(join, effect)}
         read = {**drivers, PLAIN: self._id(site.name)}
@@ -238,10 +245,11 @@ class _Matcher:
         twin = site.kind == "observer" and ("definition", site.name) in self._sites
         return f"{site.name}.{site.kind}" if twin else site.name
 
-    def _id(self, signal: str) -> str:
-        kind = self._module.type
+    def _id(self, source: str) -> str:
+        kind, (of_fluid, signal) = self._module.type, property_at(source)
         own = signal in (*kind.signals, *kind.states, *ENDS)
-        return f"{self._module.name}.{signal}" if own else signal
+        id_ = f"{self._module.name}.{signal}" if own else signal
+        return f"{of_fluid}({id_})" if of_fluid else id_
 
     def _equation(self, change: Change, place: tuple[str, str]) -> str | None:
         """The repaired equation; None where the language has none, as for a division by zero."""

@@ -17,6 +17,7 @@ from rulec_runtime.simulation.balances import Balances
 
 from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
 from rulec.effects.equation_text import equation_of
+from rulec.effects.fluid_driver import FluidDriver, drivers_at
 from rulec.effects.free_form import free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
 from rulec.effects.places import survey
@@ -82,6 +83,18 @@ class ModelBuilder:
     def candidates(self) -> tuple[Candidate, ...]:
         """Every explanation that fits some place, by module."""
         return tuple(m.candidate for m in self.matches.candidates)
+
+    @cached_property
+    def fluid_drivers(self) -> dict[str, FluidDriver]:
+        """Properties of the fluid that may drive something, by their ids."""
+        plant = self.network.plant
+        every = (
+            driver
+            for module in plant.modules.values()
+            for name in (module.fluid.properties if module.fluid else ())
+            for driver in drivers_at(plant, name, module.name)
+        )
+        return {driver.id: driver for driver in every}
 
     @property
     def missing(self) -> tuple[Missing, ...]:

@@ -12,6 +12,7 @@ from rulec.effects.adopt import Adopted, Adoption
 from rulec.effects.recalibrate import calibration
 from rulec.effects.repair import Repair
 from rulec.effects.write_module import write_module
+from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.read import Sources, shipped, yaml_files_in
 from rulec.language.document import Document, read_document
 from rulec.language.schema import kind_of
@@ -71,7 +72,7 @@ def _typical(own: Adopted, repair: Repair, adoption: Adoption) -> dict[str, floa
     name, result = own.module.name, dict[str, float]()
     found = {k: v for joined in repair.joined for k, v in joined.values.items()}
     for candidate in adoption.taken:
-        for source in candidate.drivers.values():
+        for source in map(reading_of, candidate.drivers.values()):
             if source.startswith(f"{name}.") and source in repair.ranges:
                 result[source.split(".")[1]] = sum(repair.ranges[source]) / 2
         for unknown in candidate.unknowns:

@@ -136,7 +136,7 @@ class _PlantReader(Reader):
         return result
 
     def fill(self, modules: dict[str, Module]) -> dict[str, Module]:
-        """Modules with the fluid that their equations ask for: their own, else the plant's."""
+        """Modules with their fluid, else the plant's; equations that ask for it are filled."""
         data, known = self.document.data, self.knowledge.fluids
         named: dict[Path_, str | None]
         named = {("modules", n, "fluid"): m.get("fluid") for n, m in data["modules"].items()}
@@ -146,12 +146,11 @@ class _PlantReader(Reader):
                 self.report(path, "KB065", f"there is no fluid '{fluid}'", hint)
         result = dict(modules)
         for name, module in modules.items():
-            if not module.type.asks:
-                continue
             fluid = data["modules"][name].get("fluid", data.get("fluid"))
             if fluid in known:
-                result[name] = fill(module, known[fluid])
-            elif fluid is None:
+                there = replace(module, fluid=known[fluid])
+                result[name] = fill(there, known[fluid]) if module.type.asks else there
+            elif fluid is None and module.type.asks:
                 asked = " and ".join(module.type.asks)
                 message = f"'{module.type.name}' asks for {asked}, but no fluid is named"
                 hint = "add 'fluid: ...' to the plant; " + did_you_mean("", self.fluids)

@@ -20,9 +20,10 @@ class Driver:
     """A reading that an effect depends on, by quantity.
 
     `where` is ``own`` (a signal of the module), ``read`` (one that no state gives), ``unread`` (an
-    own signal that no equation reads), ``plant`` (own, or else of any module) or ``downstream`` (a
-    signal of the module behind, as in ``downstream(name)``). The quantity ``time`` means seconds
-    since the beginning of the recording.
+    own signal that no equation reads), ``beside`` (an own signal, if the equation of the place
+    reads none of its quantity), ``plant`` (own, or else of any module) or ``downstream`` (a signal
+    of the module behind, as in ``downstream(name)``). The quantity ``time`` means seconds since
+    the beginning of the recording.
     """
 
     name: str

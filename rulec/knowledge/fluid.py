@@ -11,7 +11,7 @@ import sympy
 from rulec.knowledge.module_type import Fluid, Parameter, Property
 from rulec.knowledge.plant import Module
 from rulec.language.symbolic import TEMPERATURE, closed_form, to_sympy
-from rulec.language.units import NONE, Unit
+from rulec.language.units import NONE, PROPERTIES, Unit
 
 
 def fill(module: Module, fluid: Fluid) -> Module:
@@ -46,6 +46,22 @@ def _factor(fluid: Fluid, part: Property) -> Parameter:
         origin=part.origin,
         shared=True,
     )
+
+
+def property_at(source: str) -> tuple[str, str]:
+    """Property of a fluid and reading of temperature that drive a law; a plain reading has none.
+
+    >>> property_at("viscosity(pump.T)"), property_at("pump.T")
+    (('viscosity', 'pump.T'), ('', 'pump.T'))
+    """
+    name, bracket, rest = source.partition("(")
+    known = bracket and name in PROPERTIES and rest.endswith(")")
+    return (name, rest[:-1]) if known else ("", source)
+
+
+def reading_of(source: str) -> str:
+    """The reading behind what drives a law."""
+    return property_at(source)[1]
 
 
 def factor_name(fluid: Fluid, name: str) -> str:

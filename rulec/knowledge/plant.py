@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec.knowledge.knowledge import Knowledge
-from rulec.knowledge.module_type import ModuleType, Parameter
+from rulec.knowledge.module_type import Fluid, ModuleType, Parameter
 from rulec.language.diagnostics import Place
 
 
@@ -24,7 +24,8 @@ class Module:
 
     `stated` are the parameters as the type and the plant state them, `parameters` those that count
     after calibration. `misfit` per observer (m3/s) and `valid` per signal come from calibration;
-    `reference` holds readings at a typical operating point; all in SI.
+    `reference` holds readings at a typical operating point; all in SI. `fluid` is what runs through
+    it, where that is named.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Module:
     misfit: Mapping[str, float]
     valid: Mapping[str, tuple[float, float]]
     reference: Mapping[str, float]
+    fluid: Fluid | None = None
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.rows_used import evidence_of
 from rulec.mismatch.evidence.steady.settle import plain_of, repair_of, with_sensors_as_they_are
-from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
@@ -62,7 +62,7 @@ def explain(
             samples=data,
             evidence=evidence_of(recording, data),
         )
-    rows = rows_of(System(ruleset, builder, data), Configuration())
+    rows = rows_of(system_of(ruleset, builder, data), Configuration())
     if rows.groups < limits.FEWEST_POINTS:
         return Blind(
             why="no two estimates of one flow can be compared with the readings of this recording",

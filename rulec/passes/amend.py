@@ -14,7 +14,15 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from rulec.knowledge.module_type import ENDS, Definition, ModuleType, Parameter, State
+from rulec.knowledge.fluid import property_at
+from rulec.knowledge.module_type import (
+    ENDS,
+    Definition,
+    Fluid,
+    ModuleType,
+    Parameter,
+    State,
+)
 from rulec.language.expression import Expression, Rejected
 from rulec.language.rewrite import name_node, over, replaced, text_of, written
 from rulec.limits import MAX_STEM, SHORT_LAW
@@ -26,9 +34,10 @@ class Change:
 
     `kind` is ``definition``, ``observer``, ``signal``, ``balance`` (the derivative of a state),
     ``reading`` (what a sensor shows) or ``end`` (what flows in or out). The law stands over ``law``
-    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, or plan
-    inputs such as ``B.T``) and `parameters`, whose plan inputs are in `ids`. `also` lists further
-    places with laws of their own; `states` are brought in, and stand in all laws.
+    (the plain value), `substitutes` (see `EffectLaw`), `drivers` (own signals and states, plan
+    inputs such as ``B.T``, or a property of the `fluid` at one of these, as ``viscosity(T)``) and
+    `parameters`, whose plan inputs are in `ids`. `also` lists further places with laws of their
+    own; `states` are brought in, and stand in all laws.
     """
 
     places: tuple[tuple[str, str], ...]
@@ -39,6 +48,7 @@ class Change:
     substitutes: Mapping[str, Mapping[str, Expression]] = field(default_factory=dict)
     also: tuple[tuple[tuple[str, str], Expression], ...] = ()
     states: Mapping[str, State] = field(default_factory=dict)
+    fluid: Fluid | None = None
 
     def laws(self) -> Iterator[tuple[str, str, Expression]]:
         """Every place with the law that it gets, as (kind, name, law)."""
@@ -77,13 +87,21 @@ def amend(amended: Amended, change: Change) -> Amended:
         taken.add(local)
     outside = dict(amended.outside)
     for driver, source in change.drivers.items():
-        if not _is_own(amended.type, source):
-            names[driver] = name_node(_outside(outside, source, taken))
+        of_fluid, reading = property_at(source)
+        if _is_own(amended.type, reading):
+            there = amended.corrected.get(reading, reading)
+        else:
+            there = _outside(outside, reading, taken)
+        if of_fluid:
+            names[driver] = ast.Call(name_node(of_fluid), [name_node(there)], [])
+        elif there in outside:
+            names[driver] = name_node(there)
     for name in change.states:
         local = fresh(name, taken)
         names[name] = name_node(local)
         taken.add(local)
-    kind = replace(amended.type, parameters=parameters)
+    fluid = amended.type.fluid or change.fluid
+    kind = replace(amended.type, parameters=parameters, fluid=fluid)
     result = replace(amended, type=kind, inputs=inputs, outside=outside)
     for number, (place_kind, place, law) in enumerate(change.laws()):
         own = replace(change, law=law)

@@ -267,11 +267,24 @@ class _Scope:
         return self._graph.sum(nodes)
 
     def property(self, name: str, temperature: Node) -> Node:
-        """A property of the fluid, with the factor that it may be off by."""
+        """A property of the fluid, with the factor that it may be off by.
+
+        Where no author asked for it there is none: it drives a law that compares it to itself.
+        """
         fluid = self._amended.type.fluid
         assert fluid is not None, "checked when the plant was read"
         form = _FluidNames(self._graph, fluid, temperature).value(name)
-        return self._graph.mul(self.value(factor_name(fluid, name)), form)
+        factor = factor_name(fluid, name)
+        if factor not in self._instance.parameters:
+            return form
+        return self._graph.mul(self.value(factor), form)
+
+
+def lower_property(fluid: Fluid, name: str) -> Plan:
+    """A property of a fluid as a plan of one output, over ``T``."""
+    graph = Graph({"T": None})
+    graph.outputs[name] = _FluidNames(graph, fluid, graph.input("T")).value(name)
+    return graph.plan()
 
 
 class _FluidNames:

@@ -25,7 +25,7 @@ from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
-from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.search.settled.sets import explain, with_laws, with_terms
@@ -132,7 +132,7 @@ def _stationary(case: Opened) -> Refitted:
     ruleset, builder, places = case.ruleset, case.builder, case.places_without_entry
     data = prepare(case.recording, ruleset, ())
     assert data is not None
-    rows = rows_of(System(ruleset, builder, data), Configuration())
+    rows = rows_of(system_of(ruleset, builder, data), Configuration())
     found = explain(rows, _quiet)
     laws = [{c.id for c in _right(one, builder.candidates)} for one in case.laws]
     ways = [with_laws(rows, order) for order in (laws, laws[::-1])]

@@ -212,7 +212,16 @@ def joins(effect: Effect, place: Mapping[str, Any]) -> bool:
         driver = getattr(join, key)
         if driver and effect.drivers[driver].where == "read" and place.get("stores_it"):
             return False
-        return not driver or effect.drivers[driver].quantity in place[key]
+        return not driver or effect.drivers[driver].quantity in place.get(key, ())
+
+    def beside(join: Join) -> bool:
+        used = (
+            effect.drivers[n]
+            for n in needed_by(join, effect.parameters, effect.states)
+            if n in effect.drivers
+        )
+        asked = {d.quantity for d in used if d.where == "beside"}
+        return asked <= set(place.get("beside", ()))
 
     for join in effect.joins:
         sort = next(key for key in ("reads", "stores", "shows", "flows", "gives") if key in place)
@@ -226,6 +235,7 @@ def joins(effect: Effect, place: Mapping[str, Any]) -> bool:
             and join.steep in (None, place.get("steep"))
             and slope(join, "falls_with")
             and slope(join, "rises_with")
+            and beside(join)
         ):
             return True
     return False

@@ -27,7 +27,7 @@ from rulec.mismatch.analyse import analyse
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
-from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.inference.series import series_csv
 from rulec.mismatch.result import Mismatch
 from rulec.simulation.sensing import SensorErrors, sense
@@ -175,7 +175,7 @@ def rows_at(
     ruleset, builder = opened
     data = data or prepare(recording, ruleset)
     assert data is not None
-    return rows_of(System(ruleset, builder, data), Configuration())
+    return rows_of(system_of(ruleset, builder, data), Configuration())
 
 
 def compared(opened: tuple[Ruleset, ModelBuilder], recording: Recording) -> Mismatch:

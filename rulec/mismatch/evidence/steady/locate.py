@@ -131,7 +131,8 @@ def alike(first: Suspect, second: Suspect) -> bool:
 
 def variables_of(system: System, module: str) -> dict[str, Array]:
     """Readings in which a region can be told: those of the module first; shape (n,), SI."""
-    values = system.data.values
+    known = system.ruleset.signal_by_id
+    values = {n: v for n, v in system.data.values.items() if n in known}
     own = {n: v for n, v in values.items() if n.partition(".")[0] == module}
     others = {
         n: v

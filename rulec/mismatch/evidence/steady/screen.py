@@ -286,6 +286,9 @@ def _opened(system: System, unknown: Unknown) -> Unknown:
     # What is positive by its nature stays so.
     lowest = max(low - beyond, limits.NEAR_ZERO * middle) if low > 0.0 else low - beyond
     opened = replace(unknown, fixed=False, lowest=lowest, highest=high + beyond)
+    derived = system.builder.fluid_drivers.get(unknown.driver or "")
+    if derived is not None:
+        return replace(opened, unit=derived.unit.text, factor=derived.unit.factor)
     signal = system.ruleset.signal_by_id.get(unknown.driver or "")
     if signal is None:
         return opened

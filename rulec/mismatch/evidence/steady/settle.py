@@ -10,6 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.limits import NORMAL_SPREAD
 
+from rulec.knowledge.fluid import reading_of
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
@@ -85,9 +86,9 @@ def _ranges(settled: Fitted) -> dict[str, tuple[float, float]]:
     """
     system, setting = settled.rows.system, settled.setting
     tested, fitted = _tested(settled), _with_values(settled)
-    laws = {(c.module, d) for c in setting.joined for d in c.drivers.values()}
+    laws = {(c.module, reading_of(d)) for c in setting.joined for d in c.drivers.values()}
     found = {}
-    for name in sorted(system.data.values):
+    for name in sorted(system.data.values.keys() & system.ruleset.signal_by_id):
         readers = {o.id for o in system.observers if name in o.signals and o.id in fitted}
         modules = {m for m, d in laws if d == name} if not readers else set()
         readers |= {o.id for o in system.observers if o.module in modules}

@@ -67,7 +67,7 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
 def _flow_as_set(system: System, flows: Flows, module: str, inputs: Sequence[Array]) -> list[Array]:
     """The flow through a module as a quadratic function of all inputs, shape (n,), m3/s."""
     own = [i for i, o in enumerate(system.observers) if o.module == module]
-    known: Array = np.isfinite(flows.values[own]).any(axis=0)
+    known = np.asarray(np.isfinite(flows.values[own]).any(axis=0))
     scaled = [(values - values.mean()) / values.std() for values in inputs]
     terms = [np.ones(len(known)), *scaled]
     terms += [one * other for i, one in enumerate(scaled) for other in scaled[: i + 1]]

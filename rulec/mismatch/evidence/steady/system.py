@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,7 +57,27 @@ class System:
     def candidates(self) -> tuple[Candidate, ...]:
         """What may explain this recording: without a common clock nothing that follows one."""
         every = self.builder.candidates
-        return every if self.data.timed else tuple(c for c in every if not c.follows_time)
+        if not self.data.timed:
+            every = tuple(c for c in every if not c.follows_time)
+        # Of a property that is read, the reading counts.
+        return tuple(c for c in every if not self._stands_for_a_reading(c))
+
+    def _stands_for_a_reading(self, candidate: Candidate) -> bool:
+        """Does a property of the fluid drive it that somebody measures?"""
+        known = self.builder.fluid_drivers
+        names = {known[d].name for d in candidate.drivers.values() if d in known}
+        return not names.isdisjoint(self._measured)
+
+    @cached_property
+    def _measured(self) -> frozenset[str]:
+        """Quantities of which there are readings."""
+        modules = self.builder.network.plant.modules.values()
+        return frozenset(
+            s.quantity
+            for m in modules
+            for s in m.type.signals.values()
+            if np.isfinite(self.data.values.get(f"{m.name}.{s.name}", np.nan)).any()
+        )
 
     @property
     def contradicted(self) -> frozenset[str]:
@@ -174,3 +194,22 @@ class System:
                 u = self.shared[signal]
                 result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
         return result
+
+
+def system_of(ruleset: Ruleset, builder: ModelBuilder, data: Data) -> System:
+    """A plant and its settled points, with the properties that its fluid has there.
+
+    Where the equations of a fluid do not reach a temperature that was recorded, nothing is known.
+    """
+    points, noise = data.points, dict(data.noise)
+    values, u, systematic = dict(points.values), dict(points.u), dict(points.systematic)
+    for name, driver in builder.fluid_drivers.items():
+        temperature = points.values.get(driver.signal)
+        if temperature is None or not driver.knows(temperature):
+            continue
+        values[name], slope = driver.at(temperature)
+        noise[name] = np.abs(slope) * data.noise[driver.signal]
+        u[name] = np.abs(slope) * points.u[driver.signal]
+        systematic[name] = np.abs(slope) * points.systematic[driver.signal]
+    known = replace(points, values=values, u=u, systematic=systematic)
+    return System(ruleset, builder, replace(data, points=known, noise=noise))

@@ -13,6 +13,7 @@ from scipy.special import gammaln
 from rulec.effects.candidate import Candidate, Spot, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.extent import usual_size
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
@@ -151,7 +152,6 @@ class Geometry:
     def _forms(self) -> Array:
         """Rows of errors of form of unit size, shape (rows, errors)."""
         rows, columns = self.rows, []
-        values = rows.system.data.values
         flows = rows.system.flows(Configuration())
         likeness_of = cache(lambda module: likeness(rows.system, flows, module))
         for cell in rows.cells:
@@ -160,7 +160,7 @@ class Geometry:
                 size, ways = np.linalg.eigh(alike[np.ix_(cell.points, cell.points)])
                 kept = size > limits.FORM_RANK * size.max()
                 smooth = ways[:, kept] * np.sqrt(size[kept])
-                usual = np.sqrt(np.nanmean(values[name][rows.system.data.open] ** 2))
+                usual = usual_size(rows.system, name)
                 table = np.zeros((len(rows), smooth.shape[1]))
                 weight = (cell.whitener[:, :, i] * usual).T.ravel()
                 table[cell.rows] = weight[:, None] * np.tile(smooth, (cell.rank, 1))

@@ -75,5 +75,8 @@ def _range_of(rows: Rows, unknown: Unknown, start: float) -> tuple[float, float]
         values = clock if unknown.driver == TIME else data.values[unknown.driver]
         low, high = np.nanquantile(values, [0.02, 0.98])
         return float(low + high) / 2, max(float(high - low), 1e-12)
+    if unknown.offset:
+        # Zero is where somebody put it: the range that the entry states is all that is known.
+        return (unknown.lowest + unknown.highest) / 2, unknown.highest - unknown.lowest
     width = 2.0 * max((abs(s) for s in unknown.starts), default=abs(start)) or 1.0
     return float(np.sign(start) or 1.0) * width / 2, width

@@ -10,6 +10,7 @@ from scipy.stats import t as student
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.extent import span, zero_is_arbitrary
 from rulec.mismatch.evidence.steady.screen import references, starts
 from rulec.mismatch.evidence.steady.system import System
 
@@ -45,17 +46,32 @@ def size_of(system: System, candidate: Candidate, unknown: Unknown) -> Size:
 
 
 def _share(system: System, candidate: Candidate, unknown: Unknown) -> float:
-    """The share by which estimates change per amplitude, the most at any shape."""
+    """The share by which estimates change per amplitude, the most at any shape.
+
+    A reading whose zero is arbitrary has no share: there it is the change of the reading, as share
+    of what its sensor can show.
+    """
     null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
     fixed, shares = references(system, candidate), []
     plain = system.flows(Configuration()).values
+    reading = _without_zero(system, candidate)
     for shape in starts(system, candidate):
         setting = Configuration().joining(candidate, {**null, **shape}, fixed)
         modules = system.reached(candidate.observers)
-        slopes = system.flows(setting, [unknown.id], modules=modules).by_value[unknown.id]
-        for i, slope in slopes.items():
+        flows = system.flows(setting, [unknown.id], modules=modules)
+        for i, slope in flows.by_value[unknown.id].items():
+            whole = plain[i]
+            if reading is not None:
+                whole = flows.by_reading[reading][i] * span(system, reading)
             with np.errstate(invalid="ignore", divide="ignore"):
-                share = np.broadcast_to(slope, plain[i].shape) / plain[i]
+                share = np.broadcast_to(slope / whole, plain[i].shape)
             share = share[system.data.open & system.valid[i] & np.isfinite(share)]
             shares.append(float(np.sqrt(np.mean(share**2))) if len(share) else 0.0)
     return max(shares, default=0.0) or 1.0
+
+
+def _without_zero(system: System, candidate: Candidate) -> str | None:
+    """The reading that a candidate puts right, if its zero is arbitrary."""
+    signal = f"{candidate.module}.{candidate.place}"
+    known = signal in system.shared and zero_is_arbitrary(system, signal)
+    return signal if known else None

@@ -1,0 +1,140 @@
+"""A property of the plant's fluid drives a law where only the fluid's temperature is read."""
+
+from __future__ import annotations
+
+import functools
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.effects.model_builder import ModelBuilder, open_builder
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.screen import has_drivers, references, screen
+from tests.conftest import ROOT
+from tests.runtime.mismatch.made import (
+    alone,
+    recorded,
+    rows_at,
+    tour,
+    warming,
+    without,
+)
+
+SLIP = "A.slip-viscosity@Q_geo(dp, viscosity(T))"
+VISCOSITY = "viscosity(A.T)"
+SAMPLES = 240
+
+
+@functools.cache
+def oily() -> tuple[Ruleset, ModelBuilder]:
+    """One dosing module, pumping an oil that the plant names."""
+    return open_builder(Path(__file__).parent / "oily.yaml")
+
+
+@functools.cache
+def planted() -> Rows:
+    """Slip in inverse proportion to the viscosity, which nobody reads."""
+    rules, builder = oily()
+    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES)}
+    usual = float(np.median(builder.fluid_drivers[VISCOSITY].at(given["A.T"])[0]))
+    built = {SLIP: {"m": 1.0, "mu0": usual}}
+    return rows_at(oily(), recorded(oily(), given, built))
+
+
+def viscosity(celsius: float) -> float:
+    """Of HLP 32 by Walther's equation in its own form, Pa s. Source: ASTM D341."""
+    known = np.array([[313.15, 32.0], [373.15, 5.4]])
+    double = np.log10(np.log10(known[:, 1] + 0.7))
+    slope = (double[1] - double[0]) / np.log10(known[1, 0] / known[0, 0])
+    there = double[0] + slope * np.log10((celsius + 273.15) / known[0, 0])
+    density = 872.0 * (1.0 - 7.0e-4 * (celsius - 15.0))
+    return float(density * (10 ** (10**there) - 0.7) * 1e-6)
+
+
+def test_a_property_counts_as_a_reading() -> None:
+    """Its values are those of the fluid, and its noise is that of the thermometer through it."""
+    data = planted().system.data
+    celsius = data.values["A.T"] - 273.15
+    expected = [viscosity(t) for t in celsius]
+    assert data.values[VISCOSITY] == pytest.approx(expected, rel=1e-9)
+    steep = [(viscosity(t - 0.01) - viscosity(t + 0.01)) / 0.02 for t in celsius]
+    assert data.noise[VISCOSITY] == pytest.approx(steep * data.noise["A.T"], rel=1e-4)
+
+
+def test_the_law_has_exact_slopes_by_the_temperature() -> None:
+    """The compiler differentiates through the equations of the fluid."""
+    system = planted().system
+    candidate = next(c for c in system.candidates if c.id == SLIP)
+    fixed = references(system, candidate)
+    setting = Configuration().joining(candidate, {f"{SLIP}.m": 0.7}, fixed)
+    i, warmer = system.number["A.pump"], {"A.T": system.data.values["A.T"] + 1e-3}
+    colder = {"A.T": system.data.values["A.T"] - 1e-3}
+    slope = system.flows(setting, ["A.T"]).by_value["A.T"][i]
+    ends = (system.flows(setting, at=at).values[i] for at in (warmer, colder))
+    expected = np.subtract(*ends) / 2e-3
+    assert np.abs(expected).max() > 0.0
+    assert slope == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_planted_law_is_among_the_best_and_fits_better_than_a_temperature() -> None:
+    """Refitted, its exponent is near 1, and less is left than by an exponential."""
+    rows = planted()
+    plain = fit(rows, Configuration(), rows.system.data.open)
+    trials = {t.candidate.id: t for t in screen(plain, rows.system.candidates)}
+    assert SLIP in list(trials)[:3]
+    fits = {}
+    for name in (SLIP, "A.slip-temperature@Q_geo"):
+        found = trials[name]
+        there = plain.setting.joining(found.candidate, found.values, found.fixed)
+        fits[name] = fit(rows, there, plain.used)
+    left = {name: float(np.sum(f.residual**2)) for name, f in fits.items()}
+    assert min(left, key=lambda name: left[name]) == SLIP
+    exponent = fits[SLIP].setting.values[f"{SLIP}.m"]
+    assert abs(exponent - 1.0) < 4.0 * fits[SLIP].u(f"{SLIP}.m")
+
+
+def test_of_a_property_that_is_read_the_reading_counts(tmp_path: Path) -> None:
+    """A pump with a viscosity among its signals: recorded it drives, else the fluid does."""
+    shutil.copytree(ROOT / "plants" / "esp-pump", tmp_path / "plant")
+    file = tmp_path / "plant" / "p100.yaml"
+    file.write_text(f"{file.read_text()}fluid: glycerol\nkb: {ROOT / 'kb'}\n")
+    opened = open_builder(file)
+    given = {**tour(opened[0], SAMPLES), "pump.T": warming(SAMPLES)}
+    given["pump.mu"] = viscosity(40.0) * (1.0 + np.arange(SAMPLES) / SAMPLES)
+    recording = recorded(opened, given, seed=None)
+    for shown, driver in (
+        (recording, "pump.mu"),
+        (without(recording, "pump.mu"), "viscosity(pump.T)"),
+    ):
+        system = rows_at(opened, shown).system
+        every = [c for c in system.candidates if c.name == "head-viscosity"]
+        every = [c for c in every if has_drivers(system, c)]
+        assert [c.drivers["mu"] for c in every] == [driver]
+
+
+def test_outside_of_the_fluid_s_range_nothing_is_known() -> None:
+    """Oil below freezing: its equations do not say how thick it is."""
+    rules, _ = oily()
+    given = {**tour(rules, SAMPLES), "A.T": warming(SAMPLES) - 40.0}
+    rows = rows_at(oily(), recorded(oily(), given))
+    assert VISCOSITY not in rows.system.data.values
+
+
+def test_without_a_fluid_a_viscosity_is_missed_and_with_one_a_temperature(tmp_path: Path) -> None:
+    """What to measure follows from what the plant says."""
+    missed = {m.quantity for m in alone()[1].missing if m.name == "slip-viscosity"}
+    assert missed == {"viscosity"}
+    text = "plant: bare\ntitle: Bare\nfluid: water\nmodules: {A: {type: bare}}\nconnections: []\n"
+    shutil.copytree(ROOT / "kb", tmp_path / "kb")
+    kind = (tmp_path / "kb" / "modules" / "dosing-pcp.yaml").read_text()
+    lines = [li for li in kind.splitlines() if not li.startswith("  T: ")]
+    bare = "\n".join(lines).replace("module: dosing-pcp", "module: bare")
+    (tmp_path / "kb" / "modules" / "bare.yaml").write_text(bare + "\n")
+    (tmp_path / "plant.yaml").write_text(text)
+    builder = open_builder(tmp_path)[1]
+    assert {m.quantity for m in builder.missing if m.name == "slip-viscosity"} == {"temperature"}
