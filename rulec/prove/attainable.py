@@ -1,7 +1,8 @@
 """What the best analysis could reach: the share of names that the readings hold.
 
-An analyst who knows every law but its size, all noise and all that may be missing compares log
-likelihoods of the samples that may be looked at before the proof. That of the true model is ahead
+An analyst who knows every law but its size (of a law with a form error, how large that may be), all
+noise and all that may be missing compares log likelihoods of the samples that may be looked at
+before the proof. That of the true model is ahead
 of the plain one by a normal number with mean G and variance 2 G, and ahead of the nearest other
 law by one with mean M and variance 2 M (G and M: strength and margin of a case, as far as those
 samples hold them). It is claimed from a gain on that clean recordings seldom show.

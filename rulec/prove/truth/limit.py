@@ -3,7 +3,8 @@
 Readings differ from a model without the effect by `d`, in units of their noise. What the model may
 change freely hides a part of it: parameters and sensors' errors at the price of their uncertainty,
 other unknown effects at none. The rest is what any analysis has to go by. This is the ideal limit:
-it takes the noise of all samples as independent and known, and everything as linear at the truth.
+it takes all noise as white and known, and everything as linear at the truth. Noise with a memory is
+made white before; form errors and drifts of known size are among what is changed at a price.
 
 A rival may have any size, and what it changes need not grow in proportion: so it is made as large
 as it explains most, in turns.

@@ -59,7 +59,7 @@ class Difficulty:
 
     def terms(self, rig: Rig, values: Values) -> tuple[Change, ...]:
         """Form errors, as terms of the plant."""
-        return tuple(_term(rig, values, law, form) for law, form in self.form.items())
+        return tuple(term(rig, values, law, form) for law, form in self.form.items())
 
 
 NONE = Difficulty()
@@ -119,8 +119,8 @@ def _laws(
         yield f"{mixer}.loss", ((0.0, total),)
 
 
-def _term(rig: Rig, values: Values, law: str, form: Form) -> Term:
-    """A form error as it acts."""
+def term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term:
+    """A form error as it acts; `form` gives a share by the law's arguments."""
     module, _, kind = law.partition(".")
     by_pump: Callable[[State], Array] = (
         (lambda s: form(s.pressure)) if rig.by_load else (lambda s: form(s.speed, s.pressure))

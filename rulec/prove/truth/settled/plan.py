@@ -14,6 +14,7 @@ from ..recording import write_csv
 from ..sealed import HIDES, Answer, Reference, Request
 from ..streams import FURTHER, stream
 from .answer import answer_of
+from .blurred import blurred
 from .effect import Made
 from .effects import EFFECTS, Placed, places_of
 from .folder import write_plant
@@ -140,7 +141,10 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
         return None
     if plan.group == "hiding" and _added(seen, [m for _, m in found]) > HIDES:
         return None
-    answer = answer_of(plan.name, plan.group, plan.conceal, seen, found, seed)
+    # Effects are as strong as their case asks on a plant that keeps to its laws: what difficulties
+    # hide of them is told, not made up for.
+    told = blurred(seen) if found and drawn.hard.told else seen
+    answer = answer_of(plan.name, plan.group, plan.conceal, told, found, seed)
     return SettledCase(plan, seen.scene, terms, answer)
 
 
