@@ -10,11 +10,22 @@ from rulec_runtime.output.terminal import Terminal, one_line, styled
 from rulec_runtime.report.text import number
 
 from rulec.prove.attainable import at_best_words
+from rulec.prove.calibration import Told, reliability
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
 from rulec.prove.scores import Group, Row, by_difficulty, plain, table
-from rulec.prove.tables import PLAIN, interval_of, of_count, planted_words, said_words, value_of
+from rulec.prove.tables import (
+    PARTS,
+    PLAIN,
+    best_of,
+    interval_of,
+    of_count,
+    planted_words,
+    said_words,
+    told_cells,
+    value_of,
+)
 
 MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
 
@@ -28,6 +39,10 @@ def show(out: Console, run: Run) -> None:
     for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
         if words:
             out.print(styled("[dim]{}[/]", words))
+    bins = reliability(run.shown)
+    if bins:
+        out.print(styled("\n[bold]Names by their probability[/]"))
+        out.print(_told(bins))
     parts = by_difficulty(run.shown)
     if parts:
         out.print(styled("\n[bold]By difficulty[/]"))
@@ -57,10 +72,22 @@ def text(run: Run, width: int = 100) -> str:
 def _parts(parts: list[Group]) -> Table:
     """The shares of each part."""
     shown = Table("made harder by", box=None, pad_edge=False, collapse_padding=True)
-    for title in ("cases", "place", "name", "clean", "unnamed", "told", "inside"):
+    for title in ("cases", *PARTS):
         shown.add_column(title, justify="right")
     for part in parts:
-        shown.add_row(part.title, str(part.count), *(of_count(row) for row in part.shares))
+        shares = (of_count(row) for row in part.shares)
+        shown.add_row(part.title, str(part.count), *shares, best_of(part))
+    return shown
+
+
+def _told(bins: list[Told]) -> Table:
+    """Names by the probability that they were told with."""
+    shown = Table("told with", box=None, pad_edge=False, collapse_padding=True)
+    for title in ("names", "said, mean", "right", "95 % interval"):
+        shown.add_column(title, justify="right")
+    shown.add_column("")
+    for told in bins:
+        shown.add_row(*told_cells(told))
     return shown
 
 
