@@ -104,6 +104,10 @@ CLEAR = 3.0
 """Gain in log likelihood by which the true laws must lead the answer: odds of 20. Origin:
 assumed."""
 
+LIKELY = 0.5
+"""Chance of a name at best from which on the readings hold it. Origin: assumed, more likely than
+not."""
+
 CURVES_REFITTED = 3
 """Free curves in tanks that are fitted to the end, best first by their first trial. Origin:
 assumed."""

@@ -26,6 +26,7 @@ from rulec.prove.tables import (
     told_cells,
     value_of,
 )
+from rulec.prove.truth.sealed import DIFFICULTIES
 
 MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
 
@@ -47,6 +48,9 @@ def show(out: Console, run: Run) -> None:
     if parts:
         out.print(styled("\n[bold]By difficulty[/]"))
         out.print(_parts(parts))
+        for name, words in DIFFICULTIES.items():
+            if words in [part.title for part in parts]:
+                out.print(styled("[dim]{}: {}[/]", name, words))
     found = worst(run.shown)
     if not found:
         return
@@ -70,13 +74,15 @@ def text(run: Run, width: int = 100) -> str:
 
 
 def _parts(parts: list[Group]) -> Table:
-    """The shares of each part."""
-    shown = Table("made harder by", box=None, pad_edge=False, collapse_padding=True)
-    for title in ("cases", *PARTS):
-        shown.add_column(title, justify="right")
+    """The shares of each part, a column each."""
+    names = {words: name for name, words in DIFFICULTIES.items()}
+    shown = Table("made harder by", box=None, pad_edge=False)
     for part in parts:
-        shares = (of_count(row) for row in part.shares)
-        shown.add_row(part.title, str(part.count), *shares, best_of(part))
+        shown.add_column(names.get(part.title, part.title), justify="right")
+    shown.add_row("cases", *(str(part.count) for part in parts))
+    rows = zip(*([*map(of_count, part.shares), best_of(part)] for part in parts), strict=True)
+    for title, cells in zip(PARTS, rows, strict=True):
+        shown.add_row(title, *cells)
     return shown
 
 
