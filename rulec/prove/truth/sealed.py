@@ -105,6 +105,7 @@ CONCEALMENTS = {
     "hiding": "two effects that hide each other",
     "alike": "fault or sensor error that looks like physics, or the reverse",
     "unnamed": "no entry names it",
+    "wiring": "wrong in the cables or in the file",
     "open": "not concealed further",
 }
 
@@ -113,6 +114,7 @@ DIFFICULTIES = {
     "coloured": "noise of order one, coefficients of 0.5 to 0.9 at the sample rate",
     "drift": "sensors drift inside their class",
     "wobble": "operating points wobble slowly",
+    "starts": "tanks begin at any level",
 }
 
 

@@ -33,6 +33,19 @@ def form_directions(form: Form, arguments: tuple[Array, ...]) -> Array:
     return np.asarray(form.rms * _basis(scaled) @ _modes(len(scaled)))
 
 
+def series_of(form: Form) -> Array:
+    """A form error of one argument by Legendre polynomials over its range, shape (NODES,)."""
+    nodes, weights = leggauss(NODES)
+    ((low, high),) = form.ranges
+    shares = form(low + 0.5 * (nodes + 1.0) * (high - low))
+    return _projected(_basis([nodes]), weights, shares[:, None])[:, 0]
+
+
+def series_directions(rms: float) -> Array:
+    """Directions of a form error of one argument, as series, shape (NODES, k)."""
+    return np.asarray(rms * _modes(1))
+
+
 def drift_directions(drift: Drift, samples: int) -> Array:
     """Errors of a sensor in standard deviations, shape (samples, k): as first, then by each draw.
 
@@ -69,8 +82,13 @@ def _modes(arguments: int) -> Array:
     random = np.random.default_rng(arguments)
     unit = ((-1.0, 1.0),) * arguments
     drawn = np.stack([form_error(random, 1.0, unit)(*points) for _ in range(DRAWS)], 1)
-    sizes = np.sum(share[:, None] * basis**2, axis=0)
-    coefficients = (basis.T @ (share[:, None] * drawn)) / sizes[:, None]
+    coefficients = _projected(basis, share, drawn)
     left, values, _ = np.linalg.svd(coefficients / np.sqrt(DRAWS), full_matrices=False)
     kept = values > SLIGHT * values[0]
     return np.asarray(left[:, kept] * values[kept])
+
+
+def _projected(basis: Array, weights: Array, values: Array) -> Array:
+    """Coefficients of values at nodes, shape (nodes, k), by an orthogonal basis."""
+    sizes = np.sum(weights[:, None] * basis**2, axis=0)
+    return np.asarray((basis.T @ (weights[:, None] * values)) / sizes[:, None])

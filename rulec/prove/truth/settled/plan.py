@@ -16,7 +16,7 @@ from ..streams import FURTHER, stream
 from .answer import answer_of
 from .blurred import blurred
 from .effect import Made
-from .effects import EFFECTS, Placed, places_of
+from .effects import Placed, effect_of, places_of
 from .folder import write_plant
 from .reference import reference
 from .rig import Rig
@@ -150,7 +150,7 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
 
 def _pace(plan: Planned, seed: int) -> float:
     """Seconds from sample to sample: what fouls, wears or creeps is not seen within minutes."""
-    if not any(EFFECTS[name].slow for name in plan.effects):
+    if not any(effect_of(name).slow for name in plan.effects):
         return 1.0
     low, high = (math.log(pace) for pace in PACES)
     return round(math.exp(stream(seed, "pace").uniform(low, high)))
@@ -174,7 +174,7 @@ def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool
 def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> list[Placed] | None:
     found: list[Placed] = []
     for name in effects:
-        places = places_of(rig, EFFECTS[name])
+        places = places_of(rig, effect_of(name))
         if not places:
             return None
         # Two effects are put into one module where they can be: there they hide each other.
