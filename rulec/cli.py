@@ -184,7 +184,9 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
         "--real", action="store_true", help="real recordings, as far as they are there"
     )
     prove.add_argument(
-        "--hard", action="store_true", help="cases with form errors, coloured noise, drifts"
+        "--hard",
+        action="store_true",
+        help="cases with form errors, coloured noise, drifts, and wrong cables or files",
     )
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"

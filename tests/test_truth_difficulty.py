@@ -9,6 +9,7 @@ from rulec.prove.truth.sensors import DOSING_SIGNALS, INSIDE, Sensing, read
 from rulec.prove.truth.settled.difficulty import FORM
 from rulec.prove.truth.settled.plan import Planned
 from rulec.prove.truth.settled.scene import Scene
+from rulec.prove.truth.settled.sized import NEAR
 from rulec.prove.truth.settled.suite import HARD, planned
 from rulec.prove.truth.smooth import coloured, drift, form_error
 from rulec.prove.truth.streams import stream
@@ -51,6 +52,18 @@ def test_every_law_has_a_form_error() -> None:
     """Flow or head, power and line of each pump, and each mixer."""
     scene = made("form")
     assert len(scene.hard.form) == 3 * len(scene.rig.pumps) + len(scene.rig.mixers)
+
+
+def test_a_metered_pump_has_form_errors_of_head_and_power() -> None:
+    """It stands between two valves: there is no law of a line. What is seen at best is told."""
+    plan = Planned(
+        "metered", "all", "bench", "few-states", ("cavitation",), 2000.0, small=True,
+        difficulties=("form", "coloured", "wobble", "drift"),
+    )  # fmt: skip
+    made = plan.make()
+    laws = {f"{m}.{law}" for m in made.scene.rig.pumps for law in ("head", "power")}
+    assert laws == set(made.scene.hard.form)
+    assert 0.0 < made.answer.effects[0].gain < 2000.0 * NEAR
 
 
 def test_noise_has_the_memory_that_was_asked_for() -> None:
@@ -111,5 +124,5 @@ def test_difficulties_stand_in_the_answer_and_are_no_effects() -> None:
 def test_the_suite_draws_all_groups_with_difficulties() -> None:
     """Clean ones plant nothing."""
     for case in planned(2, dict.fromkeys(HARD, 2)):
-        assert case.difficulties
+        assert bool(case.difficulties) == (case.group != "wiring")
         assert bool(case.effects) != case.group.endswith("-clean")

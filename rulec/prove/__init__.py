@@ -2,8 +2,9 @@
 
 Files in order of data flow: `command` (options), `partition` (which cases), `campaign` (seal,
 analyse, judge; with `analyst`, `kept` and `ending`), `judge`, `results` (a judged case, a run),
-`scores` (against the goals in `limits`; with `mistakes` and `attainable`), `page` (with `tables`
-and `pictures`) and `terminal`. `baselines` (with `aligned`, `trees` and `sparse`) learn the
-residual instead: they predict and name nothing. `refit` asks of a kept run what the search lost and
-what the readings do not hold (with `nonparametric_term`). `truth` is the independent simulator.
+`attainable` (what could be reached at best), `scores` (against the goals in `limits`; with
+`mistakes` and `calibration`), `page` (with `tables` and `pictures`) and `terminal`. `baselines`
+(with `aligned`, `trees` and `sparse`) learn the residual instead: they predict and name nothing.
+`refit` asks of a kept run what the search lost and what the readings do not hold (with
+`nonparametric_term`). `truth` is the independent simulator.
 """

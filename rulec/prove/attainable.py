@@ -1,7 +1,8 @@
 """What the best analysis could reach: the share of names that the readings hold.
 
-An analyst who knows every law but its size, all noise and all that may be missing compares log
-likelihoods of the samples that may be looked at before the proof. That of the true model is ahead
+An analyst who knows every law but its size (of a law with a form error, how large that may be), all
+noise and all that may be missing compares log likelihoods of the samples that may be looked at
+before the proof. That of the true model is ahead
 of the plain one by a normal number with mean G and variance 2 G, and ahead of the nearest other
 law by one with mean M and variance 2 M (G and M: strength and margin of a case, as far as those
 samples hold them). It is claimed from a gain on that clean recordings seldom show.
@@ -19,25 +20,25 @@ from rulec.prove.limits import CLAIMED, LOOKED_AT
 from rulec.prove.results import Judged
 
 
-def seen(judged: Judged) -> float:
+def seen(strength: float) -> float:
     """Probability that something is claimed."""
-    gain = LOOKED_AT * judged.gain
+    gain = LOOKED_AT * strength
     if math.isinf(gain):
         return 1.0
     return _normal((gain - CLAIMED) / math.sqrt(2.0 * gain)) if gain > 0.0 else 0.0
 
 
-def named(judged: Judged) -> float:
+def named(strength: float, margin: float) -> float:
     """Probability that it is claimed by its own name."""
-    margin = LOOKED_AT * max(judged.margin, 0.0)
-    return seen(judged) * (1.0 if math.isinf(margin) else _normal(math.sqrt(margin / 2.0)))
+    lead = LOOKED_AT * max(margin, 0.0)
+    return seen(strength) * (1.0 if math.isinf(lead) else _normal(math.sqrt(lead / 2.0)))
 
 
 def at_best(judged: Sequence[Judged]) -> tuple[float, float] | None:
     """Mean share of places, and of names; None without a case of either."""
     known = [j for j in judged if not (j.clean or math.isnan(j.gain) or math.isnan(j.margin))]
-    placed = [seen(j) for j in known if j.place_right is not None]
-    names = [named(j) for j in known if j.name_right is not None]
+    placed = [seen(j.gain) for j in known if j.place_right is not None]
+    names = [named(j.gain, j.margin) for j in known if j.name_right is not None]
     if not placed or not names:
         return None
     return sum(placed) / len(placed), sum(names) / len(names)

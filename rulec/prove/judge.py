@@ -11,8 +11,8 @@ import numpy as np
 from rulec.prove.aligned import TIME, Course, columns_of, courses_of, likeness
 from rulec.prove.analyst import SERIES
 from rulec.prove.baselines import Baselines, dynamic_baselines, stationary_baselines
-from rulec.prove.limits import AS_LIKELY, CERTAIN, COVERAGE_OF_DEGREES
-from rulec.prove.results import Heldout, Judged
+from rulec.prove.limits import CERTAIN, COVERAGE_OF_DEGREES, MENTIONED
+from rulec.prove.results import Claim, Heldout, Judged
 from rulec.prove.truth.sealed import Answer, Case, Planted, Reference, Request
 
 NAN = float("nan")
@@ -53,6 +53,7 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
         ),
         told_right=_told(answer, verdict),
         inside=_inside(named, effects),
+        claims=_claims(named, effects),
         ratio=_ratio(form, known, verdict),
         course=_course(known, form, folder) if answer.unrecorded else None,
         errors=_errors(fit),
@@ -65,11 +66,10 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
 
 
 def _set_of(effect: Form) -> list[tuple[str, str]]:
-    """Names that a finding leaves open, its own first, each with its id."""
+    """Names that a finding tells, its own first, each with its id."""
     names = [(str(effect["effect"]), str(effect["id"]))]
     if (effect["probability"] or 0.0) < CERTAIN:
-        near = AS_LIKELY * (effect["probability"] or 0.0)
-        others = (a for a in effect["alternatives"] if a["probability"] >= near)
+        others = (a for a in effect["alternatives"] if a["probability"] >= MENTIONED)
         names += [(str(a["effect"]), str(a["id"])) for a in others]
     return names
 
@@ -86,6 +86,19 @@ def _is(planted: Planted, effect: Form) -> float:
         here = planted.module.partition(".")[0] in modules or bool(at & set(planted.places))
         right += name in planted.names and here
     return right / len(open_)
+
+
+def _is_named(planted: Planted, effect: Form) -> bool:
+    """Is the name of a finding, whatever it leaves open beside it, right?"""
+    return _is(planted, {**effect, "alternatives": (), "probability": 1.0}) == 1.0
+
+
+def _claims(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[Claim, ...]:
+    """Every name with the probability that it was told with; a free curve is no name."""
+    names = [e for e in effects if e.get("sort") != "free" and e["probability"] is not None]
+    return tuple(
+        Claim(float(e["probability"]), any(_is_named(p, e) for p in planted)) for e in names
+    )
 
 
 def _credit(planted: Planted, effects: Sequence[Form]) -> float:
@@ -141,8 +154,7 @@ def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, i
     hits = count = 0
     for p in planted:
         for effect in effects:
-            alone = {**effect, "alternatives": (), "probability": 1.0}
-            if not _is(p, alone):
+            if not _is_named(p, effect):
                 continue
             for name, value in p.parameters.get(effect["effect"], {}).items():
                 estimate = _estimate(effect, name)

@@ -31,6 +31,9 @@ assumed."""
 GOAL_INSIDE = (0.93, 0.97)
 """Share of intervals of 95 % that hold the truth, from and to. Origin: assumed."""
 
+GOAL_FALSE = 0.02
+"""Share of false names among all that are told as certain, at most. Origin: assumed."""
+
 GOAL_RATIO = 1.05
 """Held-out error over that of the true model, at most. Origin: assumed."""
 
@@ -54,13 +57,17 @@ COVERAGE_OF_DEGREES = 1.96
 the uncertainty alone. Origin: distribution, normal quantile of 97.5 %, rounded as in the
 mismatch."""
 
-CERTAIN = 0.6
-"""Probability of a name below which the answer leaves several open. Origin: assumed, as in
-the mismatch for its verdict `ambiguous`."""
+CERTAIN = 0.9
+"""Probability of a name from which on the answer tells it alone; below it leaves several open.
+Origin: source, the answer's own rule for its verdict `ambiguous`."""
 
-AS_LIKELY = 0.25
-"""Probability of an alternative, over that of the name, from which on the answer leaves it open.
-Origin: assumed."""
+MENTIONED = 0.1
+"""Probability of an alternative from which on an answer that leaves several open tells it. Origin:
+source, the answer's own rule for its headline."""
+
+TOLD = (0.0, 0.5, 0.7, 0.9, 0.99, 1.0)
+"""Ends of the bins of the probabilities that names are told with. Origin: assumed; one end is
+CERTAIN."""
 
 FEWEST_IN_A_COURSE = 3
 """Samples of a reconstructed course from which on it is compared with the truth. Origin: numerical,
@@ -96,6 +103,10 @@ Bonferroni's bound over CANDIDATES likelihood ratios, each above 1/p with probab
 CLEAR = 3.0
 """Gain in log likelihood by which the true laws must lead the answer: odds of 20. Origin:
 assumed."""
+
+LIKELY = 0.5
+"""Chance of a name at best from which on the readings hold it. Origin: assumed, more likely than
+not."""
 
 CURVES_REFITTED = 3
 """Free curves in tanks that are fitted to the end, best first by their first trial. Origin:

@@ -42,6 +42,7 @@ def page(run: Run) -> str:
     judged, rows = run.shown, table(run.shown)
     parts = [
         ("The worst cases", tables.worst_table(judged)),
+        ("Names by their probability", tables.probabilities(judged)),
         ("By concealment", tables.groups(by_concealment(judged), "concealed by")),
         ("By difficulty", tables.groups(by_difficulty(judged), "made harder by")),
         ("By plant", tables.groups(by(judged, "plant"), "plant")),

@@ -46,6 +46,7 @@ DYNAMIC_FULL: Mapping[str, int] = {
 }
 
 DYNAMIC_QUICK: Mapping[str, int] = {"clean": 9, "single": 3, "sensor": 1}
+DYNAMIC_HARD_QUICK: Mapping[str, int] = dict.fromkeys(dynamic.HARD, 1)
 SHORT = 256
 """Samples of a dynamic case of a quick run."""
 
@@ -78,6 +79,10 @@ class Partition:
         if self.hard:
             counts = stationary.HARD_QUICK if self.quick else stationary.HARD
             yield from stationary.planned(self.seed, counts, self.quick)
+            if self.quick:
+                yield from dynamic.cases(self.seed, DYNAMIC_HARD_QUICK, SHORT, own=1.0)
+            else:
+                yield from dynamic.cases(self.seed, dynamic.HARD)
             return
         full = not self.quick
         settled = stationary.FULL if full else stationary.QUICK

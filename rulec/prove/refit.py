@@ -3,19 +3,26 @@
 `python -m rulec.prove.refit DIR [NUMBER...]` takes the cases of a run that was kept in DIR and
 whose answers were opened: those of which a name or a place was lost, or the numbered ones. It runs
 the search again, then refits all parameters with the true laws in place of the answer, and compares
-both by the tool's own likelihood and complexity penalties. Where no entry has the true law, a
-nonparametric term stands at its place.
+both by the tool's own evidence (of plants that store: likelihood and complexity penalties). Where
+no entry has the true law, a nonparametric term stands at its place.
+
+A name that the truth would win was lost by the search. Where the answer wins, the sealed strength
+and margin tell on: where the best analyst would name it all the same, the tool's evidence is wrong;
+else the readings do not hold it.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import terminal
 from rulec_runtime.recordings.recording import Recording, read_recording
@@ -28,21 +35,27 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.settled.sets import explain, with_laws, with_terms
+from rulec.mismatch.search.settled.sets import Names, Posterior, explain, with_laws, with_terms
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike
 from rulec.mismatch.search.stores.price import needed as needed_of_stores
 from rulec.mismatch.search.stores.search import search as search_stores
 from rulec.mismatch.search.stores.searcher import Searcher
 from rulec.prove.analyst import FORM
+from rulec.prove.attainable import named
 from rulec.prove.campaign import OPENED
 from rulec.prove.judge import name_right, place_right, unnamed_right
 from rulec.prove.kept import CASES
-from rulec.prove.limits import CLEAR
+from rulec.prove.limits import CERTAIN, CLEAR, LIKELY
 from rulec.prove.nonparametric_term import course_at, in_its_tank
 from rulec.prove.truth.sealed import Planted
 
 Laws = Sequence[Planted]
+
+FOUND, SEARCH = "found by the search, not told surely", "✗ lost by the search"
+EVIDENCE, READINGS = "✗ lost by the evidence", "not in the readings"
+REASONS = (FOUND, SEARCH, EVIDENCE, READINGS)
+"""Why a name was lost."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +64,12 @@ class Refitted:
 
     Attributes
     ----------
-    true, reported : gain in log likelihood of the true laws, and of the answer
-    needed : gain that any answer needs
+    true, reported : evidence of the true laws, and of the answer, nats over the plain model; of
+        plants that store the gain in log likelihood
+    needed : what any answer needs
     laws, names : terms of the refitted truth, and of the answer
+    at_best : chance that the best analyst names it, by the sealed strength and margin
+    probability : of the true laws among all sets, had the search tried them; None where unknown
     course : correlation of the course of an unrecorded driver with the truth, at its true place
     """
 
@@ -63,22 +79,34 @@ class Refitted:
     needed: float
     laws: tuple[str, ...]
     names: tuple[str, ...]
+    at_best: float = 0.0
+    probability: float | None = None
     course: float | None = None
 
     @property
-    def is_in_the_readings(self) -> bool:
+    def is_lost_by_the_search(self) -> bool:
         """Does the truth lead clearly, and gain as much as an answer needs?"""
         return self.true > max(self.reported + CLEAR, self.needed)
+
+    @property
+    def reason(self) -> str:
+        """Why the name was lost, one of REASONS."""
+        if self.laws and set(self.laws) <= set(self.names):
+            return FOUND
+        if self.is_lost_by_the_search:
+            return SEARCH
+        return EVIDENCE if self.at_best >= LIKELY else READINGS
 
     @property
     def summary(self) -> str:
         """One line."""
         laws, names = ", ".join(self.laws) or "nothing", ", ".join(self.names) or "nothing"
-        sign = "✗ lost by the search" if self.is_in_the_readings else "not in the readings"
+        sure = "" if self.probability is None else f", its probability {self.probability:.2f}"
         known = "" if self.course is None else f"; course at its place {self.course:.2f}"
         return (
-            f"{self.case}: the truth gains {self.true:.1f} ({laws}), the answer "
-            f"{self.reported:.1f} ({names}), needed {self.needed:.1f}: {sign}{known}"
+            f"{self.case}: the truth gains {self.true:.1f} ({laws}){sure}, the answer "
+            f"{self.reported:.1f} ({names}), needed {self.needed:.1f}, at best named with "
+            f"{self.at_best:.2f}: {self.reason}{known}"
         )
 
 
@@ -98,6 +126,12 @@ class Opened:
         if self.answer["verdict"] == "unnamed":
             return []
         return [Planted(**effect) for effect in self.answer["effects"] if effect["names"]]
+
+    @property
+    def at_best(self) -> float:
+        """Chance that the best analyst names all that is planted."""
+        each = ((float(e["gain"]), float(e["margin"])) for e in self.answer["effects"])
+        return math.prod(named(*both) for both in each)
 
     @property
     def places_without_entry(self) -> set[str]:
@@ -138,16 +172,25 @@ def _stationary(case: Opened) -> Refitted:
     ways = [with_laws(rows, order) for order in (laws, laws[::-1])]
     ways += [with_terms(rows, places)] if places else []
     plain = found.odds[frozenset()]
-    true = max(ways, key=lambda way: way.odds[way.best])
+    true = _of_the_truth(ways)
+    tried = Posterior({}, {**found.odds, **{true: max(w.odds.get(true, -np.inf) for w in ways)}})
     return Refitted(
         case=case.answer["case"],
-        true=true.odds[true.best] - plain,
+        true=tried.odds[true] - plain,
         reported=found.odds[found.best] - plain,
-        needed=0.0,
-        laws=tuple(sorted(true.best)),
+        needed=math.log(CERTAIN / (1.0 - CERTAIN)),
+        laws=tuple(sorted(true)),
         names=tuple(sorted(found.best)),
+        at_best=case.at_best,
+        probability=sum(p for names, p in tried.sets.items() if true <= names) if true else None,
         course=course_at(case.folder, rows, places),
     )
+
+
+def _of_the_truth(ways: Sequence[Posterior]) -> Names:
+    """The most probable set with as many of the true laws as could be refitted."""
+    every = [(len(names), odds, sorted(names)) for way in ways for names, odds in way.odds.items()]
+    return frozenset(max(every)[2])
 
 
 def _dynamic(case: Opened) -> Refitted:
@@ -176,6 +219,7 @@ def _dynamic(case: Opened) -> Refitted:
         needed=needed_of_stores(len(bench.candidates)),
         laws=true.ids,
         names=reported.ids,
+        at_best=case.at_best,
     )
 
 
@@ -198,14 +242,14 @@ def lost_in(work: Path) -> list[Path]:
         if answer["verdict"] == "unnamed":
             right = unnamed_right(planted, form)
         else:
-            named = name_right([p for p in planted if p.names], effects)
-            right = min(place_right(planted, form), named)
+            right_names = name_right([p for p in planted if p.names], effects)
+            right = min(place_right(planted, form), right_names)
         found += [folder] if right < 1.0 else []
     return found
 
 
 def main(words: Sequence[str]) -> int:
-    """Print a line for each case, and in how many the readings do not hold the effect."""
+    """Print a line for each case, and how often a name was lost for which reason."""
     work = Path(words[0])
     folders = [work / CASES / f"{int(n):04d}" for n in words[1:]] or lost_in(work)
     found, out = [], terminal()
@@ -213,10 +257,8 @@ def main(words: Sequence[str]) -> int:
         one = refitted(folder)
         found.append(one)
         out.print(f"{folder.name} {one.summary}")
-    held = sum(one.is_in_the_readings for one in found)
-    out.print(
-        f"{len(found)} cases: {held} lost by the search, {len(found) - held} not in the readings"
-    )
+    counts = Counter(one.reason for one in found)
+    out.print(f"{len(found)} cases: {', '.join(f'{counts[r]} {r}' for r in REASONS)}")
     return 0
 
 

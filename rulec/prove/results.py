@@ -26,6 +26,14 @@ class Heldout:
     noise: Score
 
 
+@dataclass(frozen=True)
+class Claim:
+    """A name in an answer: the probability that it was told with, and whether it is right."""
+
+    probability: float
+    right: bool
+
+
 @dataclass(frozen=True, kw_only=True)
 class Judged:
     """A case, the tool's answer, and the scores of that answer.
@@ -38,6 +46,7 @@ class Judged:
     gain : expected gain in log likelihood of the true model over the plain one: the strength
     margin : the same over the best wrong model; infinite where none was tried
     name_right : share of names that are right; of n names left open each counts 1/n
+    claims : all names in the answer, those with alternatives too
     unnamed_right : an effect without an entry is called unnamed, with its place
     told_right : fault or sensor error is told from physics
     inside : number of intervals of parameters that hold the truth, and of all intervals
@@ -76,6 +85,7 @@ class Judged:
     seconds: float = 0.0
     error: str = ""
     difficulties: tuple[str, ...] = ()
+    claims: tuple[Claim, ...] = ()
 
     @property
     def clean(self) -> bool:
@@ -136,6 +146,7 @@ def _judged(data: dict[str, Any]) -> Judged:
         read[name] = _number(read[name])
     if read["errors"] is not None:
         read["errors"] = Heldout(**{k: _number(v) for k, v in read["errors"].items()})
+    read["claims"] = tuple(Claim(**claim) for claim in read.get("claims", ()))
     read["baselines"] = {k: _number(v) for k, v in read["baselines"].items()}
     return Judged(**read)
 

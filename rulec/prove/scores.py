@@ -8,11 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rulec.prove.attainable import at_best
 from rulec.prove.limits import (
     BINS_PER_DECADE,
     BOOTSTRAP_SAMPLES,
+    CERTAIN,
     GOAL_CLEAN,
     GOAL_COURSE,
+    GOAL_FALSE,
     GOAL_INSIDE,
     GOAL_NAMES,
     GOAL_PLACES,
@@ -104,6 +107,8 @@ SHARES: tuple[tuple[str, str, Goal], ...] = (
 
 INSIDE = Goal(*GOAL_INSIDE, "–".join(f"{100 * end:.0f}" for end in GOAL_INSIDE) + " %")
 COVERAGE = "truth inside the 95 % interval"
+FALSE = Goal(0.0, GOAL_FALSE, f"{100 * GOAL_FALSE:.0f} %")
+FALSE_NAMES = "false names among all told as certain"
 RATIO = Goal(0.0, GOAL_RATIO, f"{GOAL_RATIO:g}")
 COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 
@@ -111,8 +116,7 @@ COURSE = Goal(GOAL_COURSE, 1.0, f"{GOAL_COURSE:g}")
 def table(judged: Sequence[Judged]) -> list[Row]:
     """All scores in the order of their goals; a case that failed counts as it was judged."""
     rows = [_share(title, goal, seen(judged, name)) for title, name, goal in SHARES]
-    hits, count = _insides(judged)
-    rows.append(_of_hits(COVERAGE, INSIDE, count, hits))
+    rows += _counted(judged)
     ratios, courses = seen(judged, "ratio"), seen(judged, "course")
     title = "held-out error over the true model's"
     rows.append(_number(f"{title}, median", RATIO, ratios, np.median))
@@ -196,11 +200,15 @@ def _bins(judged: Sequence[Judged], name: str) -> Iterator[Bin]:
 
 @dataclass(frozen=True)
 class Group:
-    """Cases that have something in common, and their shares (no goal is set for them)."""
+    """Cases that have something in common, and their shares (no goal is set for them).
+
+    `best` are shares of places and names that could be reached at best; None without effects.
+    """
 
     title: str
     count: int
     shares: tuple[Row, ...]
+    best: tuple[float, float] | None
 
 
 def by_concealment(judged: Sequence[Judged]) -> list[Group]:
@@ -228,13 +236,17 @@ def by(judged: Sequence[Judged], name: str) -> list[Group]:
 def group(title: str, judged: Sequence[Judged]) -> Group:
     """The shares of some cases."""
     rows = (_share(t, goal, seen(judged, name)) for t, name, goal in SHARES)
-    hits, count = _insides(judged)
-    return Group(title, len(judged), (*rows, _of_hits(COVERAGE, INSIDE, count, hits)))
+    return Group(title, len(judged), (*rows, *_counted(judged)), at_best(judged))
 
 
-def _insides(judged: Sequence[Judged]) -> tuple[int, int]:
-    """Intervals that hold the truth, and all."""
-    return sum(j.inside[0] for j in judged), sum(j.inside[1] for j in judged)
+def _counted(judged: Sequence[Judged]) -> tuple[Row, Row]:
+    """Scores that count intervals, and names, in place of cases."""
+    inside, intervals = (sum(j.inside[i] for j in judged) for i in (0, 1))
+    told = [c.right for j in judged for c in j.claims if c.probability >= CERTAIN]
+    return (
+        _of_hits(COVERAGE, INSIDE, intervals, inside),
+        _of_hits(FALSE_NAMES, FALSE, len(told), told.count(False)),
+    )
 
 
 def _share(title: str, goal: Goal, values: Sequence[float]) -> Row:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from rulec_runtime.report.text import fixed, listed, number, percent, safe
 
+from rulec.prove.calibration import Told, reliability
 from rulec.prove.limits import PLAIN_GAIN, PLAIN_MARGIN
 from rulec.prove.mistakes import (
     OTHERS,
@@ -20,6 +21,9 @@ from rulec.prove.results import Judged
 from rulec.prove.scores import Group, Row
 
 NOTHING = "nothing"
+
+PARTS = ("place", "name", "clean", "unnamed", "told", "inside", "false", "at best")
+"""Columns of a table of groups, after title and number of cases."""
 
 
 PLAIN = f"strength of {PLAIN_GAIN:g} and margin of {PLAIN_MARGIN:g} at least"
@@ -103,18 +107,43 @@ def groups(found: Sequence[Group], title: str) -> str:
     """Shares by group, each with the number of cases it is of."""
     if not found:
         return ""
-    names = ("place", "name", "clean", "unnamed", "told", "inside")
     body = "".join(
-        f"<tr><td>{safe(g.title)}</td>{_number(str(g.count))}{''.join(map(_part, g.shares))}</tr>"
+        f"<tr><td>{safe(g.title)}</td>{_number(str(g.count))}{''.join(map(_part, g.shares))}"
+        f"{_number(best_of(g))}</tr>"
         for g in found
     )
-    return _table(_head(title, ".cases", *(f".{name}" for name in names)), body, "slim")
+    return _table(_head(title, ".cases", *(f".{name}" for name in PARTS)), body, "slim")
+
+
+def best_of(group: Group) -> str:
+    """Shares of places and names at best; empty without effects."""
+    return " / ".join(percent(share) for share in group.best) if group.best else ""
 
 
 def _part(row: Row) -> str:
     if not row.count:
         return '<td class="num soft">–</td>'
     return f'<td class="num">{percent(row.share)} <span class="soft">of {row.count}</span></td>'
+
+
+def probabilities(judged: Sequence[Judged]) -> str:
+    """Names by the probability that they were told with, and how many of them are right."""
+    found = reliability(judged)
+    if not found:
+        return ""
+    head = _head("told with", ".names", ".said, mean", ".right", ".95 % interval", "")
+    body = "".join(
+        f"<tr><td>{first}</td>{''.join(map(_number, rest))}<td>{last}</td></tr>"
+        for first, *rest, last in map(told_cells, found)
+    )
+    return _table(head, body, "slim")
+
+
+def told_cells(told: Told) -> tuple[str, ...]:
+    """A bin of the probabilities: ends, names, what was said, what is right, its interval."""
+    shares = (told.low, told.high, told.said, told.share, *told.ends)
+    low, high, said, right, least, most = (percent(share) for share in shares)
+    return f"{low} to {high}", str(told.count), said, right, f"{least} to {most}", told.words
 
 
 def baselines(judged: Sequence[Judged]) -> str:

@@ -10,11 +10,23 @@ from rulec_runtime.output.terminal import Terminal, one_line, styled
 from rulec_runtime.report.text import number
 
 from rulec.prove.attainable import at_best_words
+from rulec.prove.calibration import Told, reliability
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
 from rulec.prove.scores import Group, Row, by_difficulty, plain, table
-from rulec.prove.tables import PLAIN, interval_of, of_count, planted_words, said_words, value_of
+from rulec.prove.tables import (
+    PARTS,
+    PLAIN,
+    best_of,
+    interval_of,
+    of_count,
+    planted_words,
+    said_words,
+    told_cells,
+    value_of,
+)
+from rulec.prove.truth.sealed import DIFFICULTIES
 
 MARK = {True: "[green]✓[/] {}", False: "[red]✗[/] {}", None: "[dim]–[/] {}"}
 
@@ -28,10 +40,17 @@ def show(out: Console, run: Run) -> None:
     for words in (f"plain to see: {PLAIN}", at_best_words(run.shown)):
         if words:
             out.print(styled("[dim]{}[/]", words))
+    bins = reliability(run.shown)
+    if bins:
+        out.print(styled("\n[bold]Names by their probability[/]"))
+        out.print(_told(bins))
     parts = by_difficulty(run.shown)
     if parts:
         out.print(styled("\n[bold]By difficulty[/]"))
         out.print(_parts(parts))
+        for name, words in DIFFICULTIES.items():
+            if words in [part.title for part in parts]:
+                out.print(styled("[dim]{}: {}[/]", name, words))
     found = worst(run.shown)
     if not found:
         return
@@ -55,12 +74,26 @@ def text(run: Run, width: int = 100) -> str:
 
 
 def _parts(parts: list[Group]) -> Table:
-    """The shares of each part."""
-    shown = Table("made harder by", box=None, pad_edge=False, collapse_padding=True)
-    for title in ("cases", "place", "name", "clean", "unnamed", "told", "inside"):
-        shown.add_column(title, justify="right")
+    """The shares of each part, a column each."""
+    names = {words: name for name, words in DIFFICULTIES.items()}
+    shown = Table("made harder by", box=None, pad_edge=False)
     for part in parts:
-        shown.add_row(part.title, str(part.count), *(of_count(row) for row in part.shares))
+        shown.add_column(names.get(part.title, part.title), justify="right")
+    shown.add_row("cases", *(str(part.count) for part in parts))
+    rows = zip(*([*map(of_count, part.shares), best_of(part)] for part in parts), strict=True)
+    for title, cells in zip(PARTS, rows, strict=True):
+        shown.add_row(title, *cells)
+    return shown
+
+
+def _told(bins: list[Told]) -> Table:
+    """Names by the probability that they were told with."""
+    shown = Table("told with", box=None, pad_edge=False, collapse_padding=True)
+    for title in ("names", "said, mean", "right", "95 % interval"):
+        shown.add_column(title, justify="right")
+    shown.add_column("")
+    for told in bins:
+        shown.add_row(*told_cells(told))
     return shown
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rulec.prove.results import Heldout, Judged, Run
+from rulec.prove.results import Claim, Heldout, Judged, Run
 from rulec.prove.truth.sealed import CONCEALMENTS
 
 NAN = float("nan")
@@ -63,6 +63,7 @@ def planted(
         "margin": gain / 3,
         "place_right": 1.0,
         "name_right": right,
+        "claims": tuple(Claim(0.95, right == 1.0) for _ in named),
     }
     return judged(case, **{**usual, **fields})
 
@@ -141,7 +142,7 @@ def _planted(i: int, random: np.random.Generator) -> Judged:
         return planted(f"bad-{i}", effect, gain, **{**fields, "verdict": ""})
     fields["told_right"] = random.random() < 0.97
     if random.random() < np.exp(-gain / 12):
-        weak = {"said": (), "verdict": "none", "name_right": 0.0, "place_right": 0.0}
+        weak = {"said": (), "claims": (), "verdict": "none", "name_right": 0.0, "place_right": 0.0}
         return planted(f"weak-{i}", effect, gain, **{**fields, **weak})
     other = ENTRIES[names[(i + 3) % len(names)]] if random.random() < 0.05 else ""
     return planted(f"named-{i}", effect, gain, other, **fields)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from rulec.prove.judge import judge
-from rulec.prove.results import Judged
+from rulec.prove.results import Claim, Judged
 from rulec.prove.truth.sealed import Answer, Planted
 
 LOW = Planted(
@@ -73,12 +73,29 @@ def test_a_right_name_at_the_right_place_counts_whole() -> None:
     assert (1.0, 1.0) == (found.name_right, found.place_right)
 
 
-@pytest.mark.parametrize(("second", "counted"), [(0.4, 0.5), (0.1, 0.0)])
+@pytest.mark.parametrize(("second", "counted"), [(0.4, 0.5), (0.09, 0.0)])
 def test_one_of_two_counts_half_with_its_place(second: float, counted: float) -> None:
-    """Where it is likely enough to belong to the set."""
+    """Where it is likely enough to be told in the headline."""
     left = other("slope", "B.dp.low", second)
     found = scored(effect("leakage", "B.leakage", "pump", 0.5, alternatives=(left,)))
     assert (counted, counted) == (found.name_right, found.place_right)
+
+
+def test_a_name_counts_alone_from_the_probability_at_which_the_answer_tells_it_alone() -> None:
+    left = (other("slope", "B.dp.low", 0.11),)
+    sure, open_ = (effect("leakage", "B.leakage", "pump", p, alternatives=left) for p in (0.9, 0.8))
+    assert (0.0, 0.5) == (scored(sure).name_right, scored(open_).name_right)
+
+
+def test_every_name_is_kept_with_its_probability() -> None:
+    """A name that leaves others open too; a curve without a name is none."""
+    left = (other("leakage", "B.leakage", 0.3),)
+    found = scored(
+        effect("slope", "B.dp.low", "dp", 0.6, alternatives=left, sort="sensor"),
+        effect("leakage", "B.leakage", "pump", 0.95, sort="fault"),
+        effect("free-form", "B.loss", "loss", 0.8, sort="free"),
+    )
+    assert (Claim(0.6, True), Claim(0.95, False)) == found.claims
 
 
 def test_a_false_name_beside_counts_as_a_miss() -> None:

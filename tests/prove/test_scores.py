@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import binomtest
 
 from rulec.prove.attainable import at_best
+from rulec.prove.calibration import reliability
 from rulec.prove.limits import CLAIMED, LOOKED_AT
 from rulec.prove.mistakes import confusion, worst
 from rulec.prove.page import headline, page
-from rulec.prove.results import Heldout, Judged, Run, run_from_json
+from rulec.prove.results import Claim, Heldout, Judged, Run, run_from_json
 from rulec.prove.scores import by, by_concealment, by_difficulty, curve, table, wilson
 from rulec.prove.terminal import text
 from tests.prove.made import judged, planted, run
@@ -250,5 +251,41 @@ def test_scores_stand_by_difficulty_with_coverage() -> None:
     assert not by_difficulty([plain_one])
     form, drift, rest = by_difficulty([plain_one, hard])
     assert (form.count, drift.count, rest.title) == (1, 1, "none")
-    assert [row.share for row in (form.shares[2], form.shares[-1])] == [0.0, 0.75]
-    assert rest.shares[-1].share == 0.5
+    assert [row.share for row in (form.shares[2], form.shares[-2])] == [0.0, 0.75]
+    assert rest.shares[-2].share == 0.5
+
+
+def test_probabilities_are_held_against_what_is_right() -> None:
+    """Of names told at 0.95 half are right: too sure; all told at 0.6 are right: shy."""
+    sure = [planted(f"s{i}", "leakage", 9.0, claims=(Claim(0.95, i % 2 == 0),)) for i in range(40)]
+    shy = [planted(f"t{i}", "leakage", 9.0, claims=(Claim(0.6, True),)) for i in range(40)]
+    known = [planted("u", "leakage", 9.0, claims=(Claim(1.0, True), Claim(0.2, False)))]
+    found = reliability([*sure, *shy, *known])
+    assert [(0.0, 1, 0), (0.5, 40, 40), (0.9, 40, 20), (0.99, 1, 1)] == [
+        (told.low, told.count, told.right) for told in found
+    ]
+    assert ["as said", "shy", "too sure", "as said"] == [told.words for told in found]
+    assert [0.2, 0.6, 0.95, 1.0] == pytest.approx([told.said for told in found])
+    shown = Run((*sure, *shy))
+    assert "too sure" in text(shown)
+    assert "too sure" in page(shown)
+
+
+def test_false_names_are_a_share_of_all_told_as_certain() -> None:
+    """Those of clean cases too; what is told as one of several is none."""
+    cases = [
+        planted("a", "leakage", 9.0, claims=(Claim(0.95, True), Claim(0.92, False))),
+        planted("b", "leakage", 9.0, claims=(Claim(0.8, False),)),
+        judged(clean_right=0.0, claims=(Claim(0.99, False),)),
+    ]
+    found = row(cases, "false names")
+    assert (3, 2, False) == (found.count, found.hits, found.met)
+    assert row(cases[:1] * 100, "false names").share == 0.5
+    assert row([planted("c", "leakage", 9.0)], "false names").met
+
+
+def test_what_could_be_reached_stands_beside_each_part() -> None:
+    cases = [planted("a", "x", 1e4, margin=0.0), judged(clean_right=1.0)]
+    (part,) = by(cases, "plant")
+    assert part.best == pytest.approx((1.0, 0.5))
+    assert "100\u00a0% / 50\u00a0%" in page(Run(tuple(cases)))

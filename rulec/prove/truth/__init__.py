@@ -4,7 +4,8 @@ Shares no code with the packages it tests. Files in order of data flow: `units`,
 `plant` (what is built and how it is run), `faults`, `network` (the operating point), `loops` (any
 network), `sensors`, `recording` (columns and CSV), `rigs` (ready plants), `drawn` (the same, off
 their data sheets), `runs` (ready runs), `transients`, `warming`, `campaign` (lists of runs with
-seeds), `__main__`. For the proof: `streams` (random numbers), `limit` (what can be seen at best),
+seeds), `__main__`. For the proof: `streams` (random numbers), `smooth` (form errors, coloured
+noise, drifts), `spread` and `whiten` (their covariances), `limit` (what can be seen at best),
 `sealed` (the form of a case and its answer), `settled` and `tanks` (cases of plants in stationary
 operation, and of plants that store liquid).
 Everything is SI until a sensor reads it; a reading and a CSV are in trade units.

@@ -3,7 +3,8 @@
 Readings differ from a model without the effect by `d`, in units of their noise. What the model may
 change freely hides a part of it: parameters and sensors' errors at the price of their uncertainty,
 other unknown effects at none. The rest is what any analysis has to go by. This is the ideal limit:
-it takes the noise of all samples as independent and known, and everything as linear at the truth.
+it takes all noise as white and known, and everything as linear at the truth. Noise with a memory is
+made white before; form errors and drifts of known size are among what is changed at a price.
 
 A rival may have any size, and what it changes need not grow in proportion: so it is made as large
 as it explains most, in turns.
@@ -36,12 +37,13 @@ REFINED = 6
 @dataclass(frozen=True)
 class Rival:
     """Another effect: `change` gives what it changes at a size from `low` to `high`, over noise,
-    shape (n,), or None where it cannot be."""
+    shape (n,), or None where it cannot be. `bounded`: a larger size is no explanation."""
 
     name: str
     low: float
     high: float
     change: Callable[[float], Array | None]
+    bounded: bool = False
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,10 @@ def _left(measure: Measure, d: Array, rival: Rival, size: float) -> tuple[float,
     own, common = measure.product(change, change), measure.product(change, d)
     if own <= NEGLIGIBLE * float(change @ change):
         return measure.gain(d), size
+    scale = common / own
+    if rival.bounded and size * abs(scale) > rival.high:
+        scale = float(np.copysign(rival.high / size, scale))
+        return max(measure.gain(d) - scale * common + 0.5 * scale**2 * own, 0.0), rival.high
     return max(measure.gain(d) - 0.5 * common**2 / own, 0.0), size * abs(common) / own
 
 

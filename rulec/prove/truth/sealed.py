@@ -34,7 +34,8 @@ class Planted:
     parameters : true values by entry and parameter, in the unit of the entry; what has no exact
         counterpart is left out
     gain : strength: expected gain in log likelihood of a model with the effect over one without,
-        both refitted (parameters and sensors' errors within their uncertainties), all else known
+        both refitted (parameters and sensors' errors within their uncertainties; so form errors and
+        drifts, where there are any, of which the size is known), all else known
     margin : the same over the best other single effect of the truth in its place; infinite where
         none was tried
     rival : that other effect
@@ -104,6 +105,7 @@ CONCEALMENTS = {
     "hiding": "two effects that hide each other",
     "alike": "fault or sensor error that looks like physics, or the reverse",
     "unnamed": "no entry names it",
+    "wiring": "wrong in the cables or in the file",
     "open": "not concealed further",
 }
 
@@ -112,6 +114,7 @@ DIFFICULTIES = {
     "coloured": "noise of order one, coefficients of 0.5 to 0.9 at the sample rate",
     "drift": "sensors drift inside their class",
     "wobble": "operating points wobble slowly",
+    "starts": "tanks begin at any level",
 }
 
 

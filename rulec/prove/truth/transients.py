@@ -57,3 +57,8 @@ def approach(time: Array, setting: Array, time_constant: float) -> Array:
     for k, left in enumerate(np.exp(-np.diff(time) / time_constant), start=1):
         value[k] = setting[k] + left * (value[k - 1] - setting[k])
     return value
+
+
+def late(value: Array, by: int) -> Array:
+    """A course that comes `by` samples late; before, it is as at the first; shape (n,)."""
+    return np.concatenate([np.full(by, value[0]), value[:-by]])

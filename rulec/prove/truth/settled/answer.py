@@ -8,7 +8,7 @@ import numpy as np
 
 from ..sealed import Answer, Planted, verdict_of
 from .effect import Made
-from .effects import Placed, key
+from .effects import WIRING, Placed, entry_of
 from .rig import Rig
 from .rivals import margin_of
 from .visible import Sight
@@ -61,6 +61,8 @@ def _concealed(
         ways.append("corner")
     if group in ("pair", "hiding", "unrecorded"):
         ways.append(group)
+    if any(placed.effect.name in WIRING for placed, _ in found):
+        ways.append("wiring")
     if any(placed.effect.sort == "unnamed" for placed, _ in found):
         ways.append("unnamed")
     if any(p.margin < 0.1 * p.gain for p in planted):
@@ -71,7 +73,7 @@ def _concealed(
 def _planted(
     rig: Rig, placed: Placed, made: Made, gain: float, margin: float, rival: str
 ) -> Planted:
-    effect, entry = placed.effect, key()[placed.effect.name]
+    effect, entry = placed.effect, entry_of(placed.effect.name)
     values = {
         name: {theirs: made.parameters[ours] for theirs, ours in map_.items()}
         for name, map_ in entry["entries"].items()
@@ -83,7 +85,7 @@ def _planted(
         module=placed.module,
         place=effect.title,
         names=tuple(entry["entries"]),
-        places=tuple(f"{placed.module}.{place}" for place in entry["places"]),
+        places=(*(f"{placed.module}.{place}" for place in entry["places"]), *made.elsewhere),
         parameters=values,
         gain=gain,
         margin=margin,

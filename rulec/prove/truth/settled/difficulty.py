@@ -59,7 +59,7 @@ class Difficulty:
 
     def terms(self, rig: Rig, values: Values) -> tuple[Change, ...]:
         """Form errors, as terms of the plant."""
-        return tuple(_term(rig, values, law, form) for law, form in self.form.items())
+        return tuple(term(rig, values, law, form) for law, form in self.form.items())
 
 
 NONE = Difficulty()
@@ -107,20 +107,24 @@ def _laws(
         return
     values = {name: value for name, (value, _) in rig.numbers.items()}
     fastest = {f"{m}.n": np.array([rig.kind(m).speeds[1]]) for m in rig.pumps}
+    if rig.by_meter:
+        # The pressure is largest against a closed valve.
+        fastest |= {f"{m}.Q": np.zeros(1) for m in rig.pumps}
     most = {name: float(v[0]) for name, v in solve(Operated(rig, values, fastest)).items()}
     for m in rig.pumps:
         speeds, flow = rig.kind(m).speeds, (0.0, most[f"{m}.Q"])
         pressure = 0.0, most[f"{m}.dp"]
         yield f"{m}.flow" if rig.kind(m).head is None else f"{m}.head", (speeds, pressure)
         yield f"{m}.power", (speeds, pressure)
-        yield f"{m}.loss", (flow,)
+        if not rig.by_meter:
+            yield f"{m}.loss", (flow,)
     for mixer in rig.mixers:
         total = sum(most[f"{m}.Q"] for m in rig.pumps if mixer in rig.path(m))
         yield f"{mixer}.loss", ((0.0, total),)
 
 
-def _term(rig: Rig, values: Values, law: str, form: Form) -> Term:
-    """A form error as it acts."""
+def term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term:
+    """A form error as it acts; `form` gives a share by the law's arguments."""
     module, _, kind = law.partition(".")
     by_pump: Callable[[State], Array] = (
         (lambda s: form(s.pressure)) if rig.by_load else (lambda s: form(s.speed, s.pressure))

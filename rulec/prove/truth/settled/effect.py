@@ -17,10 +17,12 @@ Sort = Literal["physics", "fault", "sensor", "unnamed"]
 
 @dataclass(frozen=True)
 class Made:
-    """An effect of some size: its terms, and its parameters as its key knows them."""
+    """An effect of some size: its terms, its parameters as its key knows them, and places in other
+    modules where it is, too."""
 
     changes: tuple[Change, ...]
     parameters: Mapping[str, float]
+    elsewhere: tuple[str, ...] = ()
 
 
 Make = Callable[[Scene, str, float, np.random.Generator], Made]
@@ -40,6 +42,7 @@ class Effect:
     corner : does it act in a part of the operating range only?
     timed : does it follow the time since the recording began?
     slow : does it take days to weeks? Then samples are minutes to an hour apart
+    whole : is it there as it is or not at all, without a size?
     """
 
     name: str
@@ -54,6 +57,7 @@ class Effect:
     corner: bool = False
     timed: bool = False
     slow: bool = False
+    whole: bool = False
 
 
 DISPLACEMENT = ("cavity", "membrane", "oil-set")

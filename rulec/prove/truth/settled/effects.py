@@ -17,6 +17,7 @@ from . import (
     pump_effects,
     sensor_effects,
     unnamed_effects,
+    wiring_effects,
 )
 from .effect import Effect
 from .rig import Rig
@@ -33,6 +34,14 @@ EFFECTS: Mapping[str, Effect] = {
     )
     for effect in group.EFFECTS
 }
+
+WIRING: Mapping[str, Effect] = {effect.name: effect for effect in wiring_effects.EFFECTS}
+"""Mistakes of wiring and files: cases of their own, and no rivals of other effects."""
+
+
+def effect_of(name: str) -> Effect:
+    """An effect or a mistake."""
+    return EFFECTS[name] if name in EFFECTS else WIRING[name]
 
 
 @dataclass(frozen=True)
@@ -51,9 +60,16 @@ def places_of(rig: Rig, effect: Effect) -> list[Placed]:
     return [Placed(effect, m) for m, kind in rig.pumps.items() if not kinds or kind in kinds]
 
 
+def entry_of(name: str) -> Mapping[str, Any]:
+    """What the catalogue calls an effect or a mistake, and where it is right."""
+    known = key() if name in EFFECTS else key("wiring.yaml")
+    found: Mapping[str, Any] = known[name]
+    return found
+
+
 @cache
-def key() -> Mapping[str, Any]:
+def key(file: str = "key.yaml") -> Mapping[str, Any]:
     """What the catalogue calls each effect."""
-    text = (Path(__file__).parent / "key.yaml").read_text(encoding="utf-8")
+    text = (Path(__file__).parent / file).read_text(encoding="utf-8")
     found: Mapping[str, Any] = yaml.safe_load(text)
     return found

@@ -14,8 +14,9 @@ from ..recording import write_csv
 from ..sealed import HIDES, Answer, Reference, Request
 from ..streams import FURTHER, stream
 from .answer import answer_of
+from .blurred import blurred
 from .effect import Made
-from .effects import EFFECTS, Placed, places_of
+from .effects import Placed, effect_of, places_of
 from .folder import write_plant
 from .reference import reference
 from .rig import Rig
@@ -140,13 +141,16 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
         return None
     if plan.group == "hiding" and _added(seen, [m for _, m in found]) > HIDES:
         return None
-    answer = answer_of(plan.name, plan.group, plan.conceal, seen, found, seed)
+    # Effects are as strong as their case asks on a plant that keeps to its laws: what difficulties
+    # hide of them is told, not made up for.
+    told = blurred(seen) if found and drawn.hard.told else seen
+    answer = answer_of(plan.name, plan.group, plan.conceal, told, found, seed)
     return SettledCase(plan, seen.scene, terms, answer)
 
 
 def _pace(plan: Planned, seed: int) -> float:
     """Seconds from sample to sample: what fouls, wears or creeps is not seen within minutes."""
-    if not any(EFFECTS[name].slow for name in plan.effects):
+    if not any(effect_of(name).slow for name in plan.effects):
         return 1.0
     low, high = (math.log(pace) for pace in PACES)
     return round(math.exp(stream(seed, "pace").uniform(low, high)))
@@ -170,7 +174,7 @@ def _is_calibrated(plan: Planned, rig: Rig, random: np.random.Generator) -> bool
 def _placed(rig: Rig, effects: Sequence[str], random: np.random.Generator) -> list[Placed] | None:
     found: list[Placed] = []
     for name in effects:
-        places = places_of(rig, EFFECTS[name])
+        places = places_of(rig, effect_of(name))
         if not places:
             return None
         # Two effects are put into one module where they can be: there they hide each other.

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..limit import Rival, margin
 from ..units import Array
 from .effect import Made
-from .effects import EFFECTS, Placed, key, places_of
+from .effects import EFFECTS, Placed, entry_of, places_of
 from .sized import made_of
 from .solve import Stalled
 from .visible import Sight
@@ -42,10 +42,11 @@ def _rivals(seen: Sight, placed: Placed, seed: int) -> Iterator[Rival]:
                 shape = tuple(made_of(seen.scene, other, size, drawn).parameters.items())
                 if shape not in shapes:
                     shapes.add(shape)
-                    yield _rival(seen, other, drawn)
+                    # What is off by orders of magnitude is no small effect made as large.
+                    yield _rival(seen, other, drawn, placed.effect.whole)
 
 
-def _rival(seen: Sight, placed: Placed, seed: int) -> Rival:
+def _rival(seen: Sight, placed: Placed, seed: int, bounded: bool) -> Rival:
     def change(size: float) -> Array | None:
         try:
             return seen.change(made_of(seen.scene, placed, size, seed).changes)
@@ -53,7 +54,7 @@ def _rival(seen: Sight, placed: Placed, seed: int) -> Rival:
             return None
 
     effect = placed.effect
-    return Rival(f"{placed.module}.{effect.name}", effect.low, effect.high, change)
+    return Rival(f"{placed.module}.{effect.name}", effect.low, effect.high, change, bounded)
 
 
 def _mirrored(one: Placed, other: Placed) -> bool:
@@ -61,5 +62,5 @@ def _mirrored(one: Placed, other: Placed) -> bool:
     if {one.effect.name, other.effect.name} == MIRROR and one.module == other.module:
         return True
     faults = one.effect.sort == other.effect.sort == "fault"
-    places = [key()[placed.effect.name]["places"] for placed in (one, other)]
+    places = [entry_of(placed.effect.name)["places"] for placed in (one, other)]
     return faults and one.module == other.module and places[0] == places[1]

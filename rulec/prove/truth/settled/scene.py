@@ -17,7 +17,7 @@ from .difficulty import NONE, Difficulty, difficulty
 from .pumps import Values
 from .rig import Rig
 from .solve import Operated, solve
-from .term import Change, shown_by
+from .term import Change, shown_by, written_by
 
 SENSING = Sensing(law="truncated")
 """Errors of sensors stay inside the bounds of their class."""
@@ -90,7 +90,10 @@ class Scene:
         return {**around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
-        """What sensors without errors of their class show, SI."""
+        """What stands in the file of sensors without errors of their class, SI."""
+        return written_by(terms, self._sensed(truth, terms))
+
+    def _sensed(self, truth: Mapping[str, Array], terms: Sequence[Change]) -> dict[str, Array]:
         return {
             name: shown_by(terms, name, truth[name]) for name in self.rig.sensors if name in truth
         }
@@ -99,12 +102,14 @@ class Scene:
         self, truth: Mapping[str, Array], terms: Sequence[Change] = ()
     ) -> dict[str, Array]:
         """Columns of the recording by header, in the units of the sensors."""
-        columns = {"time [s]": self.clock}
-        for place, value in self.shown(truth, terms).items():
-            sensor = self.rig.sensors[place]
+        read = {}
+        for place, value in self._sensed(truth, terms).items():
             if not place.endswith((".T", ".l")):
                 value = np.where(self.running, value, 0.0)
-            columns[f"{place} [{sensor.unit}]"] = self.read(place, value, SENSING)
+            read[place] = self.read(place, value, SENSING)
+        columns = {"time [s]": self.clock}
+        for place, value in written_by(terms, read).items():
+            columns[f"{place} [{self.rig.sensors[place].unit}]"] = value
         return columns
 
     def read(self, place: str, value: Array, sensing: Sensing) -> Array:

@@ -23,10 +23,16 @@ LEAST = 4.0
 
 
 def sized(seen: Sight, placed: Placed, aim: float, seed: int) -> Made | None:
-    """An effect so large that it can be seen as aimed; None where that is not possible."""
+    """An effect so large that it can be seen as aimed; None where that is not possible.
+
+    One without a size is as it is. Raises Stalled where it cannot be in this plant.
+    """
     effect = placed.effect
     low, high = effect.low, effect.high
     size, best, least = math.sqrt(low * high), None, math.inf
+    if effect.whole:
+        made = made_of(seen.scene, placed, size, seed)
+        return made if seen.gain(made.changes) >= LEAST else None
     for _ in range(TRIES):
         made = made_of(seen.scene, placed, size, seed)
         try:

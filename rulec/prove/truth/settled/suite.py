@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from .effect import Effect
-from .effects import EFFECTS
+from .effects import EFFECTS, WIRING, effect_of
 from .plan import Planned
 
 WEAKEST, STRONGEST = 8.0, 2e4
@@ -42,8 +42,10 @@ HARD: Mapping[str, int] = {
     "drift": 50,
     "all-clean": 50,
     "all": 50,
+    "wiring": 24,
 }
-"""Of a run with difficulties; in the group `all` every one of them."""
+"""Of a run with difficulties; in the group `all` every one of them. Plants of the group `wiring`
+keep to their laws: what is wrong with them is in the cables or the file."""
 
 HARD_QUICK: Mapping[str, int] = dict.fromkeys(HARD, 2)
 """Of a quick run with difficulties, of small plants."""
@@ -85,9 +87,9 @@ def planned(seed: int, counts: Mapping[str, int] = FULL, small: bool = False) ->
             if group in ("hiding", "pair", "unrecorded"):
                 aim = max(aim, 100.0)
             profile = str(random.choice(PROFILES))
-            oil = all(_in_oil(EFFECTS[e]) for e in effects) and group not in ("unrecorded",)
+            oil = all(_in_oil(effect_of(e)) for e in effects) and group not in ("unrecorded",)
             family = "oil" if oil and random.uniform() < 0.3 else "dosing"
-            family = next((ALONE[k] for e in effects if (k := EFFECTS[e].kinds) in ALONE), family)
+            family = next((ALONE[k] for e in effects if (k := effect_of(e).kinds) in ALONE), family)
             conceal = (group,) if group in ("calibrated", "correlated") else ()
             if not effects and random.uniform() < 0.25:
                 conceal = ("correlated",)
@@ -104,6 +106,7 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
         "clean": [()],
         **{g: [()] for g in HARD if g.endswith("-clean")},
         "hiding": HIDING,
+        "wiring": [(name,) for name in WIRING],
         "pair": _pairs(random),
     }
     pool = pools.get(group) or [(e.name,) for e in EFFECTS.values() if _fits(e, group)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,7 +58,16 @@ class Reading:
     shown: Callable[[Array], Array]
 
 
-Change = Term | Reading
+@dataclass(frozen=True)
+class Column:
+    """What stands in the column of `place` in the file, of what all columns should hold, each shape
+    (n,); their noise is in them. Scales of units have no part in it."""
+
+    place: str
+    written: Callable[[Mapping[str, Array]], Array]
+
+
+Change = Term | Reading | Column
 
 
 def total(terms: Iterable[Change], kind: Kind, module: str, state: State) -> Array | float:
@@ -67,6 +76,12 @@ def total(terms: Iterable[Change], kind: Kind, module: str, state: State) -> Arr
         t.law(state) for t in terms if isinstance(t, Term) and t.kind == kind and t.module == module
     ]
     return np.sum(found, axis=0) if found else 0.0
+
+
+def written_by(terms: Sequence[Change], columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns as they stand in the file, by place."""
+    wrong = {t.place: t.written(columns) for t in terms if isinstance(t, Column)}
+    return {**columns, **wrong}
 
 
 def shown_by(terms: Sequence[Change], place: str, value: Array) -> Array:

@@ -1,13 +1,14 @@
 """How visible an effect is at best: expected gain in log likelihood over recalibration.
 
-Samples count as independent, laws as linear in the parameters: a bound, not what a tool reaches.
+Laws count as linear in the parameters, samples as independent (`blurred` has what hard cases
+need): a bound, not what a tool reaches.
 Sensors' systematic errors and all parameters are free within their uncertainties. A sample counts
 where its module is settled: of a reading that moves, a model of settled operation says nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from ..limit import expected_gain
 from ..units import Array
+from ..whiten import Whitening
 from .scene import SENSING, Scene
 from .term import Change
 
@@ -31,18 +33,20 @@ class Sight:
     noise : by output, SI, shape (n,); that of the inputs included
     settled : by module, shape (n,)
     sensitivities : shape (outputs*n, k), over the noise
+    whitening : of noise with a memory, shared by outputs; None for noise of each sample alone
     """
 
     scene: Scene
     noise: Mapping[str, Array]
     sensitivities: Array
     settled: Mapping[str, np.ndarray]
+    whitening: Whitening | None = None
 
     def change(self, terms: Sequence[Change]) -> Array:
         """What terms change in the readings, over the noise; shape (outputs*n,)."""
         scene = self.scene
         shown = scene.shown(scene.truly(terms), terms)
-        own = self._stacked({n: shown[n] - scene.plain[n] for n in scene.rig.outputs})
+        own = self.over({n: shown[n] - scene.plain[n] for n in scene.rig.outputs})
         # A wrong input moves what a model expects of all outputs.
         for name in scene.rig.inputs:
             off = shown[name] - scene.given[name]
@@ -57,9 +61,13 @@ class Sight:
         return expected_gain(self.change(terms), self.sensitivities, free)
 
     def _moved(self, name: str, off: Array) -> Array:
-        return self._stacked(_outputs_moved(self.scene, name, off))
+        return self.over(_outputs_moved(self.scene, name, off))
 
-    def _stacked(self, values: Mapping[str, Array]) -> Array:
+    def over(self, values: Mapping[str, Array]) -> Array:
+        """What of changed outputs, SI, by signal, is seen, over the noise; shape (outputs*n,)."""
+        if self.whitening is not None:
+            outputs = np.stack([values[n] for n in self.scene.rig.outputs], 1)
+            return self.whitening(outputs[:, :, None])[:, 0]
         parts = [
             (values[n] / self.noise[n])[self.settled[n.partition(".")[0]]]
             for n in self.scene.rig.outputs
@@ -71,29 +79,35 @@ def sight(scene: Scene) -> Sight:
     """Find slopes by differences."""
     rig = scene.rig
     variance: dict[str, Any] = {n: noise_of(scene, n) ** 2 for n in rig.outputs}
-    slopes = {}
+    slopes = slopes_of(scene)
     for name in rig.inputs:
-        u = noise_of(scene, name)
-        slopes[name] = _outputs_moved(scene, name, u)
         for output in rig.outputs:
             variance[output] = variance[output] + slopes[name][output] ** 2
     noise = {n: np.sqrt(v) for n, v in variance.items()}
     settled = settled_of(scene)
     bare = Sight(scene, noise, np.zeros((0, 0)), settled)
-    columns = []
-    for name, (_, spread) in rig.numbers.items():
+    columns = [bare.over(change) for change in parameters_moved(scene)]
+    zero = {n: np.zeros_like(scene.time) for n in rig.outputs}
+    for name in rig.outputs:
+        columns.append(bare.over({**zero, name: class_of(scene, name)}))
+    for name in rig.inputs:
+        shift = {n: v / SENSING.statistical for n, v in slopes[name].items()}
+        columns.append(bare.over(shift))
+    return Sight(scene, noise, np.stack(columns, 1), settled)
+
+
+def slopes_of(scene: Scene) -> dict[str, dict[str, Array]]:
+    """What the noise of each input changes in the outputs, per standard deviation of a sample."""
+    return {name: _outputs_moved(scene, name, noise_of(scene, name)) for name in scene.rig.inputs}
+
+
+def parameters_moved(scene: Scene) -> Iterator[dict[str, Array]]:
+    """What each uncertain parameter changes in the outputs, per standard uncertainty."""
+    for name, (_, spread) in scene.rig.numbers.items():
         if spread > 0:
             step = RELATIVE * spread
             moved = scene.truly(values={**scene.values, name: scene.values[name] + step})
-            change = {n: (moved[n] - scene.plain[n]) / RELATIVE for n in rig.outputs}
-            columns.append(bare._stacked(change))
-    zero = {n: np.zeros_like(scene.time) for n in rig.outputs}
-    for name in rig.outputs:
-        columns.append(bare._stacked({**zero, name: class_of(scene, name)}))
-    for name in rig.inputs:
-        shift = {n: v / SENSING.statistical for n, v in slopes[name].items()}
-        columns.append(bare._stacked(shift))
-    return Sight(scene, noise, np.stack(columns, 1), settled)
+            yield {n: (moved[n] - scene.plain[n]) / RELATIVE for n in scene.rig.outputs}
 
 
 def settled_of(scene: Scene) -> dict[str, np.ndarray]:

@@ -5,7 +5,8 @@ Shares no code with the packages it tests. Files in order of data flow: `plant` 
 parameters by seed), `effect` and the four files of effects, `effects` (all by id), `size` (how
 large an effect is made), `case`, `rows` (plants drawn), `folder`, `key` (what is right), `knobs`,
 `step`, `model` (the true plant as a model), `seen` (what can be seen at best), `refit`, `sealed`
-(common form), `suite`. All is in cm, s and V.
+(common form), `suite`. Of hard cases: `bend` (a form error), `hard` (what is drawn), `blurred`.
+All is in cm, s and V.
 """
 
 from .build import CASCADED, Layout, build

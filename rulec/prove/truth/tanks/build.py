@@ -7,17 +7,19 @@ reads no file of the tool. A test compares them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..smooth import coloured
 from ..streams import stream
 from ..units import Array
 from .drive import DRAWN, PROFILES
 from .feed import Feed
+from .hard import Meter, Told, hardened
 from .laws import GRAVITY
-from .plant import LevelSensor, Plant, Tank
+from .plant import LEVEL_ZERO, LevelSensor, Plant, Tank
 
 NOMINAL: Mapping[str, tuple[float, float]] = {
     "k": (3.5, 1.5),
@@ -34,8 +36,8 @@ LEAST: Mapping[str, float] = {"k": 1.0, "A": 13.0, "a": 0.015, "g": 0.4, "h0": 1
 
 UNITS: Mapping[str, str] = {"k": "cm3/s/V", "A": "cm2", "a": "cm2", "g": "V/cm", "h0": "cm"}
 
-LEVEL_ZERO, CARD_ZERO, METER_SLOPE = 0.025, 0.01, 0.002
-"""Standard uncertainties: level 0.5 % of 10 V, card 0.2 % of 10 V, flow meter 0.4 %, over 2."""
+CARD_ZERO, METER_SLOPE = 0.01, 0.002
+"""Standard uncertainties: card 0.2 % of 10 V, flow meter 0.4 %, over 2."""
 
 METER_NOISE = 0.3 * METER_SLOPE
 """Of a sample, as share of the reading. Source: as in `sensors.Sensing`."""
@@ -85,9 +87,17 @@ class Setup:
     profile: str
     time: Array
     shown: Array
+    meter: Meter = field(default_factory=Meter)
+    told: Told = field(default_factory=dict)
 
 
-def build(layout: Layout, seed: int, samples: int = 1024, profile: str = "") -> Setup:
+def build(
+    layout: Layout,
+    seed: int,
+    samples: int = 1024,
+    profile: str = "",
+    difficulties: Sequence[str] = (),
+) -> Setup:
     """A plant that can be worked with, and an input that uses its range.
 
     Drawn again until the levels at the highest input lie well inside tanks and sensors.
@@ -103,7 +113,10 @@ def build(layout: Layout, seed: int, samples: int = 1024, profile: str = "") -> 
     course = PROFILES[kind](stream(seed, f"input {layout.name}"), samples)
     time = layout.interval * np.arange(samples, dtype=np.float64)
     shown = np.round(course * flow / plant.feed.gain, 3 if layout.metered else 4)
-    return Setup(layout, plant, kind, time, shown)
+    ranges = {t.name: _level_at(t, flow) for t in plant.tanks}
+    ranges[layout.feed] = flow / plant.feed.gain
+    hard = hardened(plant, difficulties, seed, ranges, layout.metered)
+    return Setup(layout, hard.plant, kind, time, shown, hard.meter, hard.told)
 
 
 def parameters(setup: Setup) -> dict[str, tuple[float, str]]:
@@ -124,7 +137,13 @@ def recorded_input(setup: Setup, seed: int) -> Array:
     if not setup.layout.metered:
         return setup.shown
     noise = stream(seed, "noise of the meter").standard_normal(setup.shown.size)
-    return np.asarray(setup.shown * (1.0 + METER_NOISE * noise))
+    if setup.meter.colour:
+        noise = coloured(noise, setup.meter.colour)
+    shown = setup.shown
+    if setup.meter.wander is not None:
+        first = (setup.plant.feed.gain / LITRE_PER_HOUR - 1.0) / METER_SLOPE
+        shown = shown * (1.0 - METER_SLOPE * (setup.meter.wander(first, shown.size) - first))
+    return np.asarray(shown * (1.0 + METER_NOISE * noise))
 
 
 def _drawn(layout: Layout, random: np.random.Generator) -> Plant:
@@ -177,11 +196,16 @@ def _flow_at(tank: Tank, level: float) -> float:
     return tank.outlet * math.sqrt(2.0 * GRAVITY * level)
 
 
+def _level_at(tank: Tank, flow: float) -> float:
+    """Level at which a plain outlet passes a flow, cm."""
+    return (flow / tank.outlet) ** 2 / (2.0 * GRAVITY)
+
+
 def _can_work(layout: Layout, plant: Plant, flow: float) -> bool:
     """Can this flow be set, and does it fill every tank to a level worth having?"""
     if not 4.0 <= flow <= 40.0:
         return False
     if not layout.metered and not 3.0 <= flow / plant.feed.gain <= 9.5:
         return False
-    levels = [(flow / t.outlet) ** 2 / (2.0 * GRAVITY) for t in plant.tanks]
+    levels = [_level_at(t, flow) for t in plant.tanks]
     return all(8.0 <= level <= 30.0 for level in levels)

@@ -58,13 +58,14 @@ def case(
     strength: float | None = None,
     profile: str = "",
     rarely: float = math.inf,
+    difficulties: Sequence[str] = (),
 ) -> Case:
     """A case from its seed and the ids of its effects; the same arguments give the same bytes.
 
     Plants are drawn until every effect shows, and with `hiding`, until they hide each other.
     `strength`, V, is what each effect changes alone, root mean square, instead of what is drawn.
     `rarely` is the largest size of an effect, for those whose size is the share of samples where
-    they act.
+    they act. `difficulties` are what makes the case harder, of `sealed.DIFFICULTIES`.
     Raises ValueError for an unknown effect, or where that never happens.
     """
     known = possible_effects(layout)
@@ -75,7 +76,7 @@ def case(
     clear = CLEAR if strength is None else 0.0
     for attempt in range(ATTEMPTS):
         drawn = seed + attempt * FURTHER
-        setup = build(layout, drawn, samples, profile)
+        setup = build(layout, drawn, samples, profile, difficulties)
         scene = Scene(setup, integrate(setup.plant, setup.time, setup.shown))
         planted = plant_each(scene, wanted, drawn, strength)
         if planted is None:

@@ -53,12 +53,26 @@ def plateaus(random: np.random.Generator, samples: int) -> Array:
     return np.asarray(values[np.searchsorted(begins[:-1], np.arange(samples), "right")])
 
 
+def few_values(random: np.random.Generator, samples: int) -> Array:
+    """Three to five values, each held for 30 to 80 samples whenever its turn comes."""
+    values = random.uniform(LOWEST, 1.0, int(random.integers(3, 6)))
+    result, begin, last = np.empty(samples), 0, -1
+    while begin < samples:
+        others = [i for i in range(len(values)) if i != last]
+        last = int(random.choice(others))
+        end = begin + int(random.integers(30, 81))
+        result[begin:end] = values[last]
+        begin = end
+    return result
+
+
 PROFILES: Mapping[str, Callable[[np.random.Generator, int], Array]] = {
     "steps": steps,
     "multisine": multisine,
     "ramps": ramps,
     "start-stop": start_stop,
     "plateaus": plateaus,
+    "few-values": few_values,
 }
 
 DRAWN = ("steps", "multisine", "ramps", "start-stop")

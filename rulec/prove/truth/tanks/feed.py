@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from .bend import Bend
+
 
 @dataclass(frozen=True)
 class Kink:
@@ -47,7 +49,8 @@ class Feed:
 
     Of the square of the voltage, which is the pump's head, `lift` (V2) holds a height and
     `lift_level` (V2/cm) the level of the first tank. `held` is the share of the flow lost per cm of
-    that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with time.
+    that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with time. The
+    form error of the whole law, by the voltage, is `form`.
     """
 
     name: str
@@ -67,3 +70,4 @@ class Feed:
     curve: Curve | None = None
     decline: float = 0.0
     warming: Warming | None = None
+    form: Bend | None = None

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from .build import CARD_ZERO, LEVEL_ZERO, LITRE_PER_HOUR, METER_SLOPE, Layout
-from .plant import Plant
+from .build import CARD_ZERO, LITRE_PER_HOUR, METER_SLOPE, Layout
+from .plant import LEVEL_ZERO, Plant
 
 Path = tuple[str | int, ...]
 

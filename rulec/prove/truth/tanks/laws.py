@@ -71,6 +71,8 @@ def _through_outlet(tank: Tank, level: float, below: float, time: float) -> floa
         present = 1.0 / (1.0 + math.exp(-max(min(over, 50.0), -50.0)))
         surge = 1.0 + 0.5 * math.sin(2.0 * math.pi * time / tank.vortex.period)
         flow *= 1.0 - tank.vortex.share * present * surge
+    if tank.form is not None:
+        flow *= 1.0 + tank.form.at(level)
     return flow / (1.0 + tank.closing * time)
 
 
@@ -109,6 +111,8 @@ def supply(feed: Feed, shown: float) -> float:
         asked *= math.pow(driving / feed.curve.voltage, feed.curve.exponent)
     if feed.lift > 0.0:
         asked = math.sqrt(max(asked**2 - feed.lift, 0.0))
+    if feed.form is not None:
+        asked *= 1.0 + feed.form.at(shown)
     return max(feed.gain * asked, 0.0)
 
 

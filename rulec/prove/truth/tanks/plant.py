@@ -7,12 +7,17 @@ out, so `Tank(...)` with the first four values is the plain tank of a text-book.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+from ..smooth import Drift
+from .bend import Bend
 from .feed import Feed
 
 BODY_EDGE = 0.05
 """cm over which a body ends; a step would only cost the solver time."""
+
+LEVEL_ZERO = 0.025
+"""V; standard uncertainty of a transmitter's zero: 0.5 % of 10 V, over 2."""
 
 SLOT = 0.1
 """Least width of a lying cylinder's surface over its diameter: its vents and its sump."""
@@ -82,6 +87,7 @@ class Tank:
     cone : width gained per cm of level, in both directions; `lying` : diameter of a lying cylinder
     drain, side : orifices to the outside that are always open, at the floor and in the wall
     link : area of a second pipe to the next tank; `closing` : growth, 1/s, of its resistance
+    form : form error of the outlet's law by the level
     """
 
     name: str
@@ -105,6 +111,7 @@ class Tank:
     side: Opening | None = None
     link: float = 0.0
     closing: float = 0.0
+    form: Bend | None = None
 
     def at(self, time: float) -> Tank:
         """The tank with the faults of that time: both begin long ago, or are absent."""
@@ -160,6 +167,8 @@ class LevelSensor:
     Errors: `offset`, `slope` (of the gain), `lag`, `dead_time`, `play` (width of the hysteresis),
     `step` (of a coarse display), `limit` (highest voltage), `drift` (V per s), `stuck` (from, to),
     `jet` (V per (cm3/s)**2 of what falls in; no plain law knows that).
+    `colour` is the coefficient of its noise, of order one; `wander` how its zero drifts in its
+    class.
     """
 
     tank: str
@@ -177,6 +186,8 @@ class LevelSensor:
     drift: float = 0.0
     stuck: tuple[float, float] | None = None
     jet: float = 0.0
+    colour: float = 0.0
+    wander: Drift | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

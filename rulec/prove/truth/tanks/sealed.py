@@ -40,6 +40,7 @@ class SealedCase:
             verdict=sealed.verdict_of([one.sort for one in effects]),
             concealed=self.concealed,
             effects=effects,
+            difficulties=setup.told,
         )
 
     def write(self, folder: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..limit import Rival, expected_gain, margin
 from ..units import Array
+from .blurred import blurred
 from .case import Case
 from .effect import Built
 from .effects import SENSOR, Placed, possible_effects
@@ -47,10 +48,14 @@ def seen(case: Case) -> tuple[Seen, ...]:
     start = model.readings(plain, course)
     knobs = list(base_knobs(case.setup.layout, plain))
     slopes = model.slopes(plain, course, knobs) * np.array([knob.u for knob in knobs])
+    blur = blurred(case.setup, model, course) if case.setup.told else None
+    if blur is not None:
+        slopes = blur.over(np.column_stack([slopes, blur.free]))
 
     @functools.cache
     def change(plant: Plant) -> Array:
-        return model.readings(plant, model.alike(plain, course, plant)) - start
+        found = model.readings(plant, model.alike(plain, course, plant)) - start
+        return found if blur is None else blur.over(found[:, None])[:, 0]
 
     alone = [change(one.built.plant) for one in case.planted]
     found = []

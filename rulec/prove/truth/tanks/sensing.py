@@ -6,9 +6,10 @@ import zlib
 
 import numpy as np
 
+from ..smooth import coloured
 from ..units import Array
 from .balance import Course
-from .plant import LevelSensor, Plant
+from .plant import LEVEL_ZERO, LevelSensor, Plant
 
 
 def shown(plant: Plant, course: Course, seed: int | None = None) -> dict[str, Array]:
@@ -26,6 +27,9 @@ def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Arra
     """Voltage inside the transmitter."""
     value = sensor.gain * (1.0 + sensor.slope) * level + sensor.zero + sensor.offset
     value = value + sensor.drift * (time - time[0]) + sensor.jet * falls**2
+    if sensor.wander is not None:
+        first = sensor.zero / LEVEL_ZERO
+        value = value + LEVEL_ZERO * (sensor.wander(first, value.size) - first)
     return _with_play(value, sensor.play) if sensor.play else value
 
 
@@ -48,7 +52,8 @@ def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> A
     """
     if seed is not None:
         stream = np.random.default_rng([seed, zlib.crc32(f"noise of {sensor.tank}".encode())])
-        value = value + sensor.noise * stream.standard_normal(value.size)
+        white = stream.standard_normal(value.size)
+        value = value + sensor.noise * (coloured(white, sensor.colour) if sensor.colour else white)
     if sensor.step:
         value = np.round(value / sensor.step) * sensor.step
     value = np.minimum(value, sensor.limit)

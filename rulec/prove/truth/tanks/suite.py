@@ -10,13 +10,36 @@ import numpy as np
 
 from ..streams import stream
 from .build import CASCADED, Layout
-from .case import case
+from .case import Case, case
 from .effects import Placed, possible_effects
 from .rows import row
 from .sealed import SealedCase
 
 WEAKEST, STRONGEST = 0.03, 2.0
 """V; what a single effect changes, drawn evenly on a logarithmic scale."""
+
+HARD: Mapping[str, int] = {
+    "form-clean": 10,
+    "form": 10,
+    "coloured-clean": 10,
+    "coloured": 10,
+    "drift-clean": 10,
+    "drift": 10,
+    "all-clean": 10,
+    "all": 10,
+}
+"""Cases of a run with difficulties; in the group `all` every one of them."""
+
+DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
+    "form": ("form",),
+    "coloured": ("coloured",),
+    "drift": ("drift",),
+    "all": ("form", "coloured", "drift", "starts"),
+}
+"""By the first word of a group of `HARD`."""
+
+FEW = "few-values"
+"""How a plant with form errors is run: how its laws bend is seen at a few flows only."""
 
 RARELY = 0.15
 """Share of samples in which an effect in a corner acts at most."""
@@ -96,6 +119,7 @@ class Planned:
     strength: float | None = None
     profile: str = ""
     rarely: float = math.inf
+    difficulties: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -114,11 +138,19 @@ class Planned:
             strength=self.strength,
             profile=self.profile,
             rarely=self.rarely,
+            difficulties=self.difficulties,
         )
-        found = SealedCase(made, (CONCEALED[self.group],))
+        found = SealedCase(made, (self._concealed(made),))
         if len(found.answer.effects) == 1 and found.answer.effects[0].gain < LEAST:
             raise ValueError("nobody could see it")
         return found
+
+    def _concealed(self, made: Case) -> str:
+        """Way of concealing; of a hard case by what is planted."""
+        if self.group in CONCEALED:
+            return CONCEALED[self.group]
+        sorts = [one.placed.effect.sort for one in made.planted]
+        return "clean" if not sorts else "unnamed" if "unnamed" in sorts else "open"
 
 
 def cases(
@@ -129,8 +161,8 @@ def cases(
     `own` is the share of cases of the shipped plant.
     """
     for group, many in count.items():
-        if group not in CONCEALED:
-            raise ValueError(f"no group '{group}'; known: {', '.join(CONCEALED)}")
+        if group not in {**CONCEALED, **HARD}:
+            raise ValueError(f"no group '{group}'; known: {', '.join({**CONCEALED, **HARD})}")
         for number in range(many):
             yield _planned(seed, group, number, samples, own)
 
@@ -141,20 +173,21 @@ def _planned(seed: int, group: str, number: int, samples: int, share: float) -> 
     shipped = group == "hiding" or random.uniform() < share
     layout = CASCADED if shipped else row(own)
     strength = None
-    if group not in ("clean", "pair", "hiding"):
+    hard = DIFFICULTIES.get(group.removesuffix("-clean"), ())
+    if group not in ("clean", "pair", "hiding") and not group.endswith("-clean"):
         strength = WEAKEST * (STRONGEST / WEAKEST) ** float(random.uniform())
     settled = random.uniform() < SETTLED and group != "corner"  # a plateau is no corner
-    profile = "plateaus" if settled else ""
+    profile = FEW if "form" in hard else "plateaus" if settled else ""
     effects = _chosen(group, number, layout, random)
     rarely = RARELY if group == "corner" else math.inf
-    return Planned(group, number, own, layout, effects, samples, strength, profile, rarely)
+    return Planned(group, number, own, layout, effects, samples, strength, profile, rarely, hard)
 
 
 def _chosen(
     group: str, number: int, layout: Layout, random: np.random.Generator
 ) -> tuple[str, ...]:
     """Ids of the effects of a case."""
-    if group == "clean":
+    if group == "clean" or group.endswith("-clean"):
         return ()
     if group == "hiding":
         return HIDING[number % len(HIDING)]
@@ -184,5 +217,7 @@ def _fits(group: str, placed: Placed) -> bool:
             return sort == "unnamed"
         case "pair":
             return sort != "unnamed" and plain
+        case _ if group in HARD:
+            return plain
         case _:
             return sort == group and plain

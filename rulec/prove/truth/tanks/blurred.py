@@ -1,0 +1,105 @@
+"""What hides effects in hard cases of tanks: noise with a memory, drifts, and form errors, as
+random terms of the size that they have; see `settled/blurred.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..spread import drift_directions, series_directions
+from ..units import Array
+from ..whiten import Whitening
+from .balance import Course
+from .build import METER_SLOPE, Setup
+from .model import Model, noise_of
+from .plant import LEVEL_ZERO, Plant
+
+SMALL = 0.1
+"""Share of a direction by which a law or an input is moved to find its slope."""
+
+
+@dataclass(frozen=True)
+class Blur:
+    """Makes changes of the readings white, and knows what else may change them.
+
+    Attributes
+    ----------
+    over : of changes over their noise, shape (n, k), to the same with independent noise
+    free : what drifts and form errors change per standard deviation, shape (n, m), not yet white
+    """
+
+    over: Callable[[Array], Array]
+    free: Array
+
+
+def blurred(setup: Setup, model: Model, course: Course) -> Blur:
+    """Of a case with difficulties; all is linear about its plant without effects."""
+    start = model.readings(setup.plant, course)
+    columns = [*_drifts(setup), *_meter(setup, start), *_forms(setup, model, start)]
+    free = np.column_stack(columns) if columns else np.zeros((start.size, 0))
+    return Blur(_whitening(setup), free)
+
+
+def _whitening(setup: Setup) -> Callable[[Array], Array]:
+    """A sensor's noise has a memory, the steps of its converter have none."""
+    sensors, n = setup.plant.sensors, setup.time.size
+    parts = []
+    for sensor in sensors:
+        steps = np.sqrt(max(noise_of(sensor) ** 2 - sensor.noise**2, 0.0))
+        sizes = np.array([sensor.noise, steps]) / noise_of(sensor)
+        parts.append(
+            Whitening.of(
+                np.tile(sizes, (n, 1, 1)),
+                np.array([sensor.colour, 0.0]),
+                np.ones((n, 1), dtype=bool),
+            )
+        )
+
+    def over(changes: Array) -> Array:
+        each = np.split(changes, len(sensors))
+        return np.concatenate([p(e[:, None, :]) for p, e in zip(parts, each, strict=True)])
+
+    return over
+
+
+def _drifts(setup: Setup) -> Iterator[Array]:
+    """Zeros that wander within their class."""
+    sensors, n = setup.plant.sensors, setup.time.size
+    for j, sensor in enumerate(sensors):
+        if sensor.wander is not None:
+            for course in drift_directions(sensor.wander, n).T:
+                change = np.zeros((len(sensors), n))
+                change[j] = LEVEL_ZERO * course / noise_of(sensor)
+                yield change.ravel()
+
+
+def _meter(setup: Setup, start: Array) -> Iterator[Array]:
+    """A meter whose slope wanders: the model is then given another flow than there was."""
+    wander = setup.meter.wander
+    if wander is None:
+        return
+    directions = drift_directions(wander, setup.time.size)
+    directions[:, 0] -= 1.0  # the first error is that of the meter's gain, which is free anyway
+    for course in directions.T:
+        given = setup.shown * (1.0 - METER_SLOPE * SMALL * course)
+        other = Model(setup.time, given)
+        yield (other.readings(setup.plant, other.course(setup.plant)) - start) / SMALL
+
+
+def _forms(setup: Setup, model: Model, start: Array) -> Iterator[Array]:
+    """Laws that are off by their form errors."""
+    for plant in _bent(setup.plant):
+        yield (model.readings(plant, model.course(plant)) - start) / SMALL
+
+
+def _bent(plant: Plant) -> Iterator[Plant]:
+    """The plant with each law moved a little along each direction of its form error."""
+    if (form := plant.feed.form) is not None:
+        for by in SMALL * series_directions(form.rms).T:
+            yield replace(plant, feed=replace(plant.feed, form=form.further(by)))
+    for tank in plant.tanks:
+        if (form := tank.form) is not None:
+            for by in SMALL * series_directions(form.rms).T:
+                yield plant.with_tank(replace(tank, form=form.further(by)))

@@ -1,0 +1,161 @@
+"""Hard cases of tanks: form errors, noise with a memory, drifts, any start, few set values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rulec.prove.truth.limit import Measure
+from rulec.prove.truth.smooth import form_error
+from rulec.prove.truth.streams import stream
+from rulec.prove.truth.tanks import CASCADED, build
+from rulec.prove.truth.tanks.bend import Bend
+from rulec.prove.truth.tanks.blurred import blurred
+from rulec.prove.truth.tanks.build import METER_SLOPE, Setup, recorded_input
+from rulec.prove.truth.tanks.hard import FORM
+from rulec.prove.truth.tanks.laws import outflow, supply
+from rulec.prove.truth.tanks.model import Model, noise_of
+from rulec.prove.truth.tanks.plant import LEVEL_ZERO
+from rulec.prove.truth.tanks.rows import row
+from rulec.prove.truth.tanks.sensing import shown
+from rulec.prove.truth.tanks.suite import DIFFICULTIES, HARD, cases
+from rulec.prove.truth.units import Array
+
+ALL = DIFFICULTIES["all"]
+DRAWS = 60
+
+
+def hard_setup(*difficulties: str, samples: int = 256, seed: int = 4) -> Setup:
+    """The shipped plant with difficulties, at few set values."""
+    return build(CASCADED, seed, samples, "few-values", difficulties)
+
+
+def test_a_form_error_in_plain_numbers_is_the_one_that_was_drawn() -> None:
+    """Over its range; beyond it, it stays."""
+    form = form_error(stream(1, "form"), 0.01, ((0.0, 30.0),))
+    bend, levels = Bend.of(form), np.linspace(0.0, 30.0, 50)
+    assert [bend.at(float(v)) for v in levels] == pytest.approx(form(levels).tolist(), abs=1e-8)
+    assert bend.at(40.0) == bend.at(30.0)
+
+
+def test_every_outlet_and_the_pump_are_off_by_their_form_errors() -> None:
+    """By 0.5 to 2 %; a flow meter has no law."""
+    setup = hard_setup("form")
+    for tank in setup.plant.tanks:
+        assert tank.form is not None
+        assert FORM[0] <= tank.form.rms <= FORM[1]
+        off = outflow(tank, 9.0, 0.0, 0.0) / outflow(replace(tank, form=None), 9.0, 0.0, 0.0)
+        assert off - 1.0 == pytest.approx(tank.form.at(9.0), abs=1e-12)
+    feed = setup.plant.feed
+    assert feed.form is not None
+    off = supply(feed, 4.0) / supply(replace(feed, form=None), 4.0)
+    assert off - 1.0 == pytest.approx(feed.form.at(4.0), abs=1e-12)
+    metered = next(r for r in map(row, range(20)) if r.metered)
+    assert build(metered, 1, 40, "", ("form",)).plant.feed.form is None
+
+
+def test_noise_has_the_memory_that_the_answer_states() -> None:
+    """Of the reading of a level that stands still."""
+    setup = hard_setup("coloured", samples=20)
+    (sensor,) = setup.plant.sensors
+    many = 20000
+    still = replace(Model(setup.time, setup.shown).course(setup.plant), time=np.arange(many * 1.0))
+    still = replace(still, sensed=np.full((many, 1), 9.0), fallen=np.zeros((many, 2)))
+    readings = (shown(setup.plant, still, seed)["lower"] for seed in (1, None))
+    error = np.subtract(*readings)
+    assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(sensor.colour, abs=0.04)
+    assert error.std() == pytest.approx(noise_of(sensor), rel=0.05)
+    assert setup.told == {"coloured": {"lower": sensor.colour}}
+
+
+def test_sensors_drift_within_their_class() -> None:
+    """A level transmitter and a flow meter."""
+    layout = next(r for r in map(row, range(20)) if r.metered)
+    for seed in range(8):
+        setup = build(layout, seed, 60, "", ("drift",))
+        bare = replace(
+            setup.plant, sensors=tuple(replace(s, wander=None) for s in setup.plant.sensors)
+        )
+        course = Model(setup.time, setup.shown).course(bare)
+        for sensor in setup.plant.sensors:
+            off = shown(setup.plant, course)[sensor.tank] - shown(bare, course)[sensor.tank]
+            assert np.abs(off + sensor.zero).max() <= 2.0 * LEVEL_ZERO + 1e-12
+            assert np.ptp(off) > 0.0
+        meter = recorded_input(setup, seed) / np.maximum(setup.shown, 1e-9) - 1.0
+        running = setup.shown > 0.0
+        assert np.abs(meter[running]).max() < (4.0 + 4.0 * 0.3) * METER_SLOPE
+
+
+def test_few_values_are_set_again_and_again() -> None:
+    given = hard_setup(samples=1024).shown
+    values, visits = np.unique(given), np.count_nonzero(np.diff(given)) + 1
+    assert 3 <= values.size <= 5
+    assert visits > 2 * values.size
+
+
+def test_tanks_begin_at_any_level() -> None:
+    """Low and high, and no sensor begins where it cannot show."""
+    setups = [hard_setup("starts", samples=10, seed=seed) for seed in range(30)]
+    levels = np.array([[tank.level for tank in s.plant.tanks] for s in setups])
+    assert np.ptp(levels[:, 0]) > 15.0
+    assert all(s.plant.tanks[1].level * s.plant.sensors[0].gain <= 8.0 + 1e-9 for s in setups)
+
+
+def test_the_best_test_scatters_as_its_strength_says() -> None:
+    """Plants with other form errors, drifts and noise, all integrated: the best linear test for a
+    change that is not there has a variance of twice the strength, and of far more where form errors
+    count as known and noise as white."""
+    setup = hard_setup("form", "coloured", "drift")
+    model = Model(setup.time, setup.shown)
+    course = model.course(setup.plant)
+    start = model.readings(setup.plant, course)
+    blur = blurred(setup, model, course)
+    left = np.stack([_left_over(setup, model, start, i) for i in range(DRAWS)], 1)
+    clogged = setup.plant.with_tank(replace(setup.plant.tanks[1], closing=1e-5))
+    change = (model.readings(clogged, model.course(clogged)) - start)[:, None]
+    nothing = np.zeros((start.size, 0))
+    sharp = Measure.beside(nothing, nothing)
+    soft = Measure.beside(blur.over(blur.free), nothing)
+    assert _scatter(sharp, change, left) > 3.0
+    assert _scatter(soft, blur.over(change), blur.over(left)) == pytest.approx(1.0, abs=0.3)
+
+
+def _scatter(measure: Measure, change: Array, left: Array) -> float:
+    """Standard deviation of the best test over what its strength says."""
+    scores = [measure.product(change[:, 0], one) for one in left.T]
+    return float(np.std(scores) / np.sqrt(2.0 * measure.gain(change[:, 0])))
+
+
+def _left_over(setup: Setup, model: Model, start: Array, number: int) -> Array:
+    """Readings of one plant of the same make, less the model, over their noise."""
+    random, plant = stream(number, "another plant"), setup.plant
+
+    def other(form: Bend | None) -> Bend:
+        assert form is not None
+        drawn = Bend.of(form_error(random, form.rms, ((form.low, form.high),)))
+        return form.further(np.array(drawn.series))
+
+    plant = replace(plant, feed=replace(plant.feed, form=other(plant.feed.form)))
+    for tank in plant.tanks:
+        plant = plant.with_tank(replace(tank, form=other(tank.form)))
+    course = model.course(plant)
+    (sensor,) = plant.sensors
+    assert sensor.wander is not None
+    draws = random.standard_normal(len(sensor.wander.draws))
+    first = float(random.standard_normal())
+    moved = replace(sensor, zero=first * LEVEL_ZERO, wander=replace(sensor.wander, draws=draws))
+    reading = shown(plant.with_sensor(moved), course, number)[sensor.tank]
+    return np.asarray(reading / noise_of(sensor) - start)
+
+
+def test_the_suite_draws_tanks_of_all_groups() -> None:
+    """Clean ones plant nothing, and are as hard as the others."""
+    for case in cases(2, dict.fromkeys(HARD, 2)):
+        assert case.difficulties
+        assert bool(case.effects) != case.group.endswith("-clean")
+    (clean,) = cases(1, {"all-clean": 1}, 256)
+    answer = clean.make().answer
+    assert answer.verdict == "none"
+    assert set(ALL) >= set(answer.difficulties) > {"form", "coloured"}

@@ -1,0 +1,115 @@
+"""Mistakes of wiring and files: what stands in the columns, and what a perfect analysis says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rulec.prove.judge import judge
+from rulec.prove.truth.limit import Rival, margin
+from rulec.prove.truth.settled.effects import EFFECTS, WIRING, key
+from rulec.prove.truth.settled.plan import Planned, SettledCase
+from rulec.prove.truth.settled.suite import planned
+from rulec.prove.truth.settled.wiring_effects import UNITS
+from rulec.prove.truth.units import Array
+
+
+def made(effect: str) -> SettledCase:
+    """A plant with one mistake."""
+    return Planned(f"mistake {effect}", "wiring", "dosing", "steps", (effect,), 2000.0).make()
+
+
+def columns(case: SettledCase) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What is recorded by place, with the mistake and as it should be, in the sensors' units."""
+    scene = case.scene
+    shown = (scene.recorded(scene.truly(t), t) for t in (case.terms, ()))
+    wrong, right = ({h.partition(" [")[0]: v for h, v in c.items()} for c in shown)
+    return wrong, right
+
+
+def test_every_mistake_has_a_name_and_is_no_effect() -> None:
+    assert set(WIRING) == set(key("wiring.yaml"))
+    assert not set(WIRING) & set(EFFECTS)
+
+
+@pytest.mark.parametrize("effect", WIRING)
+def test_a_mistake_is_an_error_of_sensors_at_the_columns_that_are_wrong(effect: str) -> None:
+    """Those columns and no others are wrong; the verdict is `sensor`."""
+    case = made(effect)
+    wrong, right = columns(case)
+    (planted,) = case.answer.effects
+    off = {place for place in right if not np.array_equal(wrong[place], right[place])}
+    assert off == set(planted.places)
+    assert len(off) == (2 if effect.startswith("swapped") else 1)
+    assert case.answer.verdict == "sensor"
+    assert "wiring" in case.answer.concealed
+
+
+@pytest.mark.parametrize(
+    ("effect", "signal"), [("unit-dp", "dp"), ("unit-power", "P_el"), ("unit-speed", "n")]
+)
+def test_a_column_in_another_unit_is_off_by_its_factor(effect: str, signal: str) -> None:
+    """Noise and all."""
+    case = made(effect)
+    wrong, right = columns(case)
+    (place,) = case.answer.effects[0].places
+    ratio = float(np.median(wrong[place] / right[place]))
+    assert min(abs(ratio / factor - 1.0) for factor in UNITS[signal]) < 1e-9
+    assert wrong[place] == pytest.approx(ratio * right[place])
+
+
+def test_other_columns_hold_what_the_mistake_says() -> None:
+    """The other's readings, the other sign, the same later."""
+    case = made("swapped-dp")
+    wrong, right = columns(case)
+    one, other = case.answer.effects[0].places
+    assert np.array_equal(wrong[one], right[other])
+    assert np.array_equal(wrong[other], right[one])
+    case = made("turned-dp")
+    wrong, right = columns(case)
+    (place,) = case.answer.effects[0].places
+    assert np.array_equal(wrong[place], -right[place])
+    case = made("late-speed")
+    wrong, right = columns(case)
+    (place,) = case.answer.effects[0].places
+    samples = right[place].size
+    by = next(k for k in range(1, samples) if np.array_equal(wrong[place][k:], right[place][:-k]))
+    assert 2 <= by <= 60
+
+
+def test_a_name_counts_with_its_id_and_either_of_two_swapped_columns() -> None:
+    """As the answer's JSON tells it."""
+    case = made("swapped-dp")
+    (planted,) = case.answer.effects
+    for place, module in ((p, p.partition(".")[0]) for p in planted.places):
+        found = {
+            "effect": "swapped-columns", "id": f"{place}.swapped-columns", "module": module,
+            "modules": [module], "place": "dp", "probability": 0.97, "alternatives": (),
+            "parameters": {}, "sort": "sensor",
+        }  # fmt: skip
+        form = {"verdict": "sensor", "effects": (found,), "locations": ()}
+        result, _ = judge(SimpleNamespace(answer=case.answer), form, Path(), "development")  # type: ignore[arg-type]
+        assert (1.0, 1.0, True) == (result.name_right, result.place_right, result.told_right)
+        other = {**form, "effects": ({**found, "effect": "gain-error"},)}
+        result, _ = judge(SimpleNamespace(answer=case.answer), other, Path(), "development")  # type: ignore[arg-type]
+        assert (0.0, 1.0) == (result.name_right, result.place_right)
+
+
+def test_a_rival_of_a_mistake_is_no_larger_than_it_can_be() -> None:
+    """A gain that is off by 30 % at most is none that is off by a factor of 60."""
+    change = np.ones(50)
+    rival = Rival("gain", 0.01, 0.3, lambda size: size * change, bounded=True)
+    nothing = np.zeros((50, 0))
+    left, _ = margin(change, nothing, nothing, [rival])
+    assert left == pytest.approx(0.5 * 50 * 0.7**2)
+    free = replace(rival, bounded=False)
+    assert margin(change, nothing, nothing, [free])[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_suite_draws_every_mistake() -> None:
+    found = {case.effects[0] for case in planned(3, {"wiring": 2 * len(WIRING)})}
+    assert found == set(WIRING)
