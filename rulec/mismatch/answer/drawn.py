@@ -75,7 +75,7 @@ def curves_of(mismatch: Mismatch) -> Drawn | None:
     curves, fit = mismatch.curves, mismatch.fit
     if curves is None or not np.isfinite(curves.measured + curves.time).any():
         return None
-    repaired = curves.repaired if mismatch.findings else np.full(len(curves.time), np.nan)
+    repaired = curves.repaired if mismatch.explained else np.full(len(curves.time), np.nan)
     drawn = Drawn(
         signal=fit.signal if fit is not None else "predicted signal",
         unit=fit.unit if fit is not None else "",

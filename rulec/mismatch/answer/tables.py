@@ -24,7 +24,7 @@ from rulec.mismatch.result import Finding, Fit, Mismatch
 
 def proof_table(mismatch: Mismatch, fit: Fit) -> str:
     """Errors of the models on both parts of the recording, with bars for the held-out one."""
-    rows = errors_of(fit, bool(mismatch.findings))
+    rows = errors_of(fit, mismatch.explained)
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
     body = "".join(
         f'<tr><td>{name}</td><td class="num">{number(seen)}</td>'
@@ -33,13 +33,13 @@ def proof_table(mismatch: Mismatch, fit: Fit) -> str:
     )
     head = _head(("model", False), ("fitted", True), ("held out", True), ("", False))
     key = f"rms error of {fit.signal} in {fit.unit}; bars: on held-out blocks"
-    words = proof(fit, bool(mismatch.findings))
+    words = proof(fit, mismatch.explained)
     return f'<p class="key">{safe(key)}</p>{_table(head, body)}<p class="after">{safe(words)}</p>'
 
 
 def other_readings(mismatch: Mismatch) -> str:
     """Held-out errors of the other signals that the models predict."""
-    fits, repaired = other_fits(mismatch), bool(mismatch.findings)
+    fits, repaired = other_fits(mismatch), mismatch.explained
     if not fits:
         return ""
     body = "".join(

@@ -33,6 +33,7 @@ from rulec.mismatch.answer.wording import (
     rivals_words,
     symbol,
     value_and_u,
+    where_of,
 )
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Mismatch
 
@@ -90,7 +91,7 @@ def _findings(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
     places = list(mismatch.locations)
     for finding in mismatch.findings[:SHOWN]:
         yield "what", finding.text
-        here = [p for p in places if (p.module, p.place) == (finding.module, finding.place)]
+        here = [p for p in places if f"{p.module}.{p.place}" in where_of(finding).split()]
         for location in here:
             places.remove(location)
             yield from place_facts(location)
@@ -123,7 +124,7 @@ def _evidence(out: Console, mismatch: Mismatch, fit: Fit) -> None:
     for title in ("", "fitted", "held out", ""):
         justify = "left" if not title else "right"
         table.add_column(title, justify=justify, header_style="dim", no_wrap=True)  # type: ignore[arg-type]
-    repaired = bool(mismatch.findings)
+    repaired = mismatch.explained
     rows = errors_of(fit, repaired)
     largest = max((kept for _, _, kept in rows if np.isfinite(kept)), default=0.0)
     for name, seen, kept in rows:

@@ -39,6 +39,7 @@ SORTS = {
     "ageing": "a change with time or age",
     "fault": "a fault of the plant",
     "sensor": "an error of a sensor",
+    "structure": "an error of the table, neither of the plant nor of a sensor",
     "free": "a free-form term without physics behind it",
 }
 
@@ -158,6 +159,12 @@ def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[s
         yield "when", words
     if finding.action:
         yield "do", finding.action
+
+
+def where_of(finding: Finding) -> str:
+    """Its place in the equations, or the columns that it is about."""
+    columns = finding.sort == "structure"
+    return finding.place if columns else f"{finding.module}.{finding.place}"
 
 
 def place_facts(location: Location) -> Iterator[tuple[str, str]]:
