@@ -106,12 +106,6 @@ def test_leaks_of_a_tank_are_no_wrong_columns() -> None:
     assert () == looked(TANKS, made(TANKS, 1, (leak, 0.3, 0.5)))
 
 
-def test_two_wrong_columns_are_both_told() -> None:
-    wrong = times("C.dp", 100.0).of(swapped("A.n", "B.n").of(example("abc", "calibration")))
-    found = looked("abc", wrong)
-    assert {SWAPPED, UNIT} == {one.hypothesis.kind for one in found}
-
-
 @pytest.fixture
 def mislabelled(tmp_path: Path) -> Path:
     """The shipped recording with A.dp in kPa below a header that says bar."""
