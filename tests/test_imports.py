@@ -45,6 +45,7 @@ ROOMS = (
     "rulec.mismatch.evidence",
     "rulec.mismatch.evidence.steady",
     "rulec.mismatch.evidence.stores",
+    "rulec.mismatch.structure",
     "rulec.mismatch.search",
     "rulec.mismatch.search.settled",
     "rulec.mismatch.search.stores",

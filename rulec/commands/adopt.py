@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.output.terminal import styled
+from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.text import number
 
@@ -68,6 +69,10 @@ def try_out(plant: Path, recording: Path, proven: Proven) -> None:
     if not proven.checks:
         return
     readings = read_recording(recording, ruleset)
+    lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
+    if lacking:
+        raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")
+    readings = mended(readings, proven.misread)
     try:
         found = row_errors(ruleset, simulated(ruleset, readings), readings, proven.heldout)
     except SimulationRefused as error:

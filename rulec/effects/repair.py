@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.json_file import Damaged, read_json
+from rulec_runtime.recordings.mending import Mending
 
 
 class AdoptRefused(Exception):
@@ -70,7 +71,8 @@ class Proven:
 
     `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
     nothing is written. `reported` are the errors that were shown, `checks` those over all held-out
-    rows by signal, in its unit, in the spans `heldout`, s.
+    rows by signal, in its unit, in the spans `heldout`, s. `misread` says how columns must be read
+    that are not what their header says, in this order.
     """
 
     basis: Basis | None
@@ -79,6 +81,7 @@ class Proven:
     reported: tuple[Reported, ...]
     checks: Mapping[str, float]
     heldout: tuple[tuple[float, float], ...]
+    misread: tuple[Mending, ...] = ()
 
 
 def read_proven(file: Path, recalibrated: bool = False) -> Proven:
@@ -111,9 +114,21 @@ def read_proven(file: Path, recalibrated: bool = False) -> Proven:
             heldout=tuple(
                 (_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())
             ),
+            misread=tuple(_mending(m) for m in part.get("misread", ())),
         )
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise _broken(file, error) from None
+
+
+def _mending(data: Mapping[str, Any]) -> Mending:
+    signals = tuple(str(name) for name in data["signals"])
+    if len(signals) not in (1, 2):
+        raise ValueError(f"{len(signals)} columns to be read otherwise at once")
+    return Mending(
+        signals=signals,
+        factor=_number(data["factor"]),
+        offset=_number(data["offset"]),
+    )
 
 
 def _basis(data: Mapping[str, Any]) -> Basis:

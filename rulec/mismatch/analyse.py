@@ -15,13 +15,23 @@ from rulec.mismatch import steady
 from rulec.mismatch.answer.explained import Blind, Explained
 from rulec.mismatch.answer.public import checks_of, refusal
 from rulec.mismatch.answer.tell import findings_of, location_of, untested
-from rulec.mismatch.answer.verdict import headline_of, next_step, remainder_of, verdict_of
+from rulec.mismatch.answer.verdict import (
+    headline_of,
+    next_step,
+    remainder_of,
+    verdict_of,
+    with_misread,
+)
 from rulec.mismatch.answer.writable import Told, told, writable
 from rulec.mismatch.evidence.failing_sensors import failed_at
 from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Mismatch, Series
+from rulec.mismatch.structure import told as structure
+from rulec.mismatch.structure.look import Evidence as StructureEvidence
+from rulec.mismatch.structure.look import Taken, structure_of
+from rulec.mismatch.structure.settled import Settled
 
 NO_CLOCK = (
     "these {what} have no common time: nothing that changes with time, and no fault that comes and "
@@ -50,9 +60,10 @@ def analyse(
     """
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
+    recording, taken = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
     found = _explained(recording, ruleset, builder, heldout, tell)
     if isinstance(found, Blind):
-        return _cannot(recording, ruleset, found, begin)
+        return _cannot(recording, ruleset, found, taken, begin)
     model = found.model
     tell("working out uncertainties")
     named = findings_of(model, found.accepted)
@@ -61,6 +72,7 @@ def analyse(
     tell("writing the plants and simulating them")
     refits = writable(found)
     shown = told(found, refits, proofs)
+    misread = structure.findings_of(taken)
     findings = (*named, *found.failing)
     locations = (
         *(location_of(model, f, found.accepted) for f in named),
@@ -75,25 +87,31 @@ def analyse(
     refused = refusal(verdict, fits, repair.joined, plants.refused if plants else "", checks)
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
+    answer = with_misread(
+        verdict,
+        headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
+        next_step(verdict, findings, found.hidden, model.builder.missing, refused, locations),
+        misread,
+    )
     return Mismatch(
         plant=ruleset.plant,
         title=ruleset.title,
         recording="",
-        verdict=verdict,
-        headline=headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
-        locations=locations,
-        findings=findings,
+        verdict=answer.verdict,
+        headline=answer.headline,
+        locations=(*structure.places_of(taken, ruleset), *locations),
+        findings=(*misread, *findings),
         fit=fits[0] if fits else None,
         fits=fits,
         confounded=confounded(model.free, model.covariance, unknowns),
         hidden=found.hidden,
         untested=untested(model, named),
-        next=next_step(verdict, findings, found.hidden, model.builder.missing, refused, locations),
+        next=answer.next,
         split=samples.split,
         digest=samples.digest,
         noise=found.noise,
         tried=found.tried,
-        notes=(*before, *_clock(found), *_of_recording(recording), *behind),
+        notes=(*_read_so(misread), *before, *_clock(found), *_of_recording(recording), *behind),
         repair=repair,
         plain=plain,
         curves=_curves(model, shown, refits.judged, findings) if fits else None,
@@ -103,7 +121,20 @@ def analyse(
         left_out=refits.left_out,
         refused=refused,
         checks=checks,
+        misread=structure.misread_of(taken),
     )
+
+
+def _evidence(
+    ruleset: Ruleset, builder: ModelBuilder, heldout: Sequence[tuple[float, float]]
+) -> StructureEvidence:
+    """How well a recording agrees with the plain model of a plant of its kind."""
+    if ruleset.dynamics is None:
+        return Settled(ruleset, builder, heldout)
+    # Loaded here, as below.
+    from rulec.mismatch.structure.stores import Stores
+
+    return Stores(ruleset, builder, heldout)
 
 
 def _explained(
@@ -125,6 +156,16 @@ def _explained(
 def _clock(found: Explained[Any]) -> list[str]:
     """A remark where samples do not lie on one clock."""
     return [] if found.model.samples.timed else [NO_CLOCK.format(what=found.untimed)]
+
+
+def _read_so(misread: Sequence[Finding]) -> list[str]:
+    """A remark on what all that is told was made from, if some columns were read otherwise."""
+    if not misread:
+        return []
+    return [
+        "all that is told, and what is adopted, holds for the recording read as it should be: "
+        + "; ".join(f.text for f in misread)
+    ]
 
 
 def _of_recording(recording: Recording) -> list[str]:
@@ -155,20 +196,26 @@ def _curves(model: Model, shown: Told, judged: np.ndarray, findings: Sequence[Fi
     )
 
 
-def _cannot(recording: Recording, ruleset: Ruleset, blind: Blind, begin: float) -> Mismatch:
+def _cannot(
+    recording: Recording, ruleset: Ruleset, blind: Blind, taken: Sequence[Taken], begin: float
+) -> Mismatch:
     """The answer where nothing can be compared."""
-    samples = blind.samples
+    samples, misread = blind.samples, structure.findings_of(taken)
+    answer = with_misread("cannot judge", f"Cannot judge: {blind.why}.", blind.next, misread)
     return Mismatch(
         plant=ruleset.plant,
         title=ruleset.title,
         recording="",
         verdict="cannot judge",
-        headline=f"Cannot judge: {blind.why}.",
-        next=blind.next,
+        headline=answer.headline,
+        next=answer.next,
+        locations=tuple(structure.places_of(taken, ruleset)),
+        findings=misread,
         split=samples.split if samples else "",
         digest=samples.digest if samples else "",
-        notes=tuple(_of_recording(recording)),
+        notes=(*_read_so(misread), *_of_recording(recording)),
         seconds=time.perf_counter() - begin,
         series=Series(samples.time, ~samples.open) if samples else None,
         evidence=blind.evidence,
+        misread=structure.misread_of(taken),
     )

@@ -818,3 +818,49 @@ points are, not as its samples. Origin: assumed."""
 SAME_FLOW = 0.3
 """Share by which a reading may differ from an estimate of the flow of its module and be
 one. Origin: assumed."""
+
+
+# Columns that are not what their header says.
+
+GROSSLY_OFF = 5.0
+"""How far a comparison must be off, in its noise, to count as gross. Origin: normal distribution,
+far beyond any quantile that a recording reaches."""
+
+GROSS_SHARE = 0.05
+"""Share of comparisons that must be grossly off before any header is doubted: a wrong column spoils
+all that read it. Origin: numerical."""
+
+UNREAD = 100.0
+"""How far a reading that cannot be is taken to be off, in its noise: of a sensor of 1 % as much as
+it shows. Origin: assumed."""
+
+STRUCTURE_ODDS = -5.0
+"""Log odds that some column of a recording is not what its header says: one recording in 150.
+Origin: assumed."""
+
+STRUCTURE_LEAVES = 0.5
+"""Share of the disagreement, in logs of its size, that reading otherwise may leave: what leaves
+more only lessens it. Origin: assumed."""
+
+STRUCTURE_READS = 0.9
+"""Share of the comparisons, of all that any hypothesis allows, that one must allow. Origin:
+assumed."""
+
+HARDLY_USED = 0.1
+"""Share of points below which an estimate is hardly ever used. Origin: assumed."""
+
+STRUCTURE_STEPS = 6
+"""Steps of a refit of the plain model. Origin: numerical."""
+
+STRUCTURE_SCATTER = 0.1
+"""Size of errors before any is seen, as a share of how much a reading moves. Origin: numerical."""
+
+STRUCTURE_ROUNDS = 3
+"""Rounds of a refit of a plant that stores, each with the noise of the last. Origin: numerical."""
+
+STRUCTURE_REFITTED = 5
+"""Hypotheses that are refitted, best first. Origin: numerical."""
+
+MOST_MISREAD = 3
+"""Columns, or pairs of them, that are read otherwise at most: a file with more is another one's.
+Origin: assumed."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.mending import Mending
 
 from rulec.effects.candidate import Changed, Repair
 
@@ -129,7 +130,8 @@ class Period:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor`` or ``free``.
+    """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` or
+    ``structure`` (a column is not what its header says; `place` then holds ids of signals).
 
     `id` is that of the candidate; `gain` its own gain in log likelihood, prices paid (in settled
     plants on blocks that it was not fitted to, in plants that store on those it was), and `rivals`
@@ -201,6 +203,14 @@ class Evidence:
     rows: int
     used: bool
     because: str
+
+
+@dataclass(frozen=True)
+class Misread:
+    """A column that is not what its header says, by kind, and how to read it."""
+
+    kind: str
+    mending: Mending
 
 
 @dataclass(frozen=True)
@@ -302,7 +312,8 @@ class Mismatch:
     explanations that no model may hold, with the reason, `refused` says why nothing is to be
     written, empty where it may be. `checks` are for whoever writes a plant. `series` holds the
     courses of all `fits`; None where nothing was split. `evidence` counts every row of the
-    recording once. `seconds` is how long it took.
+    recording once. `misread` are columns that were read otherwise than their header says: all that
+    is told holds for the recording read so. `seconds` is how long it took.
     """
 
     plant: str
@@ -332,3 +343,4 @@ class Mismatch:
     curves: Curves | None = None
     series: Series | None = None
     evidence: tuple[Evidence, ...] = ()
+    misread: tuple[Misread, ...] = ()

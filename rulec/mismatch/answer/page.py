@@ -49,7 +49,10 @@ def _origin(mismatch: Mismatch) -> str:
             ("Hash of the blocks", [mismatch.digest] if mismatch.digest else []),
             ("Noise", [mismatch.noise] if mismatch.noise else []),
             ("Tried", [tried] if mismatch.tried else []),
-            ("Sources", list(dict.fromkeys(f"{f.name}: {f.source}" for f in mismatch.findings))),
+            (
+                "Sources",
+                list(dict.fromkeys(f"{f.name}: {f.source}" for f in mismatch.findings if f.source)),
+            ),
             ("Remarks", list(dict.fromkeys(mismatch.notes))),
         ]
     )

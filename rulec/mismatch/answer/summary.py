@@ -13,6 +13,7 @@ from rulec.mismatch.answer.wording import (
     letter,
     meaning,
     place_facts,
+    where_of,
 )
 from rulec.mismatch.result import Finding, Mismatch
 
@@ -43,7 +44,7 @@ def _card(style: str, title: str, rows: Iterable[tuple[str, str]]) -> str:
 
 def _about(finding: Finding) -> Iterator[tuple[str, str]]:
     yield "what", finding.title
-    yield "where", f"{finding.module}.{finding.place}"
+    yield "where", where_of(finding)
     yield from finding_facts(finding)
     if finding.equation and finding.sort != "free":
         yield "equation", finding.equation

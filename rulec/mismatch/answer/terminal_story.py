@@ -36,6 +36,7 @@ from rulec.mismatch.answer.wording import (
     rivals_words,
     symbol,
     value_and_u,
+    where_of,
 )
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Mismatch
 
@@ -94,8 +95,8 @@ def _findings(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
     for finding in mismatch.findings[:SHOWN]:
         yield "what", finding.text
         # Two findings may be of one place; places stand in the order of findings.
-        here = [p for p in places if (p.module, p.place) == (finding.module, finding.place)]
-        for location in here[:1]:
+        here = [p for p in places if f"{p.module}.{p.place}" in where_of(finding).split()]
+        for location in here if finding.sort == "structure" else here[:1]:
             places.remove(location)
             yield from place_facts(location, _shape(location))
         yield from finding_facts(finding, SHOWN)

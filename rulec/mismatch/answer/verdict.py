@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rulec_runtime.report.text import percent
 
@@ -19,6 +19,30 @@ TO_RECORD = "Record settled operation with all readings that the observers need.
 NOT_YET = "Do not adopt this as it is"
 
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
+
+
+def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Told:
+    """An answer of a recording with columns that are not what their header says: these first."""
+    if not misread:
+        return Told(verdict, headline, then)
+    said = [f"{f.text[0].upper()}{f.text[1:]}." for f in misread]
+    todo = [f"{f.action[0].upper()}{f.action[1:]}." for f in misread]
+    alone = verdict == "none"
+    rest = "" if alone else f" {then}"
+    return Told(
+        "sensor" if alone else verdict,
+        f"{' '.join(said)} Read as it should be, {headline[0].lower()}{headline[1:]}",
+        f"{' '.join(todo)} Then run again.{rest}",
+    )
+
+
+@dataclass(frozen=True)
+class Told:
+    """The verdict, the headline, and the next step."""
+
+    verdict: str
+    headline: str
+    next: str
 
 
 def verdict_of(findings: Sequence[Finding], left: bool) -> str:

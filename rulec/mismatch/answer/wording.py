@@ -42,6 +42,7 @@ SORTS = {
     "ageing": "a change with time or age",
     "fault": "a fault of the plant",
     "sensor": "an error of a sensor",
+    "structure": "an error of the table, neither of the plant nor of a sensor",
     "free": "a dependence for which the catalogue has no name",
 }
 
@@ -162,6 +163,12 @@ def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[s
         yield "when", words
     if finding.action:
         yield "do", finding.action
+
+
+def where_of(finding: Finding) -> str:
+    """Its place in the equations, or the columns that it is about."""
+    columns = finding.sort == "structure"
+    return finding.place if columns else f"{finding.module}.{finding.place}"
 
 
 def place_facts(location: Location, drawn: Sequence[str] = ()) -> Iterator[tuple[str, str]]:

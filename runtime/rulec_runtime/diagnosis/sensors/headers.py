@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -20,9 +19,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.bench import Agreement, Bench, Explained
 from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT, Condition
-from rulec_runtime.diagnosis.sensors.units import mixups
+from rulec_runtime.diagnosis.sensors.units import exchangeable, like_a_reading, mixups
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
-from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import noise_of
 
@@ -174,11 +172,7 @@ def _candidates(
     names = (ruleset.observed & known) - still
     used = [s for s in ruleset.signals if s.id in names]
     yield from _other_units(raw, ruleset, plain, [s.id for s in used])
-    dimension = {s.id: parse_unit(s.unit, ruleset.units) for s in used}
-    for one, other in combinations(used, 2):
-        own, its = dimension[one.id], dimension[other.id]
-        if own is None or its is None or own.dimension != its.dimension:
-            continue
+    for one, other in exchangeable(used, ruleset.units):
         a, b = plain.points.values[one.id], plain.points.values[other.id]
         text = f"{one.id} and {other.id} are swapped: each shows what the other one should"
         yield Misread(
@@ -200,7 +194,7 @@ def _other_units(
         for mixup in mixups(signal, scale, ruleset.units):
             values = plain.points.values[name] * mixup.factor + mixup.offset
             noise = plain.noise[name] * mixup.factor
-            if not _like_a_reading(plain, name, values, noise):
+            if not like_a_reading(signal, values, noise):
                 continue
             by = f"by a factor of {mixup.factor:.4g}" if not mixup.offset else "by their zero"
             text = (
@@ -216,17 +210,3 @@ def _other_units(
                 noise={name: noise},
                 text=text,
             )
-
-
-def _like_a_reading(plain: Bench, name: str, values: Array, noise: float) -> bool:
-    """Is the noise that of a sensor of its class, and the value one it can show?"""
-    signal = plain.ruleset.signal_by_id[name]
-    usual = float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
-    if not np.isfinite(usual):
-        return False
-    point = plain.with_readings({name: values}, {name: noise})
-    u = float(np.nanmedian(point.systematic[name]))
-    low, high = signal.lowest, signal.highest
-    if low is not None and high is not None and not low <= usual <= high:
-        return False
-    return noise <= max(limits.NOISY_READING * u, limits.NOISY_SHARE * abs(usual - signal.offset))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
+
+import numpy as np
 
 from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import SignalSpec, UnitSpec
 from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.stationary import systematic_u
 
 SECOND, HOUR = 1.0, 3600.0
 """A meter counts by the second, the minute or the hour."""
@@ -42,6 +46,32 @@ def mixups(
         if far:
             found.setdefault((ratio, shift), Mixup(written, name, ratio, shift))
     return list(found.values())
+
+
+def exchangeable(
+    signals: Sequence[SignalSpec], units: Mapping[str, UnitSpec]
+) -> Iterator[tuple[SignalSpec, SignalSpec]]:
+    """Pairs of columns that may stand in each other's place: readings of one dimension."""
+    dimension = {s.id: parse_unit(s.unit, units) for s in signals}
+    for one, other in combinations(signals, 2):
+        own, its = dimension[one.id], dimension[other.id]
+        if own is not None and its is not None and own.dimension == its.dimension:
+            yield one, other
+
+
+def like_a_reading(signal: SignalSpec, values: Array, noise: float) -> bool:
+    """Is the noise that of a sensor of its class, and the value one it can show?
+
+    `values`, shape (n,), SI, are read otherwise than recorded, and so is their `noise`.
+    """
+    if not np.isfinite(values).any():
+        return False
+    usual = float(np.nanmedian(values))
+    u = float(np.nanmedian(systematic_u(signal, values) + np.zeros(len(values))))
+    low, high = signal.lowest, signal.highest
+    if low is not None and high is not None and not low <= usual <= high:
+        return False
+    return noise <= max(limits.NOISY_READING * u, limits.NOISY_SHARE * abs(usual - signal.offset))
 
 
 def _spellings(own: UnitSpec, units: Mapping[str, UnitSpec], per_time: bool) -> dict[str, UnitSpec]:

@@ -1,0 +1,86 @@
+"""Ways in which a column may not be what its header says, whatever the plant does.
+
+Nothing is free in such a hypothesis: the numbers stand, and read otherwise they either agree with
+the others or they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.units import exchangeable, like_a_reading, mixups
+from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.standing_still import never_moves
+from rulec_runtime.recordings.stationary import noise_of
+
+SWAPPED, UNIT, SIGN = "swapped-columns", "wrong-unit", "wrong-sign"
+"""Kinds of hypotheses, as they stand in the JSON form."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hypothesis:
+    """One way to read a recording otherwise; `text` and `action` say it to people."""
+
+    kind: str
+    mending: Mending
+    text: str
+    action: str
+
+
+def hypotheses(
+    recording: Recording, ruleset: Ruleset, read: Sequence[SignalSpec]
+) -> Iterator[Hypothesis]:
+    """All hypotheses of the readings that a model reads."""
+    known = [s for s in read if np.isfinite(recording.values.get(s.id, np.zeros(0))).any()]
+    for signal in known:
+        yield from _units(recording, ruleset, signal)
+        yield from _sign(recording, signal)
+    moving = [s for s in known if not never_moves(recording.values[s.id])]
+    for one, other in exchangeable(moving, ruleset.units):
+        yield Hypothesis(
+            kind=SWAPPED,
+            mending=Mending(signals=(one.id, other.id)),
+            text=f"the columns {one.id} and {other.id} are swapped",
+            action=f"exchange {one.id} and {other.id} in the columns map or in the header",
+        )
+
+
+def _units(recording: Recording, ruleset: Ruleset, signal: SignalSpec) -> Iterator[Hypothesis]:
+    values = recording.values[signal.id]
+    noise = noise_of(values)
+    scale = recording.scales.get(signal.id, (signal.factor, signal.offset))
+    for mixup in mixups(signal, scale, ruleset.units):
+        there = values * mixup.factor + mixup.offset
+        if like_a_reading(signal, there, noise * mixup.factor):
+            yield Hypothesis(
+                kind=UNIT,
+                mending=Mending(signals=(signal.id,), factor=mixup.factor, offset=mixup.offset),
+                text=f"{signal.id} is in {mixup.true}, not {mixup.written}: its values are "
+                f"{_too(mixup.factor, mixup.offset)}",
+                action=f"write {mixup.true} as the unit of {signal.id} in the columns map or in "
+                "the header",
+            )
+
+
+def _too(factor: float, offset: float) -> str:
+    if offset:
+        return "counted from another zero"
+    times = max(factor, 1.0 / factor)
+    return f"{times:.4g} times too {'large' if factor < 1.0 else 'small'}"
+
+
+def _sign(recording: Recording, signal: SignalSpec) -> Iterator[Hypothesis]:
+    """The other sign; a reading whose zero is a convention has none of its own."""
+    values = recording.values[signal.id]
+    if signal.offset or not like_a_reading(signal, -values, noise_of(values)):
+        return
+    yield Hypothesis(
+        kind=SIGN,
+        mending=Mending(signals=(signal.id,), factor=-1.0),
+        text=f"{signal.id} has the wrong sign",
+        action=f"turn the sign of {signal.id} about where it is recorded",
+    )

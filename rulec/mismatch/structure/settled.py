@@ -1,0 +1,71 @@
+"""How well the readings of settled points agree, and whether read otherwise they agree far better.
+
+Source: own derivation. Points of one operating state count as one: few states seen through many
+samples are little evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording
+
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.failing_sensors import impossible
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import fit
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import rows_of
+from rulec.mismatch.evidence.steady.states import states_of
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.structure.agreement import Agreement
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Settled points of a plant, judged by what checks what."""
+
+    ruleset: Ruleset
+    builder: ModelBuilder
+    heldout: Sequence[tuple[float, float]]
+
+    def read(self) -> list[SignalSpec]:
+        """Readings that some estimate needs."""
+        used = {s for o in self.ruleset.observers for s in o.signals}
+        return [s for s in self.ruleset.signals if s.id in used]
+
+    def agreement(self, recording: Recording, steps: int) -> Agreement:
+        """How well a recording agrees with the plain model, refitted in so many steps."""
+        data = prepare(recording, self.ruleset, self.heldout)
+        if data is None:
+            return Agreement.none()
+        rows = rows_of(System(self.ruleset, self.builder, data), Configuration())
+        if not rows.groups:
+            return Agreement.none()
+        fitted = fit(rows, Configuration(), data.open, steps)
+        used = data.open[rows.group_point]
+        if not used.any():
+            return Agreement.none()
+        state = states_of(rows.system)[rows.group_point]
+        visits = np.bincount(state[used], minlength=state.max() + 1)
+        weight = used / np.maximum(visits[state], 1)
+        excess = np.log(np.maximum(np.abs(fitted.residual), 1.0))
+        gross = np.abs(fitted.residual) > limits.GROSSLY_OFF
+        count = float(weight @ rows.group_rank)
+        return Agreement(
+            rows=int((rows.group_rank * used).sum()),
+            count=count,
+            likelihood=float(weight @ fitted.likelihood) / count,
+            excess=float(weight @ rows.per_group(excess)) / count,
+            gross=float(weight @ rows.per_group(gross.astype(float))) / count,
+            strain=fitted.negative_log_prior,
+            idle=bool((rows.system.valid.mean(axis=1) < limits.HARDLY_USED).any()),
+        )
+
+    def unread(self, recording: Recording) -> bool:
+        """Is there a reading that mostly cannot be?"""
+        return any(True for _ in impossible(recording, self.ruleset))

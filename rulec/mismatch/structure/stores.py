@@ -1,0 +1,106 @@
+"""How well readings of a plant that stores agree with a simulation of its plain model.
+
+Errors of a simulation last, so a block of the recording counts as one comparison per reading.
+
+Source: own derivation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.stationary import systematic_u
+from rulec_runtime.simulation.balances import RanAway
+
+from rulec.effects.model_builder import ModelBuilder
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.failing_sensors import impossible
+from rulec.mismatch.evidence.stores.drift import drift_of
+from rulec.mismatch.evidence.stores.fit import Fitter, Judged
+from rulec.mismatch.evidence.stores.noise import Noise
+from rulec.mismatch.evidence.stores.record import record_of
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.structure.agreement import Agreement
+
+
+@dataclass(frozen=True)
+class Stores:
+    """A plant that stores, judged by simulation."""
+
+    ruleset: Ruleset
+    builder: ModelBuilder
+    heldout: Sequence[tuple[float, float]]
+
+    def read(self) -> list[SignalSpec]:
+        """Readings that the balances take or predict."""
+        dynamics = self.ruleset.dynamics
+        assert dynamics is not None
+        used = {*dynamics.inputs, *dynamics.outputs}
+        return [s for s in self.ruleset.signals if s.id in used]
+
+    def agreement(self, recording: Recording, steps: int) -> Agreement:
+        """How well a recording agrees with the plain model, refitted in so many steps."""
+        record = record_of(recording, self.ruleset, self.builder.given, self.heldout)
+        if record is None:
+            return Agreement.none()
+        problem = SimulationProblem(self.ruleset, self.builder, record)
+        try:
+            errors, strain = _fitted(problem, steps)
+        except RanAway:
+            return Agreement.none()
+        each = [_comparison(self.ruleset, problem, name, errors[name]) for name in problem.signals]
+        likelihood, excess, gross = np.mean(each, axis=0).tolist()
+        dynamics = self.ruleset.dynamics
+        assert dynamics is not None
+        shown = [n for n in dynamics.outputs if n in recording.values]
+        return Agreement(
+            rows=sum(int(known.sum()) for known in problem.known.values()),
+            count=float(limits.BLOCKS * len(problem.signals)) * float(record.open.mean()),
+            likelihood=likelihood,
+            excess=excess,
+            gross=gross,
+            strain=strain,
+            idle=any(n not in problem.signals for n in shown),
+        )
+
+    def unread(self, recording: Recording) -> bool:
+        """Is there a reading that mostly cannot be?"""
+        return any(True for _ in impossible(recording, self.ruleset))
+
+
+def _fitted(problem: SimulationProblem, steps: int) -> tuple[Mapping[str, Array], float]:
+    """Errors, shape (n,), SI, less what errors of sensors within their class explain, and how far
+    parameters and sensors had to be moved."""
+    fitter = Fitter(problem, (), {})
+    at = fitter.vector({})
+    drift = drift_of(problem, (), fitter.values(at))
+    noise = {
+        n: Noise(limits.STRUCTURE_SCATTER * float(np.nanstd(v)) + 1e-12, 1.0)
+        for n, v in problem.record.measured.items()
+    }
+    judged = Judged(problem.known, noise, drift, np.zeros(drift.count))
+    if not steps:
+        return fitter.errors(at, judged)[0], 0.0
+    fitted = fitter.finish(at, judged, steps, limits.STRUCTURE_ROUNDS)
+    return fitted.errors, fitted.negative_log_prior
+
+
+def _comparison(
+    ruleset: Ruleset, problem: SimulationProblem, name: str, error: Array
+) -> tuple[float, float, float]:
+    """Log likelihood of an error, log of its size and whether it is gross, each a mean."""
+    seen = problem.record.measured[name]
+    finite = seen[np.isfinite(seen)]
+    u = systematic_u(ruleset.signal_by_id[name], finite)
+    of_class = float(np.median(np.broadcast_to(u, finite.shape)))
+    noise = max(white_noise(np.diff(finite, 3), 3), problem.record.resolution[name])
+    off = np.abs(error[problem.known[name]]) / np.hypot(noise, of_class)
+    off = np.where(np.isfinite(off), off, limits.UNREAD)
+    excess = np.log(np.maximum(off, 1.0))
+    return -float(excess.mean()), float(excess.mean()), float((off > limits.GROSSLY_OFF).mean())
