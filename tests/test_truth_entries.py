@@ -294,10 +294,29 @@ EVEN = {
     "narrowed": Even(
         "metered", 0.2, "impeller-fouling@dp_law", "head", lambda u, p: {"w": p["w"] / DAY}
     ),
+    "percentage": Even(
+        "valve", 1.0, "equal-percentage@x", "valve", lambda u, p: {"s": 1.0, "R": p["R"]}
+    ),
+    "quick": Even("valve", 0.4, "quick-opening@x", "valve", lambda u, p: {"m": p["m"]}),
+    "open-seat": Even("valve", 0.05, "valve-seat-flow@x", "valve", lambda u, p: {"r": p["r"]}),
+    "choked": Even(
+        "valve",
+        0.5,
+        "choked-flow@Q_law",
+        "valve",
+        lambda u, p: {"s": 1.0, "F": p["F"], "p_v": p["p_v"] * BAR},
+    ),
+    "in-row": Even(
+        "valve",
+        0.2,
+        "valve-reducers@Q_law",
+        "valve",
+        lambda u, p: {"k": p["k"], "Q0": u["Q"], "dp0": u["dp"]},
+    ),
 }
 
 
-ALONE = {"metered": "bench", "oil-warm": "warm"}
+ALONE = {"metered": "bench", "oil-warm": "warm", "valve": "valve"}
 """Kinds of pumps with plants of their own."""
 
 

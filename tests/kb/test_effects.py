@@ -37,6 +37,7 @@ ORDINARY = {
     "electric power": (20.0, 5000.0),
     "torque": (1.0, 100.0),
     "angle": (0.1, 1.0),
+    "valve travel": (0.1, 1.0),
     "reading": (0.5, 9.0),
     "time": (1.0, 1e5),
 }
