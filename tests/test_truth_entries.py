@@ -127,6 +127,21 @@ TWINS = {
         feed=lambda f: replace(f, decline=1e-4),
         parameters={"w": 1e-4},
     ),
+    "play": Twin(
+        "pump.backlash@u",
+        feed=lambda f: replace(f, play=0.6),
+        parameters={"d": 0.3},
+    ),
+    "rate": Twin(
+        "pump.travel-rate@u",
+        feed=lambda f: replace(f, rate=0.01),
+        parameters={"tau": 400.0, "u0": 4.0},
+    ),
+    "pocket": Twin(
+        "upper.air-pocket@inflow",
+        feed=lambda f: replace(f, pocket=3.0),
+        parameters={"tau": 60.0, "q0": 10e-6},
+    ),
     "warm-up": Twin(
         "pump.warm-up-flow@pump",
         feed=lambda f: replace(f, warming=Warming(-0.3, 300.0)),

@@ -48,6 +48,9 @@ class Feed:
     Of the square of the voltage, which is the pump's head, `lift` (V2) holds a height and
     `lift_level` (V2/cm) the level of the first tank. `held` is the share of the flow lost per cm of
     that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with time.
+
+    What drives the feed follows its input with `play` (V, its whole width) and at `rate` (V/s) at
+    most. `pocket` is what air in the line stores per square of the flow, cm3/(cm3/s)2.
     """
 
     name: str
@@ -67,3 +70,6 @@ class Feed:
     curve: Curve | None = None
     decline: float = 0.0
     warming: Warming | None = None
+    play: float = 0.0
+    rate: float = math.inf
+    pocket: float = 0.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..units import Array
 from .balance import Course
+from .memory import with_play
 from .plant import LevelSensor, Plant
 
 
@@ -26,19 +27,7 @@ def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Arra
     """Voltage inside the transmitter."""
     value = sensor.gain * (1.0 + sensor.slope) * level + sensor.zero + sensor.offset
     value = value + sensor.drift * (time - time[0]) + sensor.jet * falls**2
-    return _with_play(value, sensor.play) if sensor.play else value
-
-
-def _with_play(value: Array, width: float) -> Array:
-    """A pointer with play: it moves when pushed only.
-
-    Source: Prandtl's play operator.
-    """
-    result, pointer = np.empty_like(value), float(value[0])
-    for i, pushed in enumerate(value.tolist()):
-        pointer = min(max(pointer, pushed - 0.5 * width), pushed + 0.5 * width)
-        result[i] = pointer
-    return result
+    return with_play(value, sensor.play) if sensor.play else value
 
 
 def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> Array:
