@@ -314,6 +314,13 @@ EVEN = {
     ),
     "quick": Even("valve", 0.4, "quick-opening@x", "valve", lambda u, p: {"m": p["m"]}),
     "open-seat": Even("valve", 0.05, "valve-seat-flow@x", "valve", lambda u, p: {"r": p["r"]}),
+    "late": Even("valve", 0.05, "dead-band@x", "valve", lambda u, p: {"d": p["d"]}),
+    "stopped": Even(
+        "valve", 0.3, "pump-saturation@x", "valve", lambda u, p: {"s": p["s"], "c": 1.0}
+    ),
+    "heavy": Even(
+        "valve", 1.0, "line-density@Q_law", "valve", lambda u, p: {"s": p["s"], "rho0": u["rho"]}
+    ),
     "choked": Even(
         "valve",
         0.5,

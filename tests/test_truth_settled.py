@@ -203,7 +203,9 @@ def test_a_valve_is_a_plant_of_its_own(tmp_path: Path) -> None:
     assert "A.P_el [W]" not in recording.partition("\n")[0]
 
 
-@pytest.mark.parametrize("effect", ["percentage", "quick", "open-seat", "choked", "in-row"])
+@pytest.mark.parametrize(
+    "effect", ["percentage", "quick", "open-seat", "late", "stopped", "heavy", "choked", "in-row"]
+)
 def test_the_true_model_of_a_valve_errs_by_noise_alone(effect: str) -> None:
     """The flow is told as well as the noise of flow, travel and pressure allows."""
     case = alone("valve", effect)

@@ -34,6 +34,7 @@ ORDINARY = {
     "level": (0.2, 3.0),
     "head": (1.0, 40.0),
     "viscosity": (1e-3, 1.0),
+    "density": (700.0, 1300.0),
     "electric power": (20.0, 5000.0),
     "torque": (1.0, 100.0),
     "angle": (0.1, 1.0),

@@ -33,6 +33,7 @@ VALVE_SIGNALS = {
     "Q": Sensor("m3/h", 1e3 * LITRE_PER_HOUR, bound=0.004, step=0.001, relative=True),
     "dp": DOSING_SIGNALS["dp"],
     "p_1": Sensor("bar", BAR, bound=0.016, step=16.0 / 2**16),
+    "rho": Sensor("kg/m3", 1.0, bound=1.0, step=0.1),
 }
 """Of a control valve between two taps; bounds as the sensor classes state them."""
 

@@ -53,6 +53,7 @@ class Scene:
     given : true inputs, SI, by signal
     temperature, level : of each pump module, K and m
     suction : gauge pressure before each metered pump or valve, Pa
+    density : of the liquid in each valve, kg/m3
     running : bool; where the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
     hard : what makes it harder than its plain laws; its form errors are in `plain`
@@ -69,6 +70,7 @@ class Scene:
     temperature: Mapping[str, Array]
     level: Mapping[str, Array]
     suction: Mapping[str, Array]
+    density: Mapping[str, Array]
     running: np.ndarray
     plain: Mapping[str, Array]
     hard: Difficulty = NONE
@@ -92,7 +94,7 @@ class Scene:
         values = values or self.values
         laws = (*self.hard.terms(self.rig, values), *terms)
         found = solve(Operated(self.rig, values, self.given, laws), self.plain)
-        around = _ambient(self.rig, self.temperature, self.level, self.suction)
+        around = _ambient(self.rig, self.temperature, self.level, self.suction, self.density)
         return {**around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
@@ -166,6 +168,7 @@ def scene(
     suctions = {m: _throttled(random, seconds, make) for m in rig.pumps if rig.by_meter}
     if rig.by_travel:
         suctions = {m: given[f"{m}.dp"] + _behind(random, seconds, make) for m in rig.pumps}
+    densities = {m: drive.density(random, samples) for m in rig.pumps if rig.by_travel}
     running = np.ones(samples, dtype=bool)
     if profile == "start-stop":
         running = drive.stops(random, samples) > 0
@@ -173,7 +176,7 @@ def scene(
     values = drawn(rig, stream(seed, "parameters"))
     laws = hard.terms(rig, values)
     found = solve(Operated(rig, values, given, laws))
-    around = _ambient(rig, temperatures, levels, suctions)
+    around = _ambient(rig, temperatures, levels, suctions, densities)
     plain = {**around, **given, **found}
     time = np.maximum(seconds - before, 0.0)
     return Scene(
@@ -187,6 +190,7 @@ def scene(
         temperatures,
         levels,
         suctions,
+        densities,
         running,
         plain,
         hard,
@@ -227,9 +231,11 @@ def _ambient(
     temperature: Mapping[str, Array],
     level: Mapping[str, Array],
     suction: Mapping[str, Array],
+    density: Mapping[str, Array],
 ) -> dict[str, Array]:
     found = {f"{m}.T": v for m, v in temperature.items() if f"{m}.T" in rig.sensors}
     found |= {f"{m}.{rig.gauge}": values for m, values in suction.items()}
+    found |= {f"{m}.rho": values for m, values in density.items()}
     if not (rig.by_load or rig.by_meter):
         found |= {f"{m}.l": values for m, values in level.items()}
     return found

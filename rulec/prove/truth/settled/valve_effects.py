@@ -8,7 +8,7 @@ import numpy as np
 
 from ..units import BAR, Array
 from .bench_effects import AMBIENT, VAPOUR
-from .effect import Effect, Made, middle
+from .effect import Effect, Made, middle, quantile
 from .scene import Scene
 from .term import State, Term
 
@@ -36,6 +36,28 @@ def quick(scene: Scene, module: str, size: float, random: np.random.Generator) -
 def open_seat(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """At no travel the share `size` is open; the rest opens in proportion to the travel."""
     return Made((_opened(module, lambda x: size + (1.0 - size) * x),), {"r": size})
+
+
+def late(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """The first part of the travel, `size`, opens nothing."""
+    law = _opened(module, lambda x: np.asarray(np.maximum(x - size, 0.0)))
+    return Made((law,), {"d": size})
+
+
+def stopped(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """A stop in the way: the valve opens no further; `size` is how often it would have to."""
+    limit = quantile(scene.given[f"{module}.x"], 1.0 - size)
+    law = _opened(module, lambda x: np.asarray(np.minimum(x, limit)))
+    return Made((law,), {"s": limit})
+
+
+def heavy(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """The loss follows the density; `size` is 1 for turbulent flow, less where that is partly so.
+
+    The flow coefficient holds at the median density.
+    """
+    ratio = scene.density[module] / middle(scene.density[module])
+    return Made((Term("gain", module, lambda s: 1.0 - ratio ** (-0.5 * size)),), {"s": size})
 
 
 def choked(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -71,6 +93,11 @@ EFFECTS = (
     Effect("percentage", "equal-percentage trim", "physics", 1e-3, 1.0, percentage, kinds=VALVES),
     Effect("quick", "quick-opening trim", "physics", 1e-3, 0.5, quick, kinds=VALVES),
     Effect("open-seat", "valve never shuts", "physics", 1e-3, 0.3, open_seat, kinds=VALVES),
+    Effect("late", "travel that opens nothing", "physics", 1e-3, 0.07, late, kinds=VALVES),
+    Effect("stopped", "travel ends early", "physics", 0.02, 0.7, stopped, kinds=VALVES,
+           corner=True),
+    Effect("heavy", "loss follows the density", "physics", 1e-3, 1.0, heavy, kinds=VALVES,
+           driver="rho"),
     Effect("choked", "flow chokes", "physics", 0.02, 4.0, choked, kinds=VALVES, corner=True),
     Effect("in-row", "fittings in row with the valve", "physics", 1e-3, 3.0, in_row, kinds=VALVES),
-)
+)  # fmt: skip
