@@ -127,6 +127,21 @@ TWINS = {
         feed=lambda f: replace(f, decline=1e-4),
         parameters={"w": 1e-4},
     ),
+    "play": Twin(
+        "pump.backlash@u",
+        feed=lambda f: replace(f, play=0.6),
+        parameters={"d": 0.3},
+    ),
+    "rate": Twin(
+        "pump.travel-rate@u",
+        feed=lambda f: replace(f, rate=0.01),
+        parameters={"tau": 400.0, "u0": 4.0},
+    ),
+    "pocket": Twin(
+        "upper.air-pocket@inflow",
+        feed=lambda f: replace(f, pocket=3.0),
+        parameters={"tau": 60.0, "q0": 10e-6},
+    ),
     "warm-up": Twin(
         "pump.warm-up-flow@pump",
         feed=lambda f: replace(f, warming=Warming(-0.3, 300.0)),
@@ -294,10 +309,36 @@ EVEN = {
     "narrowed": Even(
         "metered", 0.2, "impeller-fouling@dp_law", "head", lambda u, p: {"w": p["w"] / DAY}
     ),
+    "percentage": Even(
+        "valve", 1.0, "equal-percentage@x", "valve", lambda u, p: {"s": 1.0, "R": p["R"]}
+    ),
+    "quick": Even("valve", 0.4, "quick-opening@x", "valve", lambda u, p: {"m": p["m"]}),
+    "open-seat": Even("valve", 0.05, "valve-seat-flow@x", "valve", lambda u, p: {"r": p["r"]}),
+    "late": Even("valve", 0.05, "dead-band@x", "valve", lambda u, p: {"d": p["d"]}),
+    "stopped": Even(
+        "valve", 0.3, "pump-saturation@x", "valve", lambda u, p: {"s": p["s"], "c": 1.0}
+    ),
+    "heavy": Even(
+        "valve", 1.0, "line-density@Q_law", "valve", lambda u, p: {"s": p["s"], "rho0": u["rho"]}
+    ),
+    "choked": Even(
+        "valve",
+        0.5,
+        "choked-flow@Q_law",
+        "valve",
+        lambda u, p: {"s": 1.0, "F": p["F"], "p_v": p["p_v"] * BAR},
+    ),
+    "in-row": Even(
+        "valve",
+        0.2,
+        "valve-reducers@Q_law",
+        "valve",
+        lambda u, p: {"k": p["k"], "Q0": u["Q"], "dp0": u["dp"]},
+    ),
 }
 
 
-ALONE = {"metered": "bench", "oil-warm": "warm"}
+ALONE = {"metered": "bench", "oil-warm": "warm", "valve": "valve"}
 """Kinds of pumps with plants of their own."""
 
 

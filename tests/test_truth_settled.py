@@ -54,6 +54,7 @@ def test_numbers_are_those_of_the_module_types(kind: str) -> None:
     assert set(stated) == set(pump.numbers)
     units = {"l/h": LITRE_PER_HOUR, "bar": BAR, "rpm": 1 / 60, "l/min": 1e-3 / 60}
     units |= {"ml/rev": 1e-6, "ml/stroke": 1e-6, "W": 1.0, "1": 1.0, "W/K": 1.0}
+    units["m3/h"] = 1e3 * LITRE_PER_HOUR
     for name, entry in stated.items():
         value, u = pump.numbers[name]
         if entry["unit"] in units:
@@ -165,10 +166,14 @@ def test_the_suite_has_as_many_cases_as_it_says() -> None:
     assert FULL["clean"] >= 100
 
 
-def bench(effect: str) -> SettledCase:
+def alone(family: str, effect: str) -> SettledCase:
     return Planned(
-        f"test {effect}", "single", "bench", "steps", (effect,), 1000.0, small=True
+        f"test {effect}", "single", family, "steps", (effect,), 1000.0, small=True
     ).make()
+
+
+def bench(effect: str) -> SettledCase:
+    return alone("bench", effect)
 
 
 def test_a_metered_pump_is_a_plant_of_its_own(tmp_path: Path) -> None:
@@ -189,11 +194,46 @@ def test_the_true_model_of_a_metered_pump_errs_by_noise_alone(effect: str) -> No
     assert 0.8 * noise.mean() < errors["A.dp"] < 1.25 * noise.mean()
 
 
+def test_a_valve_is_a_plant_of_its_own(tmp_path: Path) -> None:
+    """Its travel is recorded, a power is not; the tool accepts the plant."""
+    alone("valve", "quick").write(tmp_path)
+    assert rulec(["check", str(tmp_path / "plant")]) == 0
+    recording = (tmp_path / "recording.csv").read_text(encoding="utf-8")
+    assert "A.x [%]" in recording.partition("\n")[0]
+    assert "A.P_el [W]" not in recording.partition("\n")[0]
+
+
+@pytest.mark.parametrize(
+    "effect", ["percentage", "quick", "open-seat", "late", "stopped", "heavy", "choked", "in-row"]
+)
+def test_the_true_model_of_a_valve_errs_by_noise_alone(effect: str) -> None:
+    """The flow is told as well as the noise of flow, travel and pressure allows."""
+    case = alone("valve", effect)
+    errors = case.reference(Request(((0.0, 1e9),), {"A.Q": "A.valve-flow"})).errors
+    noise = sight(case.scene).noise["A.Q"] / (1e3 * LITRE_PER_HOUR)
+    # With another trim the travel counts more, or less, than in the plain valve.
+    assert 0.5 * noise.mean() < errors["A.Q"] < 2.0 * noise.mean()
+
+
+def test_where_a_valve_chokes_it_passes_no_more() -> None:
+    """At the largest pressure difference of IEC 60534-2-1 the flow stays, whatever lies behind."""
+    case = alone("valve", "choked")
+    (planted,) = case.answer.effects
+    known = planted.parameters["choked-flow"]
+    largest = known["F"] * (case.scene.suction["A"] + known["p_v"] * BAR)
+    across, truth = case.scene.given["A.dp"], case.scene.truly(case.terms)["A.Q"]
+    beyond = across > largest
+    assert 0.0 < beyond.mean() < 1.0
+    plain = case.scene.plain["A.Q"]
+    assert truth[~beyond] == pytest.approx(plain[~beyond])
+    assert truth[beyond] == pytest.approx((plain * np.sqrt(largest / across))[beyond])
+
+
 def test_what_a_pump_alone_has_is_planned_where_it_stands() -> None:
-    """Metered pumps and warm oil sets; with no effect of a dosing pump or a line."""
+    """Metered pumps, warm oil sets and valves; with no effect of a dosing pump or a line."""
     for case in planned(3, {"single": 120, "pair": 40}):
         kinds = [EFFECTS[e].kinds for e in case.effects]
-        for pump, family in (("metered", "bench"), ("oil-warm", "warm")):
+        for pump, family in (("metered", "bench"), ("oil-warm", "warm"), ("valve", "valve")):
             assert (case.family == family) == ((pump,) in kinds)
             if case.family == family:
                 assert all(not k or pump in k for k in kinds)

@@ -79,6 +79,9 @@ def everything() -> Plant:
         curve=Curve(0.2, 3.0),
         decline=1e-4,
         warming=Warming(0.2, 200.0),
+        play=0.3,
+        rate=0.2,
+        pocket=0.4,
     )
     return replace(PLAIN, feed=feed, tanks=(upper, lower))
 
@@ -218,6 +221,33 @@ def test_delay_shifts_the_flow_and_lag_smooths_it() -> None:
     lagging = integrate(replace(PLAIN, feed=replace(PLAIN.feed, lag=10.0)), time, step)
     expected = 12.0 - 8.0 * np.exp(-(time[10:] - 40.0) / 10.0)
     assert lagging.fed[10:] == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_drive_with_play_moves_when_it_is_pushed() -> None:
+    """Up with the input less half the play; back only after all of it."""
+    driven = replace(PLAIN, feed=replace(PLAIN.feed, play=1.0))
+    shown_ = np.array([2.0, 4.0, 4.0, 3.2, 2.0, 2.0])
+    assert integrate(driven, 4.0 * np.arange(6.0), shown_).fed.tolist() == pytest.approx(
+        [8.0, 14.0, 14.0, 14.0, 10.0, 10.0]
+    )
+
+
+def test_a_slow_drive_arrives_when_its_rate_has_it() -> None:
+    """A step of 2 V at 0.25 V/s takes 8 s, and what arrives meanwhile is its integral."""
+    time, step = 4.0 * np.arange(10.0), np.where(np.arange(10) < 2, 1.0, 3.0)
+    course = integrate(replace(PLAIN, feed=replace(PLAIN.feed, rate=0.25)), time, step)
+    assert course.fed.tolist() == pytest.approx([4.0] * 3 + [8.0] + [12.0] * 6)
+    assert course.pumped[-1] == pytest.approx(8.0 * 4.0 + 8.0 * 8.0 + 20.0 * 12.0, rel=1e-5)
+
+
+def test_an_air_pocket_lets_out_what_it_stores_at_a_steady_rate() -> None:
+    """It empties after a stop by q' = -1 / (2 c), and what it stored arrives."""
+    time, stop = 4.0 * np.arange(20.0), np.where(np.arange(20) < 5, 3.0, 0.0)
+    course = integrate(replace(PLAIN, feed=replace(PLAIN.feed, pocket=1.0)), time, stop)
+    assert course.fed[5:] == pytest.approx(
+        np.maximum(12.0 - 0.5 * (time[5:] - 20.0), 0.0), abs=0.01
+    )
+    assert course.pumped[-1] == pytest.approx(12.0 * 20.0 + 12.0**2, rel=1e-3)
 
 
 def test_dead_time_shows_levels_between_samples() -> None:

@@ -143,14 +143,16 @@ class EffectReader(Reader):
     def _fixed(
         self, name: str, part: Mapping[str, Any], drivers: Mapping[str, Driver]
     ) -> EffectParameter:
-        """A parameter that stays at the median reading of a driver."""
+        """A parameter that stays at the median reading of a driver, or of what is joined."""
         odd = [key for key in _OF_FREE if key in part]
         if odd:
             message = f"'{name}' is the median reading of a driver; it has no '{odd[0]}'"
             hint = "remove it, or remove 'of'"
             self.report_key(("parameters", name, odd[0]), "KB103", message, hint)
-        driver = self._asked(("parameters", name, "of"), part["of"], drivers)
-        self.known[name] = own = self.known[driver] if driver else UNKNOWN
+        of_law = part["of"] == PLAIN and self._joins_signals()
+        driver = PLAIN if of_law else self._asked(("parameters", name, "of"), part["of"], drivers)
+        own = self._dimension_of_signals() if of_law else UNKNOWN
+        self.known[name] = own = self.known[driver] if driver and not of_law else own
         unit = self.units.plain(own)
         return EffectParameter(name=name, title=part["title"], unit=unit, driver=driver, fixed=True)
 
@@ -180,8 +182,7 @@ class EffectReader(Reader):
             return None
         if "driver" not in part:
             return None
-        signals = all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
-        if part["driver"] == PLAIN and signals:
+        if part["driver"] == PLAIN and self._joins_signals():
             return PLAIN
         driver = self._asked((*path, "driver"), part["driver"], drivers)
         if driver and not self.known[driver].fits(unit.dimension):
@@ -189,6 +190,17 @@ class EffectReader(Reader):
             hint = self.units.like(self.known[driver])
             self.report((*path, "unit"), "KB053", message, hint)
         return driver
+
+    def _joins_signals(self) -> bool:
+        """Is ``law`` a reading wherever the effect joins?"""
+        return all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
+
+    def _dimension_of_signals(self) -> Dimension:
+        """Dimension of all readings that the effect joins; unknown where they differ."""
+        asked = [join.get("reads", join.get("shows")) for join in self.document.data["joins"]]
+        names = {q for one in asked for q in (one if isinstance(one, list) else [one])}
+        found = {self.units.quantities.get(name, UNKNOWN) for name in names}
+        return found.pop() if len(found) == 1 else UNKNOWN
 
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Free parameters stand in every law, drivers and fixed ones in one at least."""

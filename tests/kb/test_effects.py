@@ -34,9 +34,11 @@ ORDINARY = {
     "level": (0.2, 3.0),
     "head": (1.0, 40.0),
     "viscosity": (1e-3, 1.0),
+    "density": (700.0, 1300.0),
     "electric power": (20.0, 5000.0),
     "torque": (1.0, 100.0),
     "angle": (0.1, 1.0),
+    "valve travel": (0.1, 1.0),
     "reading": (0.5, 9.0),
     "time": (1.0, 1e5),
 }
@@ -65,8 +67,14 @@ TABLE = yaml.safe_load((ROOT / "tests/kb/effects.yaml").read_text(encoding="utf-
 def drawn(effect: Effect, draw: np.random.Generator) -> dict[str, Array]:
     """Readings of all drivers, and the medians that fixed parameters stand for."""
     known = {n: reading(d, draw) for n, d in effect.drivers.items()}
-    fixed = {n: np.median(known[p.driver or ""]) for n, p in effect.parameters.items() if p.fixed}
-    return {**known, **fixed}
+    fixed = {n: p.driver for n, p in effect.parameters.items() if p.fixed and p.driver != "law"}
+    return {**known, **{n: np.median(known[driver or ""]) for n, driver in fixed.items()}}
+
+
+def of_law(effect: Effect, laws: Laws) -> dict[str, Array]:
+    """Medians of the signal itself that fixed parameters stand for."""
+    named = [n for n, p in effect.parameters.items() if p.fixed and p.driver == "law"]
+    return dict.fromkeys(named, np.median(laws["law"]))
 
 
 def reading(driver: Driver, draw: np.random.Generator) -> Array:
@@ -135,7 +143,7 @@ def test_null_gives_the_plain_law_back(name: str, i: int) -> None:
         free = {n: p for n, p in effect.parameters.items() if not p.fixed}
         known |= {n: somewhere(p, draw) if p.null is None else p.null for n, p in free.items()}
         known |= plain_laws(join, known, draw)
-        known |= stored(effect, known)
+        known |= stored(effect, known) | of_law(effect, known)
         for law in join.laws:
             assert function(law.expression)(known) == pytest.approx(known["law"], rel=1e-12)
 
@@ -154,6 +162,7 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
     def value(changed: Mapping[str, float]) -> Array:
         known = {**readings, **starts, **changed}
         known |= plain_laws(join, known, np.random.default_rng(i))
+        known |= of_law(effect, known)
         # Off its rest by a fifth, what is stored moves at its rate, within its limits.
         known |= dict.fromkeys(effect.states, 0.8 * known["law"])
         parts = [law.expression for law in join.laws]

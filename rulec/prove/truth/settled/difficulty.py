@@ -100,6 +100,10 @@ def _laws(
     rig: Rig, load: tuple[float, float]
 ) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
     """Every law of a plant with the ranges of its arguments, SI."""
+    if rig.by_travel:
+        for m in rig.pumps:
+            yield f"{m}.flow", (rig.kind(m).speeds, load)
+        return
     if rig.by_load:
         for m in rig.pumps:
             yield f"{m}.flow", (load,)
@@ -127,7 +131,9 @@ def term(rig: Rig, values: Values, law: str, form: Callable[..., Array]) -> Term
     """A form error as it acts; `form` gives a share by the law's arguments."""
     module, _, kind = law.partition(".")
     by_pump: Callable[[State], Array] = (
-        (lambda s: form(s.pressure)) if rig.by_load else (lambda s: form(s.speed, s.pressure))
+        (lambda s: form(s.pressure))
+        if rig.by_load and not rig.by_travel
+        else (lambda s: form(s.speed, s.pressure))
     )
     match kind:
         case "flow":

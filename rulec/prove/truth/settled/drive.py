@@ -9,6 +9,9 @@ import numpy as np
 from ..units import ZERO_CELSIUS, Array
 
 COLD, WARM = 18.0 + ZERO_CELSIUS, 42.0 + ZERO_CELSIUS
+LIGHT, HEAVY = 1000.0, 1200.0
+"""kg/m3; water and a strong brine."""
+
 LOW, HIGH = 0.15, 0.8
 """m; level of a feed tank."""
 
@@ -109,6 +112,16 @@ def by_load(random: np.random.Generator, load: Array) -> Array:
         result[k] = slow
     share = (result - result.min()) / max(float(np.ptp(result)), 1e-9)
     return np.asarray(COLD + (WARM - COLD) * (0.15 + 0.7 * share) + 0.3 * random.uniform(-1, 1))
+
+
+def density(random: np.random.Generator, samples: int) -> Array:
+    """Batches of other concentration, one after the other, each mixed in within samples, kg/m3."""
+    batch = LIGHT + (HEAVY - LIGHT) * _held(random, samples, 40, 120)
+    mixed, result = float(batch[0]), np.empty(samples)
+    for k, now in enumerate(batch.tolist()):
+        mixed += (now - mixed) / 4.0
+        result[k] = mixed
+    return result
 
 
 def level(random: np.random.Generator, samples: int) -> Array:

@@ -36,7 +36,7 @@ class Effect:
     Attributes
     ----------
     at : `pump` for a pump module, `mixer` for a mixer
-    kinds : of pumps that can have it; empty for all
+    kinds : of pumps that can have it; empty for all but valves
     low, high : of the size; what an effect changes rises with its size
     driver : signal that drives it and may be missing in a recording
     corner : does it act in a part of the operating range only?

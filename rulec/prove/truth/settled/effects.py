@@ -17,9 +17,11 @@ from . import (
     pump_effects,
     sensor_effects,
     unnamed_effects,
+    valve_effects,
     wiring_effects,
 )
 from .effect import Effect
+from .pumps import PUMPS
 from .rig import Rig
 
 EFFECTS: Mapping[str, Effect] = {
@@ -31,6 +33,7 @@ EFFECTS: Mapping[str, Effect] = {
         line_effects,
         sensor_effects,
         unnamed_effects,
+        valve_effects,
     )
     for effect in group.EFFECTS
 }
@@ -56,8 +59,8 @@ def places_of(rig: Rig, effect: Effect) -> list[Placed]:
     """Where an effect can be."""
     if effect.at == "mixer":
         return [Placed(effect, m) for m in rig.mixers]
-    kinds = effect.kinds
-    return [Placed(effect, m) for m, kind in rig.pumps.items() if not kinds or kind in kinds]
+    kinds = effect.kinds or tuple(kind for kind in PUMPS if kind != "valve")
+    return [Placed(effect, m) for m, kind in rig.pumps.items() if kind in kinds]
 
 
 def entry_of(name: str) -> Mapping[str, Any]:

@@ -20,14 +20,20 @@ from .effects import Placed, effect_of, places_of
 from .folder import write_plant
 from .reference import reference
 from .rig import Rig
-from .rigs import bench_rig, dosing_rig, oil_rig, warm_rig
+from .rigs import bench_rig, dosing_rig, oil_rig, valve_rig, warm_rig
 from .scene import Scene, scene
 from .sized import sized
 from .solve import Stalled
 from .term import Change
 from .visible import Sight, sight
 
-FAMILIES = {"dosing": dosing_rig, "oil": oil_rig, "bench": bench_rig, "warm": warm_rig}
+FAMILIES = {
+    "dosing": dosing_rig,
+    "oil": oil_rig,
+    "bench": bench_rig,
+    "warm": warm_rig,
+    "valve": valve_rig,
+}
 """Kinds of plants, by how they are drawn."""
 
 ATTEMPTS = 40
@@ -50,7 +56,7 @@ class Planned:
     Attributes
     ----------
     group : `clean`, `single`, `pair`, `hiding`, `fault`, `sensor`, `unnamed`, `unrecorded`
-    family : `dosing`, `oil`, `warm` or `bench`
+    family : `dosing`, `oil`, `warm`, `bench` or `valve`
     effects : names, all in one plant
     aim : expected gain in log likelihood that each effect should have
     conceal : further ways in which it is concealed, of `sealed.CONCEALMENTS`

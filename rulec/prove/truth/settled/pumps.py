@@ -1,4 +1,4 @@
-"""Pumps by their parameters: flow and power at a speed against a pressure, SI.
+"""Pumps by their parameters: flow and power at a speed against a pressure, SI; a valve alike.
 
 The numbers are those of the module types, written down once more: the truth reads no file of the
 tool. A test compares them.
@@ -120,6 +120,12 @@ OIL_WARM: Numbers = {
 }
 
 
+VALVE: Numbers = {
+    "Kv": _scaled(1e3 * LH, 4.0, 0.8),
+    "p_ref": (BAR, 0.0),
+}
+
+
 def _cavity(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
     """Source: Wetterich 2025, Eq. 1; dp |dp| keeps the slip a loss when dp is negative."""
     free = (p["V"] - p["C1"]) * speed - p["C0"]
@@ -152,6 +158,16 @@ def _oil_set(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
 def _warm_set(p: Values, speed: Array, pressure: Array) -> tuple[Array, Array]:
     """The slip rises exponentially with the temperature. Source: Reynolds 1886."""
     return p["Q0"] * speed, p["C1"] * pressure * np.exp(p["b"] * (p["T"] - p["T0"]))
+
+
+def _valve(p: Values, travel: Array, pressure: Array) -> tuple[Array, Array]:
+    """Turbulent flow of water; in proportion to the travel. Source: IEC 60534-2-1."""
+    flow = p["Kv"] * travel * np.sqrt(np.maximum(pressure, 0.0) / p["p_ref"])
+    return flow, np.zeros_like(flow)
+
+
+def _no_power(p: Values, travel: Array, pressure: Array, flow: Array) -> Array:
+    return np.zeros_like(travel)
 
 
 def _displacement_power(p: Values, speed: Array, pressure: Array, flow: Array) -> Array:
@@ -201,9 +217,10 @@ PUMPS: Mapping[str, PumpKind] = {
         rising=False,
     ),
     "oil-warm": PumpKind("pump-set-warm", OIL_WARM, (1.0, 1.0), 1.0, _warm_set, _warm_power),
+    "valve": PumpKind("control-valve", VALVE, (0.0, 1.0), 1.0, _valve, _no_power),
     "oil-set": PumpKind("pump-set", OIL_SET, (1.0, 1.0), 1.0, _oil_set, _oil_power),
 }
-"""The speed of the oil set is that of the mains: 1 of its own."""
+"""The speed of the oil set is that of the mains, 1 of its own; that of a valve is its travel."""
 
 MIXER: Numbers = {"k0": _scaled(BAR, 0.0, 0.0005), "k2": _scaled(BAR / LH**2, 3.5e-7, 1.5e-9)}
 """DN15, for about 1000 l/h; another size has another k2 and states 0.5 % of it."""

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..sensors import DOSING_SIGNALS, MIXER_SIGNALS, Sensor
-from ..units import BAR, ZERO_CELSIUS, Array
+from ..units import BAR, LITRE_PER_HOUR, ZERO_CELSIUS, Array
 from .pumps import LM, MIXER, PUMPS, Numbers, PumpKind
 
 LOAD_SIGNALS = {
@@ -26,6 +26,16 @@ BENCH_SIGNALS = {
     "p_s": Sensor("bar", BAR, bound=0.003, step=3.0 / 2**16),
 }
 """Of a metered pump with a throttle before it; the suction gauge shows up to 3 bar."""
+
+
+VALVE_SIGNALS = {
+    "x": Sensor("%", 0.01, bound=0.5, step=0.1),
+    "Q": Sensor("m3/h", 1e3 * LITRE_PER_HOUR, bound=0.004, step=0.001, relative=True),
+    "dp": DOSING_SIGNALS["dp"],
+    "p_1": Sensor("bar", BAR, bound=0.016, step=16.0 / 2**16),
+    "rho": Sensor("kg/m3", 1.0, bound=1.0, step=0.1),
+}
+"""Of a control valve between two taps; bounds as the sensor classes state them."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,22 @@ class Rig:
     @property
     def by_load(self) -> bool:
         """Is the pressure set by the load, and the flow metered?"""
-        return self.by_temperature or "oil-set" in self.pumps.values()
+        return self.by_temperature or self.by_travel or "oil-set" in self.pumps.values()
+
+    @property
+    def by_travel(self) -> bool:
+        """Is it a valve, set by its travel, that stands for the pump?"""
+        return "valve" in self.pumps.values()
+
+    @property
+    def setting(self) -> str:
+        """Signal that sets a pump or valve."""
+        return "x" if self.by_travel else "n"
+
+    @property
+    def gauge(self) -> str:
+        """Signal of the pressure before a metered pump or a valve."""
+        return "p_1" if self.by_travel else "p_s"
 
     @property
     def by_temperature(self) -> bool:
@@ -94,6 +119,7 @@ class Rig:
         """All sensors by `module.signal`, in the order of the columns."""
         signals = LOAD_SIGNALS if self.by_load else DOSING_SIGNALS
         signals = BENCH_SIGNALS if self.by_meter else signals
+        signals = VALVE_SIGNALS if self.by_travel else signals
         found = {}
         for module in self.pumps:
             for name, sensor in signals.items():
@@ -107,13 +133,14 @@ class Rig:
     def inputs(self) -> tuple[str, ...]:
         """Signals that are set, not caused."""
         set_: tuple[str, ...] = ("dp",) if self.by_load else ("n", "Q") if self.by_meter else ("n",)
-        set_ += ("T",) if self.by_temperature else ()
+        set_ += ("T",) if self.by_temperature else ("x",) if self.by_travel else ()
         return tuple(f"{module}.{name}" for module in self.pumps for name in set_)
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
         """Signals whose values the plant's physics causes; a flow meter that is not used for
         diagnosis is left out."""
-        caused = ("P_el", "Q") if self.by_load else ("dp", "P_el")
+        caused: tuple[str, ...] = ("P_el", "Q") if self.by_load else ("dp", "P_el")
+        caused = ("Q",) if self.by_travel else caused
         names = [f"{module}.{name}" for module in self.pumps for name in caused]
         return (*names, *(f"{mixer}.dp" for mixer in self.mixers))

@@ -56,6 +56,12 @@ def bench_rig(random: np.random.Generator, small: bool = False) -> Rig:
     return Rig(f"bench-{len(names)}", dict.fromkeys(names, "metered"), {}, dict.fromkeys(names))
 
 
+def valve_rig(random: np.random.Generator, small: bool = False) -> Rig:
+    """One or two control valves, each between pressures of its own; small: one."""
+    names = ["A", "B"][: 1 if small else int(random.choice([1, 1, 2]))]
+    return Rig(f"valve-{len(names)}", dict.fromkeys(names, "valve"), {}, dict.fromkeys(names))
+
+
 def _size(
     mixer: str, names: list[str], downstream: dict[str, str | None], weak: bool, mixers: int
 ) -> float:

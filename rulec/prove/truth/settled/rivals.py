@@ -12,8 +12,9 @@ from .sized import made_of
 from .solve import Stalled
 from .visible import Sight
 
-MIRROR = {"worn", "fouling"}
-"""A line that lets more and more through, and one that lets less through."""
+MIRRORS = ({"worn", "fouling"}, {"late", "open-seat"})
+"""A line that lets more and more through, and one that lets less through; a valve that opens late,
+and one that never shuts."""
 
 SHAPES = 5
 """Shapes of a rival that are tried, such as where a valve opens."""
@@ -59,7 +60,7 @@ def _rival(seen: Sight, placed: Placed, seed: int, bounded: bool) -> Rival:
 
 def _mirrored(one: Placed, other: Placed) -> bool:
     """Is it the same with the other sign? A direction that is free in sign would not tell them."""
-    if {one.effect.name, other.effect.name} == MIRROR and one.module == other.module:
+    if {one.effect.name, other.effect.name} in MIRRORS and one.module == other.module:
         return True
     faults = one.effect.sort == other.effect.sort == "fault"
     places = [entry_of(placed.effect.name)["places"] for placed in (one, other)]

@@ -33,6 +33,12 @@ SUCTION = 0.15 * BAR, -0.75 * BAR
 LOAD = 120.0 * BAR, 170.0 * BAR
 """Range of the pressure that a load sets."""
 
+ACROSS, BEHIND = (0.3 * BAR, 9.0 * BAR), (0.1 * BAR, 3.0 * BAR)
+"""Range of the pressure across a valve, and of the gauge pressure behind it."""
+
+TRAVEL = 0.08, 0.98
+"""Range of the travel of a valve."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -46,7 +52,8 @@ class Scene:
     time : samples since the recording began, shape (n,), never negative
     given : true inputs, SI, by signal
     temperature, level : of each pump module, K and m
-    suction : gauge pressure before each metered pump, Pa
+    suction : gauge pressure before each metered pump or valve, Pa
+    density : of the liquid in each valve, kg/m3
     running : bool; where the plant stands, all readings but those of tanks are zero
     plain : true values of all signals, SI
     hard : what makes it harder than its plain laws; its form errors are in `plain`
@@ -63,6 +70,7 @@ class Scene:
     temperature: Mapping[str, Array]
     level: Mapping[str, Array]
     suction: Mapping[str, Array]
+    density: Mapping[str, Array]
     running: np.ndarray
     plain: Mapping[str, Array]
     hard: Difficulty = NONE
@@ -86,7 +94,7 @@ class Scene:
         values = values or self.values
         laws = (*self.hard.terms(self.rig, values), *terms)
         found = solve(Operated(self.rig, values, self.given, laws), self.plain)
-        around = _ambient(self.rig, self.temperature, self.level, self.suction)
+        around = _ambient(self.rig, self.temperature, self.level, self.suction, self.density)
         return {**around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
@@ -135,18 +143,22 @@ def scene(
     random = stream(seed, "course")
     share = drive.shares(random, list(rig.pumps), profile, samples, before)
     make = drive.PROFILES[profile]
-    hard = difficulty(rig, difficulties, seed, LOAD)
+    load = ACROSS if rig.by_travel else LOAD
+    hard = difficulty(rig, difficulties, seed, load)
     samples += before
     seconds = np.arange(samples, dtype=np.float64)
     given = {}
     for m in rig.pumps:
-        low, high = LOAD if rig.by_load else rig.kind(m).speeds
+        low, high = load if rig.by_load else rig.kind(m).speeds
         setting = low + (high - low) * (0.08 + 0.87 * share[m])
         place = f"{m}.{'dp' if rig.by_load else 'n'}"
         given[place] = approach(seconds, setting, INERTIA.speed)
         if place in hard.wobble:
             course = wobble(stream(seed, f"wobble {place}"), samples)
             given[place] = given[place] + (high - low) * hard.wobble[place] * course
+        if rig.by_travel:
+            travel = TRAVEL[0] + (TRAVEL[1] - TRAVEL[0]) * make(random, samples)
+            given[f"{m}.x"] = opened_slowly(seconds, travel)
         if rig.by_meter:
             opened = 0.1 + 0.9 * make(random, samples)
             usual = rig.numbers[f"{m}.n0"][0]
@@ -159,6 +171,9 @@ def scene(
         given |= {f"{m}.T": values for m, values in temperatures.items()}
     levels = {m: drive.level(random, samples) for m in rig.pumps}
     suctions = {m: _throttled(random, seconds, make) for m in rig.pumps if rig.by_meter}
+    if rig.by_travel:
+        suctions = {m: given[f"{m}.dp"] + _behind(random, seconds, make) for m in rig.pumps}
+    densities = {m: drive.density(random, samples) for m in rig.pumps if rig.by_travel}
     running = np.ones(samples, dtype=bool)
     if profile == "start-stop":
         running = drive.stops(random, samples) > 0
@@ -166,7 +181,7 @@ def scene(
     values = drawn(rig, stream(seed, "parameters"))
     laws = hard.terms(rig, values)
     found = solve(Operated(rig, values, given, laws))
-    around = _ambient(rig, temperatures, levels, suctions)
+    around = _ambient(rig, temperatures, levels, suctions, densities)
     plain = {**around, **given, **found}
     time = np.maximum(seconds - before, 0.0)
     return Scene(
@@ -180,6 +195,7 @@ def scene(
         temperatures,
         levels,
         suctions,
+        densities,
         running,
         plain,
         hard,
@@ -204,6 +220,12 @@ def _throttled(random: np.random.Generator, seconds: Array, make: Callable[..., 
     return opened + (shut - opened) * opened_slowly(seconds, make(random, seconds.size)) ** 2
 
 
+def _behind(random: np.random.Generator, seconds: Array, make: Callable[..., Array]) -> Array:
+    """Gauge pressure behind a valve, as what lies there sets it."""
+    low, high = BEHIND
+    return low + (high - low) * opened_slowly(seconds, make(random, seconds.size))
+
+
 def opened_slowly(seconds: Array, setting: Array) -> Array:
     """What a valve with the drive's inertia has reached."""
     return approach(seconds, setting, INERTIA.speed)
@@ -214,9 +236,11 @@ def _ambient(
     temperature: Mapping[str, Array],
     level: Mapping[str, Array],
     suction: Mapping[str, Array],
+    density: Mapping[str, Array],
 ) -> dict[str, Array]:
-    found = {f"{m}.T": values for m, values in temperature.items()}
-    found |= {f"{m}.p_s": values for m, values in suction.items()}
+    found = {f"{m}.T": v for m, v in temperature.items() if f"{m}.T" in rig.sensors}
+    found |= {f"{m}.{rig.gauge}": values for m, values in suction.items()}
+    found |= {f"{m}.rho": values for m, values in density.items()}
     if not (rig.by_load or rig.by_meter):
         found |= {f"{m}.l": values for m, values in level.items()}
     return found

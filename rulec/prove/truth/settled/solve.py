@@ -92,7 +92,7 @@ class Operated:
         """Operating point of a pump against a pressure."""
         kind, p = self.rig.kind(module), self.parameters(module)
         zero = np.zeros_like(pressure)
-        speed = self.given.get(f"{module}.n", np.ones_like(pressure))
+        speed = self.given.get(f"{module}.{self.rig.setting}", np.ones_like(pressure))
         plain = State(speed, flow, pressure, zero, zero, zero)
         pressure = pressure + self.total("head", module, plain)
         speed = speed * (1.0 - self.total("shaft", module, plain))
@@ -204,13 +204,14 @@ def _results(plant: Operated, flow: Array) -> dict[str, Array]:
 
 
 def _by_load(plant: Operated) -> dict[str, Array]:
-    """Oil sets: the load sets the pressure, the flow follows."""
-    found = {}
-    for m in plant.rig.pumps:
+    """Oil sets and valves: the pressure is set from outside, the flow follows."""
+    found, rig = {}, plant.rig
+    for m in rig.pumps:
         pressure = plant.given[f"{m}.dp"]
         flow, state = plant.delivered(m, pressure, np.zeros_like(pressure))
         found[f"{m}.Q"] = plant.net(m, flow)
-        found[f"{m}.P_el"] = plant.power(m, state)
+        if not rig.by_travel:
+            found[f"{m}.P_el"] = plant.power(m, state)
     return found
 
 

@@ -59,8 +59,8 @@ DIFFICULTIES: Mapping[str, tuple[str, ...]] = {
 """By the first word of a group of `HARD`."""
 
 CENTRIFUGAL = ("centrifugal",)
-ALONE = {("metered",): "bench", ("oil-warm",): "warm"}
-"""Kinds of pumps that stand in no plant with others, with their plants."""
+ALONE = {("metered",): "bench", ("oil-warm",): "warm", ("valve",): "valve"}
+"""Kinds of pumps, and valves, that stand in no plant with others, with their plants."""
 
 HIDING = (
     ("wear", "fouling"),

@@ -6,6 +6,7 @@ sample five times faster than `solve_ivp`, whose LSODA also keeps 2 kB for good 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,6 +17,7 @@ from scipy.integrate import odeint
 
 from ..units import Array
 from .laws import arriving, bypassed, loss, outflow, overflow, supply
+from .memory import path, with_play
 from .plant import LevelSensor, Plant, Tank
 from .step import step
 
@@ -60,21 +62,33 @@ def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> C
 
     `quick` takes one step of a fixed rule where that is enough; what is recorded never does.
     """
-    stops, sampled = _stops(plant, time)
+    moved = with_play(shown, plant.feed.play) if plant.feed.play else shown
+    drive = path(time, moved, plant.feed.rate)
+    stops, sampled = _stops(plant, time, [] if drive.stepped else drive.times)
     states = np.empty((len(stops), len(_start(plant, 0.0))))
     flows = np.empty((len(stops), 1 + 2 * len(plant.tanks)))
     states[0] = _start(plant, supply(plant.feed, float(shown[0])))
     for i, (begin, end) in enumerate(pairwise(stops.tolist())):
         middle = 0.5 * (begin + end)
         tanks = tuple(t.at(middle) for t in plant.tanks)
-        # Before the first sample the plant was run as at the first.
-        number = int(np.searchsorted(time, middle - plant.feed.delay, "right")) - 1
-        given = supply(plant.feed, float(shown[max(number, 0)]))
+        # Before the first sample the plant was run as at the first. Within a stretch the drive
+        # stands still, or moves in a straight line about where it is in the middle.
+        ends = (begin, end) if not drive.stepped else (middle, middle)
+        first, last = (drive.at(t - plant.feed.delay) for t in ends)
+        given = supply(plant.feed, first)
         flows[i] = _flows(plant, tanks, begin, states[i].tolist(), given)
 
         def rates(
-            t: float, x: Sequence[float], tanks: tuple[Tank, ...] = tanks, given: float = given
+            t: float,
+            x: Sequence[float],
+            tanks: tuple[Tank, ...] = tanks,
+            line: tuple[float, float, float, float] = (begin, first, end, last),
+            given: float = given,
         ) -> list[float]:
+            since, one, until, other = line
+            if one != other:
+                set_ = one + (other - one) * (t - since) / (until - since)
+                given = supply(plant.feed, set_)
             return _rates(plant, tanks, t, x, given)
 
         if quick and (reached := step(rates, states[i].tolist(), begin, end)) is not None:
@@ -93,14 +107,16 @@ def integrate(plant: Plant, time: Array, shown: Array, quick: bool = False) -> C
         if report["message"] != SOLVED:
             raise RuntimeError(f"not solved from {begin} s on: {report['message']}")
         states[i + 1] = solved[-1]
+    given = supply(plant.feed, last)
     flows[-1] = _flows(plant, tanks, float(stops[-1]), states[-1].tolist(), given)
     return _course(plant, stops, sampled, states, flows)
 
 
-def _stops(plant: Plant, time: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Times where something jumps or is read, and which of them are samples."""
+def _stops(plant: Plant, time: Array, corners: Sequence[float]) -> tuple[Array, NDArray[np.intp]]:
+    """Times where something jumps, turns or is read, and which of them are samples."""
     begins = [f.begin for t in plant.tanks for f in (t.leak, t.clog) if f is not None]
-    delayed = [time + plant.feed.delay] if plant.feed.delay else []
+    turns = np.asarray(corners, dtype=np.float64) + plant.feed.delay
+    delayed = [turns, *([time + plant.feed.delay] if plant.feed.delay else [])]
     read = [time - s.dead_time for s in plant.sensors if s.dead_time]
     between = np.concatenate([*delayed, *read, np.array(begins)])
     between = between[(between > time[0]) & (between < time[-1])]
@@ -111,9 +127,10 @@ def _stops(plant: Plant, time: Array) -> tuple[Array, NDArray[np.intp]]:
 
 
 def _start(plant: Plant, given: float) -> list[float]:
-    """Levels, what lagging sensors follow, the lagging feed, three volumes."""
+    """Levels, what lagging sensors follow, the lagging feed, what air stores, three volumes."""
     sensed = [plant.tank(s.tank).level for s in plant.sensors]
-    return [*(t.level for t in plant.tanks), *sensed, given, 0.0, 0.0, 0.0]
+    stored = [plant.feed.pocket * given**2] if plant.feed.pocket else []
+    return [*(t.level for t in plant.tanks), *sensed, given, *stored, 0.0, 0.0, 0.0]
 
 
 def _flows(
@@ -121,7 +138,9 @@ def _flows(
 ) -> list[float]:
     """Flow of the feed, what falls into each tank, what leaves each by its outlet."""
     count = len(tanks)
-    fed = state[count + len(plant.sensors)] if plant.feed.lag else given
+    fed = _driven(plant, state, given)
+    if plant.feed.pocket:
+        fed = math.sqrt(max(_stored(plant, state), 0.0) / plant.feed.pocket)
     fed = arriving(plant.feed, fed, state[0], time)
     falls = [0.0] * (count + 1)
     missed = bypassed(plant.feed, fed)
@@ -134,6 +153,16 @@ def _flows(
         caught = tank.rim.caught * overflow(tank, state[i]) if tank.rim else 0.0
         falls[i + 1] += leaves[i] + caught
     return [fed, *falls[:count], *leaves]
+
+
+def _driven(plant: Plant, state: Sequence[float], given: float) -> float:
+    """Flow of the feed after its lag."""
+    return state[len(plant.tanks) + len(plant.sensors)] if plant.feed.lag else given
+
+
+def _stored(plant: Plant, state: Sequence[float]) -> float:
+    """What air in the line stores, cm3."""
+    return state[len(plant.tanks) + len(plant.sensors) + 1]
 
 
 def _rates(
@@ -154,6 +183,9 @@ def _rates(
         rates.append(_followed(tanks, sensor, state, state[count + j]) if sensor.lag else 0.0)
     lagging = state[count + len(plant.sensors)]
     rates.append((given - lagging) / plant.feed.lag if plant.feed.lag else 0.0)
+    if plant.feed.pocket:
+        let_out = math.sqrt(max(_stored(plant, state), 0.0) / plant.feed.pocket)
+        rates.append(_driven(plant, state, given) - let_out)
     return [*rates, fed, drained, lost]
 
 

@@ -27,6 +27,8 @@ VOLTAGE_ONLY = (
     "dead-band",
     "saturation",
     "droop",
+    "play",
+    "rate",
     *("held", "lift", "lift-level", "roll-off", "upturn", "exponent", "decline", "warm-up"),
 )
 """A flow meter shows what flows: these are effects of a pump."""

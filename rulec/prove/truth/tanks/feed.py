@@ -51,6 +51,9 @@ class Feed:
     `lift_level` (V2/cm) the level of the first tank. `held` is the share of the flow lost per cm of
     that level, `roll` (1/V) makes the flow level off, `decline` (1/s) lets it fall with time. The
     form error of the whole law, by the voltage, is `form`.
+
+    What drives the feed follows its input with `play` (V, its whole width) and at `rate` (V/s) at
+    most. `pocket` is what air in the line stores per square of the flow, cm3/(cm3/s)2.
     """
 
     name: str
@@ -71,3 +74,6 @@ class Feed:
     decline: float = 0.0
     warming: Warming | None = None
     form: Bend | None = None
+    play: float = 0.0
+    rate: float = math.inf
+    pocket: float = 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from ..smooth import coloured
 from ..units import Array
 from .balance import Course
+from .memory import with_play
 from .plant import LEVEL_ZERO, LevelSensor, Plant
 
 
@@ -30,19 +31,7 @@ def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Arra
     if sensor.wander is not None:
         first = sensor.zero / LEVEL_ZERO
         value = value + LEVEL_ZERO * (sensor.wander(first, value.size) - first)
-    return _with_play(value, sensor.play) if sensor.play else value
-
-
-def _with_play(value: Array, width: float) -> Array:
-    """A pointer with play: it moves when pushed only.
-
-    Source: Prandtl's play operator.
-    """
-    result, pointer = np.empty_like(value), float(value[0])
-    for i, pushed in enumerate(value.tolist()):
-        pointer = min(max(pointer, pushed - 0.5 * width), pushed + 0.5 * width)
-        result[i] = pointer
-    return result
+    return with_play(value, sensor.play) if sensor.play else value
 
 
 def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> Array:
