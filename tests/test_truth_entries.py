@@ -204,6 +204,13 @@ EVEN = {
     "slip-power": Even(
         "cavity", 0.5, "slip-exponent@Q_geo", "pump", lambda u, p: {"m": p["m"], "dp0": u["dp"]}
     ),
+    "dp-misadjusted": Even(
+        "cavity",
+        0.2,
+        "meter-misadjusted@dp",
+        "pump",
+        lambda u, p: {"z": p["o"] * BAR + p["x"] * u["dp"], "x": p["x"], "r0": u["dp"]},
+    ),
     "slip-dragged": Even(
         "membrane", 0.5, "slip-speed@Q_geo", "pump", lambda u, p: {"a": p["a"], "n0": u["n"]}
     ),

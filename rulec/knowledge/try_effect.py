@@ -67,7 +67,9 @@ def _trials(
     for _ in range(EFFECT_TRIES):
         known = readings(effect, draw)
         known |= parameters(effect, known, draw) | (nulls if at_null else {})
-        yield known, plain_laws(join, known, draw)
+        plain = plain_laws(join, known, draw)
+        own = (n for n, p in effect.parameters.items() if p.fixed and p.driver == PLAIN)
+        yield {**known, **{n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in own}}, plain
 
 
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
@@ -76,12 +78,16 @@ def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
 
 
 def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
-    """Parameters anywhere in their range; fixed ones near the reading of their driver."""
+    """Parameters anywhere in their range; fixed ones near the reading of their driver.
+
+    Those at a reading of the very signal that the effect joins are missing.
+    """
     return {
         name: known[p.driver] * draw.uniform(0.5, 2.0)
         if p.fixed and p.driver
         else draw.uniform(p.lowest, p.highest)
         for name, p in effect.parameters.items()
+        if not (p.fixed and p.driver == PLAIN)
     }
 
 

@@ -65,8 +65,23 @@ TABLE = yaml.safe_load((ROOT / "tests/kb/effects.yaml").read_text(encoding="utf-
 def drawn(effect: Effect, draw: np.random.Generator) -> dict[str, Array]:
     """Readings of all drivers, and the medians that fixed parameters stand for."""
     known = {n: reading(d, draw) for n, d in effect.drivers.items()}
-    fixed = {n: np.median(known[p.driver or ""]) for n, p in effect.parameters.items() if p.fixed}
-    return {**known, **fixed}
+    return {**known, **usual(effect, known)}
+
+
+def usual(effect: Effect, known: Mapping[str, Array]) -> dict[str, float]:
+    """Fixed parameters at readings that are known, medians or half the distance of two."""
+    return {
+        n: usual_reading(p, known[p.driver or ""])
+        for n, p in effect.parameters.items()
+        if p.fixed and p.driver in known
+    }
+
+
+def usual_reading(p: EffectParameter, readings: Array) -> float:
+    """What a fixed parameter is in a recording."""
+    if len(p.quantiles) == 2:
+        return 0.5 * float(np.diff(np.quantile(readings, p.quantiles))[0])
+    return float(np.median(readings))
 
 
 def reading(driver: Driver, draw: np.random.Generator) -> Array:
@@ -135,6 +150,7 @@ def test_null_gives_the_plain_law_back(name: str, i: int) -> None:
         free = {n: p for n, p in effect.parameters.items() if not p.fixed}
         known |= {n: somewhere(p, draw) if p.null is None else p.null for n, p in free.items()}
         known |= plain_laws(join, known, draw)
+        known |= usual(effect, {"law": known["law"] * np.linspace(0.5, 1.0, POINTS)})
         known |= stored(effect, known)
         for law in join.laws:
             assert function(law.expression)(known) == pytest.approx(known["law"], rel=1e-12)
@@ -150,6 +166,7 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
     shown = plain_laws(join, {**readings, **starts}, np.random.default_rng(i))["law"]
     varying = {"law": shown * np.linspace(0.5, 1.0, POINTS)}
     starts |= {n: at_start(p, varying) for n, p in free.items() if p.driver == "law"}
+    readings |= usual(effect, varying)
 
     def value(changed: Mapping[str, float]) -> Array:
         known = {**readings, **starts, **changed}

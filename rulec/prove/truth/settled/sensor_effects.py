@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..units import BAR, Array
-from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, warmer
+from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, middle, warmer
 from .scene import Scene
 from .term import Kind, Reading, Term
 
@@ -35,6 +35,21 @@ def _offset(signal: str, unit: float, name: str = "z") -> Make:
         return Made((Reading(f"{module}.{signal}", lambda v: v + off * unit),), {name: off})
 
     return make
+
+
+def misadjusted(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """A pressure transmitter with wrong span (`size`) and a zero that makes up for it in part.
+
+    `z` is what it reads too much at its median reading.
+    """
+    gain = float(random.choice([-1.0, 1.0])) * size
+    true = middle(scene.plain[f"{module}.dp"])
+    zero = -gain * true * float(random.uniform(0.3, 1.2))
+
+    def shown(value: Array) -> Array:
+        return value * (1.0 + gain) + zero
+
+    return Made((Reading(f"{module}.dp", shown),), {"x": gain, "o": zero / BAR})
 
 
 def speed_gain(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -81,6 +96,8 @@ def _effects() -> Iterator[Effect]:
                  kinds=DOSING)  # fmt: skip
     yield Effect("power-zero", "zero of the power off", "sensor", 12.0, 120.0, _offset("P_el", 1.0),
                  kinds=DOSING)  # fmt: skip
+    yield Effect("dp-misadjusted", "zero and span of the pressure off", "sensor", 0.01, 0.6,
+                 misadjusted, kinds=DOSING)  # fmt: skip
     yield Effect("speed-gain", "speed shown wrong", "sensor", 0.01, 0.3, speed_gain, kinds=DOSING)
     yield Effect("dp-zero-warm", "zero of the pressure follows temperature", "sensor", 20.0, 4000.0,
                  _follows("dp", _added, "T", BAR, "z"), kinds=DOSING, driver="T")  # fmt: skip
