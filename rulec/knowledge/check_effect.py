@@ -182,7 +182,7 @@ class EffectReader(Reader):
             self.report_key(("parameters", name, "quantiles"), "KB103", message, hint)
         of_place = part["of"] == PLAIN and self._joins_signals()
         driver = PLAIN if of_place else self._asked(("parameters", name, "of"), part["of"], drivers)
-        self.known[name] = own = self.known[driver] if driver in self.known else UNKNOWN
+        self.known[name] = own = self.known.get(driver or "", UNKNOWN)
         return EffectParameter(
             name=name,
             title=part["title"],

@@ -21,6 +21,7 @@ from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.read import read_files, read_plant
 from rulec.language.expression import Expression
 from rulec.language.symbolic import to_sympy
+from rulec.language.units import NONE, Unit
 from tests.conftest import ROOT
 
 ORDINARY = {
@@ -161,7 +162,8 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
     """Off its null the law is another, a finite number, and each parameter moves it."""
     effect, draw = EFFECTS[name], np.random.default_rng(i)
     join, readings = effect.joins[i], drawn(effect, draw)
-    free = {n: p for n, p in effect.parameters.items() if not p.fixed}
+    unit = Unit("1", ORDINARY[quantity_of(join)][0], NONE)
+    free = {n: p.at(unit, unit) for n, p in effect.parameters.items() if not p.fixed}
     starts = {n: at_start(p, readings) for n, p in free.items() if p.driver != "law"}
     shown = plain_laws(join, {**readings, **starts}, np.random.default_rng(i))["law"]
     varying = {"law": shown * np.linspace(0.5, 1.0, POINTS)}
@@ -171,6 +173,8 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
     def value(changed: Mapping[str, float]) -> Array:
         known = {**readings, **starts, **changed}
         known |= plain_laws(join, known, np.random.default_rng(i))
+        if any(p.driver == "law" for p in effect.parameters.values()):
+            known["law"] = varying["law"]
         # Off its rest by a fifth, what is stored moves at its rate, within its limits.
         known |= dict.fromkeys(effect.states, 0.8 * known["law"])
         parts = [law.expression for law in join.laws]

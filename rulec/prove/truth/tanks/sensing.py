@@ -26,6 +26,10 @@ def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Arra
     """Voltage inside the transmitter."""
     value = sensor.gain * (1.0 + sensor.slope) * level + sensor.zero + sensor.offset
     value = value + sensor.drift * (time - time[0]) + sensor.jet * falls**2
+    bend, steeper = sensor.kink
+    value = value + steeper * np.maximum(value - bend, 0.0)
+    most, kept = sensor.overload
+    value = value + kept * np.maximum(np.maximum.accumulate(value) - most, 0.0)
     return _with_play(value, sensor.play) if sensor.play else value
 
 
@@ -51,7 +55,7 @@ def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> A
         value = value + sensor.noise * stream.standard_normal(value.size)
     if sensor.step:
         value = np.round(value / sensor.step) * sensor.step
-    value = np.minimum(value, sensor.limit)
+    value = np.clip(value, sensor.floor, sensor.limit)
     if sensor.converter and seed is not None:
         value = np.round(value / sensor.converter) * sensor.converter
     if sensor.stuck is not None:
