@@ -23,13 +23,17 @@ from rulec.prove.truth.tanks.balance import integrate
 from rulec.prove.truth.tanks.build import Setup, parameters
 from rulec.prove.truth.tanks.feed import Curve, Feed, Kink, Warming
 from rulec.prove.truth.tanks.laws import GRAVITY
-from rulec.prove.truth.tanks.plant import Opening, Plant, Tank
+from rulec.prove.truth.tanks.plant import LevelSensor, Opening, Plant, Tank
+from rulec.prove.truth.tanks.sensing import shown
 from rulec.prove.truth.units import BAR, LITRE_PER_HOUR, RPM
 from tests.conftest import ROOT
 
 SI = {"cm": 1e-2, "cm2": 1e-4, "cm3/s/V": 1e-6, "V/cm": 100.0}
 DAY, MINUTE = 86400.0, 60.0
 PIECES = 10
+
+SAME_LEVEL = 1e-4
+"""V by which a level is shown otherwise by two integrators."""
 
 SAME = 0.05
 """Share of what an effect changes that two ways to smooth a root may differ by."""
@@ -199,6 +203,45 @@ def test_an_entry_of_tanks_does_what_the_truth_does(name: str) -> None:
     assert off < SAME * change
 
 
+SENSORS: dict[str, tuple[str, Callable[[LevelSensor], LevelSensor], dict[str, float]]] = {
+    "two-slope": (
+        "lower.two-slope-reading@y",
+        lambda s: replace(s, kink=(3.0, 0.3)),
+        {"b": 0.3, "r_c": 3.0},
+    ),
+    "live-zero": (
+        "lower.sensor-live-zero@y",
+        lambda s: replace(s, floor=3.0),
+        {"c": 1.0, "bottom": 3.0},
+    ),
+    "overload": (
+        "lower.sensor-overload@y",
+        lambda s: replace(s, overload=(3.0, 0.2)),
+        {"h": 0.2, "p_c": 3.0},
+    ),
+}
+"""By the truth's name of an error of a level sensor: its entry, the sensor, the numbers, V."""
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_an_entry_of_level_sensors_shows_what_the_truth_shows(name: str) -> None:
+    """Of the same level, but for what two integrators differ by; without the entry far off."""
+    setup, plant, builder = tanks()
+    entry, erring, stated = SENSORS[name]
+    course = integrate(plant, setup.time, setup.shown)
+    true = shown(plant.with_sensor(erring(plant.sensor("lower"))), course)["lower"]
+    plain = shown(plant, course)["lower"]
+    balances = builder.balances((entry,))
+    base = builder.parameters
+    values = {**dict(zip(base.ids, base.values.tolist(), strict=True)), **base.constants}
+    values |= {n: v * SI[unit] for n, (v, unit) in parameters(setup).items()}
+    values |= {f"{entry}.{n}": v for n, v in stated.items()}
+    found = balances.run(setup.time, setup.shown[:, None], np.array([True]), values)
+    told = found.shown[:, balances.outputs.index("shown:lower.y")]
+    assert np.max(np.abs(plain - true)) > 0.1
+    assert told == pytest.approx(true, abs=SAME_LEVEL)
+
+
 @dataclass(frozen=True)
 class Even:
     """An effect of a settled plant, its entry at a place, and the observer that it puts right.
@@ -218,6 +261,30 @@ class Even:
 EVEN = {
     "slip-power": Even(
         "cavity", 0.5, "slip-exponent@Q_geo", "pump", lambda u, p: {"m": p["m"], "dp0": u["dp"]}
+    ),
+    "dp-misadjusted": Even(
+        "cavity",
+        0.2,
+        "meter-misadjusted@dp",
+        "pump",
+        lambda u, p: {"z": p["o"] * BAR + p["x"] * u["dp"], "x": p["x"], "r0": u["dp"]},
+    ),
+    "dp-two-slope": Even(
+        "cavity",
+        0.3,
+        "two-slope-reading@dp",
+        "pump",
+        lambda u, p: {"b": p["b"], "r_c": p["r_c"] * BAR},
+    ),
+    "dp-bent": Even(
+        "cavity",
+        0.1,
+        "bent-reading@dp",
+        "pump",
+        lambda u, p: {"b": p["b"], "r0": p["r0"] * BAR, "w0": p["w0"] * BAR},
+    ),
+    "power-zero-creep": Even(
+        "metered", 20.0, "zero-drift-time@P_el", "power", lambda u, p: {"z": p["z"] / DAY}
     ),
     "slip-dragged": Even(
         "membrane", 0.5, "slip-speed@Q_geo", "pump", lambda u, p: {"a": p["a"], "n0": u["n"]}

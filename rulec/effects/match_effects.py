@@ -194,8 +194,9 @@ class _Matcher:
         id_ = f"{self._module.name}.{effect.name}@{self._place(site)}"
         if several:
             id_ += f"({', '.join(binding.signals.values())})"
-        used = effect.used_by(join)
-        parameters = {name: p for name, p in effect.parameters.items() if name in used}
+        used, unit = effect.used_by(join), unit_of(self._plant, self._module, site)
+        units = unit, self._plant.knowledge.units.difference(unit)
+        parameters = {n: p.at(*units) for n, p in effect.parameters.items() if n in used}
         change = Change(
             places=(site.key,),
             law=join.law.expression,
@@ -379,6 +380,7 @@ def _parameter(parameter: EffectParameter, origin: Origin) -> Parameter:
 
 def _unknown(id_: str, parameter: EffectParameter, drivers: Mapping[str, str]) -> Unknown:
     shape, unit = dict(vars(parameter)), parameter.unit
+    assert not shape.pop("of_place"), id_
     shape["unit"] = unit.text
     if parameter.driver:
         shape["driver"] = drivers[parameter.driver]

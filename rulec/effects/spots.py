@@ -164,4 +164,5 @@ def unit_of(plant: Plant, module: Module, site: Site) -> Unit:
 
 
 def _own(module: Module, site: Site) -> list[Unit]:
-    return [module.type.signals[site.name].unit] if site.kind == "signal" else []
+    shown = site.kind in ("signal", "reading")
+    return [module.type.signals[site.name].unit] if shown else []

@@ -15,13 +15,14 @@ from rulec.knowledge.usual import USUAL_HINT, usual_of
 from rulec.language.diagnostics import did_you_mean
 from rulec.language.document import Path_
 from rulec.language.reader import Reader
-from rulec.language.units import SECOND, UNKNOWN, Dimension, Unit
+from rulec.language.units import NONE, SECOND, UNKNOWN, Dimension, Unit
 
 SLOTS = ("module", "place")
 """Slots of a text that every effect has."""
 
 _SLOT = re.compile(r"\{([^{}]*)\}")
-_OF_FREE = ("unit", "null", "starts", "quantiles", "driver", "range")
+_OF_FREE = ("unit", "null", "starts", "driver", "range")
+_OF_PLACE = re.compile(rf"{PLAIN}(?=$|[*/])")
 
 
 @dataclass
@@ -41,7 +42,10 @@ class EffectReader(Reader):
             name: self._parameter(name, part, drivers) for name, part in data["parameters"].items()
         }
         states = {name: self._state(name) for name in self._group("states")}
-        reader = JoinReader(self.document, self.units, of_laws, drivers, self.known, states)
+        of_place = {n: p.unit.dimension for n, p in parameters.items() if p.of_place}
+        reader = JoinReader(
+            self.document, self.units, of_laws, drivers, self.known, states, of_place
+        )
         joins = [(i, join) for i in range(len(data["joins"])) for join in reader.read(i)]
         effect = Effect(
             name=data["effect"],
@@ -63,7 +67,7 @@ class EffectReader(Reader):
             self._check_usual(effect)
         if len(self.found) > before:
             return effect
-        neutral = {n: p.fixed and is_neutral(effect, n) for n, p in parameters.items()}
+        neutral = {n: _is_reading(p) and is_neutral(effect, n) for n, p in parameters.items()}
         told = {n: replace(p, neutral=neutral[n]) for n, p in parameters.items()}
         return replace(effect, parameters=told)
 
@@ -116,8 +120,9 @@ class EffectReader(Reader):
         path = ("parameters", name)
         if "of" in part:
             return self._fixed(name, part, drivers)
-        unit = self.unit(*path, "unit") if "unit" in part else Unit("1", 1.0, UNKNOWN)
-        self.known[name] = unit.dimension
+        unit = self._unit(path) if "unit" in part else Unit("1", 1.0, UNKNOWN)
+        of_place = "unit" in part and bool(_OF_PLACE.match(part["unit"]))
+        self.known[name] = UNKNOWN if of_place else unit.dimension
         lacking = [key for key in ("unit", "range") if key not in part]
         lacking += [] if "starts" in part or "quantiles" in part else ["starts"]
         if lacking:
@@ -138,23 +143,55 @@ class EffectReader(Reader):
             quantiles=tuple(part.get("quantiles", ())),
             driver=self._quantiles(path, part, drivers, unit),
             usual=usual_of(part, unit),
+            of_place=of_place,
         )
+
+    def _unit(self, path: Path_) -> Unit:
+        """The unit of a parameter; ``law`` in its place stands for that of the signal joined."""
+        text = self.part((*path, "unit"))
+        of_place = _OF_PLACE.match(text)
+        if of_place is None:
+            return self.unit(*path, "unit")
+        if not self._joins_signals():
+            message = f"'{PLAIN}' is no unit where the effect joins equations"
+            self.report((*path, "unit"), "KB103", message, "take a unit from kb/units.yaml")
+        try:
+            rest = self.units.parse(f"1{text[of_place.end() :]}")
+        except ValueError as error:
+            hint = "the spellings are in kb/units.yaml"
+            self.report((*path, "unit"), "KB050", f"there is no unit '{error}'", hint)
+            rest = Unit("1", 1.0, NONE)
+        return replace(rest, text=text)
+
+    def _joins_signals(self) -> bool:
+        """Does it join signals alone, or what sensors show?"""
+        return all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
 
     def _fixed(
         self, name: str, part: Mapping[str, Any], drivers: Mapping[str, Driver]
     ) -> EffectParameter:
-        """A parameter that stays at the median reading of a driver, or of what is joined."""
+        """A parameter that stays at the median reading of a driver, or at how far it spreads."""
         odd = [key for key in _OF_FREE if key in part]
         if odd:
             message = f"'{name}' is the median reading of a driver; it has no '{odd[0]}'"
             hint = "remove it, or remove 'of'"
             self.report_key(("parameters", name, odd[0]), "KB103", message, hint)
-        of_law = part["of"] == PLAIN and self._joins_signals()
-        driver = PLAIN if of_law else self._asked(("parameters", name, "of"), part["of"], drivers)
-        own = self._dimension_of_signals() if of_law else UNKNOWN
-        self.known[name] = own = self.known[driver] if driver and not of_law else own
-        unit = self.units.plain(own)
-        return EffectParameter(name=name, title=part["title"], unit=unit, driver=driver, fixed=True)
+        quantiles = tuple(part.get("quantiles", ()))
+        if len(quantiles) > 2:
+            message, hint = "a spread is that between two quantiles", "give two, as [0.05, 0.95]"
+            self.report_key(("parameters", name, "quantiles"), "KB103", message, hint)
+        of_place = part["of"] == PLAIN and self._joins_signals()
+        driver = PLAIN if of_place else self._asked(("parameters", name, "of"), part["of"], drivers)
+        self.known[name] = own = self.known.get(driver or "", UNKNOWN)
+        return EffectParameter(
+            name=name,
+            title=part["title"],
+            unit=Unit(PLAIN, 1.0, NONE) if of_place else self.units.plain(own),
+            quantiles=quantiles,
+            driver=driver,
+            fixed=True,
+            of_place=of_place,
+        )
 
     def _check_inside(self, path: Path_, part: Mapping[str, Any], low: float, high: float) -> None:
         """The range is one, and null and starts lie in it."""
@@ -194,13 +231,6 @@ class EffectReader(Reader):
     def _joins_signals(self) -> bool:
         """Is ``law`` a reading wherever the effect joins?"""
         return all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
-
-    def _dimension_of_signals(self) -> Dimension:
-        """Dimension of all readings that the effect joins; unknown where they differ."""
-        asked = [join.get("reads", join.get("shows")) for join in self.document.data["joins"]]
-        names = {q for one in asked for q in (one if isinstance(one, list) else [one])}
-        found = {self.units.quantities.get(name, UNKNOWN) for name in names}
-        return found.pop() if len(found) == 1 else UNKNOWN
 
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Free parameters stand in every law, drivers and fixed ones in one at least."""
@@ -260,3 +290,8 @@ class EffectReader(Reader):
             elif parameter.usual is not None and not parameter.usual.size:
                 message = "the usual size is nothing"
                 self.report((*path, "usual", "median"), "KB108", message, "away from the null")
+
+
+def _is_reading(parameter: EffectParameter) -> bool:
+    """Is it one reading of a driver, and no distance between two?"""
+    return parameter.fixed and len(parameter.quantiles) < 2

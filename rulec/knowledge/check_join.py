@@ -39,12 +39,14 @@ def needed_by(
 class JoinReader(Reader):
     """Reads the joins of one effect.
 
-    `drivers` are those declared, `known` the dimensions of drivers and parameters.
+    `drivers` are those declared, `known` the dimensions of drivers and parameters; those
+    `of_place` are the signal's own times this.
     """
 
     drivers: Mapping[str, Driver]
     known: Mapping[str, Dimension]
     states: Mapping[str, EffectState] = field(default_factory=dict)
+    of_place: Mapping[str, Dimension] = field(default_factory=dict)
 
     def read(self, i: int) -> Iterator[Join]:
         """The joins that one entry lists: one for each quantity."""
@@ -130,7 +132,7 @@ class JoinReader(Reader):
 
     def _check_states(self, own: Dimension) -> None:
         """What an effect stores is of the kind of its place."""
-        known = {**self.known, **dict.fromkeys((PLAIN, *self.states), own)}
+        known = {**self.known, **dict.fromkeys((PLAIN, *self.states), own), **self._placed(own)}
         for name, state in self.states.items():
             for key, expression in state.equations():
                 path = ("states", name, key)
@@ -139,6 +141,10 @@ class JoinReader(Reader):
                 if not given.fits(wanted) and constant(expression, {}) is None:
                     message = f"this is {given}, but should be {wanted}"
                     self.report(path, "KB101", message, "check each factor")
+
+    def _placed(self, own: Dimension) -> dict[str, Dimension]:
+        """Dimensions of parameters that are readings of a signal of a dimension."""
+        return {name: own * factor for name, factor in self.of_place.items()}
 
     def _law(self, path: Path_) -> tuple[EffectLaw, Columns]:
         """Read the law at a path; a refused one is reported and counts as the plain law."""
@@ -169,7 +175,8 @@ class JoinReader(Reader):
         self, path: Path_, law: EffectLaw, columns: Columns, own: Dimension
     ) -> None:
         """The law gives what its place gives, and what replaces a driver is of its kind."""
-        known = {**self.known, **dict.fromkeys((PLAIN, *law.substitutes, *self.states), own)}
+        laws = dict.fromkeys((PLAIN, *law.substitutes, *self.states), own)
+        known = {**self.known, **laws, **self._placed(own)}
         parts = [(law.expression, 0, own, "the place")]
         for key, replaced in law.substitutes.items():
             parts += [

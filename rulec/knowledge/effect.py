@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rulec.knowledge.module_type import Stored
 from rulec.language.expression import Expression
@@ -71,9 +71,38 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class EffectParameter(Shape):
-    """A parameter of an effect. One that is `fixed` stays at the median reading of `driver`."""
+    """A parameter of an effect. One that is `fixed` stays at the median reading of `driver`.
+
+    Where it is `of_place`, it is a reading of the signal that the effect joins, or per some unit
+    such a difference: its numbers are in the unit of that signal, as often as `unit` says.
+    """
 
     unit: Unit
+    of_place: bool = False
+
+    def at(self, reading: Unit, difference: Unit) -> EffectParameter:
+        """The same at a signal, in SI; `difference` is the unit in which its readings differ."""
+        if not self.of_place:
+            return self
+        unit = reading if self.null is None and self.unit.text == PLAIN else difference
+
+        usual = self.usual
+        if usual is not None and not usual.of_place:
+            usual = replace(usual, size=usual.size * unit.factor)
+        return replace(
+            self,
+            unit=Unit(
+                unit.text + self.unit.text.removeprefix(PLAIN),
+                unit.factor * self.unit.factor,
+                unit.dimension * self.unit.dimension,
+                unit.offset,
+            ),
+            lowest=unit.to_si(self.lowest),
+            highest=unit.to_si(self.highest),
+            starts=tuple(unit.to_si(start) for start in self.starts),
+            usual=usual,
+            of_place=False,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

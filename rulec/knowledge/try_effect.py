@@ -68,9 +68,8 @@ def _trials(
         known = readings(effect, draw)
         known |= parameters(effect, known, draw) | (nulls if at_null else {})
         plain = plain_laws(join, known, draw)
-        at_law = {n for n, p in effect.parameters.items() if p.fixed and p.driver == PLAIN}
-        known |= {n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in sorted(at_law)}
-        yield known, plain
+        own = (n for n, p in effect.parameters.items() if p.fixed and p.driver == PLAIN)
+        yield {**known, **{n: plain[PLAIN] * draw.uniform(0.5, 2.0) for n in own}}, plain
 
 
 def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
@@ -81,7 +80,7 @@ def readings(effect: Effect, draw: random.Random) -> dict[str, float]:
 def parameters(effect: Effect, known: Mapping[str, float], draw: random.Random) -> dict[str, float]:
     """Parameters anywhere in their range; fixed ones near the reading of their driver.
 
-    Those that are fixed by the plain law itself are left out.
+    Those at a reading of the very signal that the effect joins are missing.
     """
     return {
         name: known[p.driver] * draw.uniform(0.5, 2.0)

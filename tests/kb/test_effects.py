@@ -21,6 +21,7 @@ from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.read import read_files, read_plant
 from rulec.language.expression import Expression
 from rulec.language.symbolic import to_sympy
+from rulec.language.units import NONE, Unit
 from tests.conftest import ROOT
 
 ORDINARY = {
@@ -67,14 +68,23 @@ TABLE = yaml.safe_load((ROOT / "tests/kb/effects.yaml").read_text(encoding="utf-
 def drawn(effect: Effect, draw: np.random.Generator) -> dict[str, Array]:
     """Readings of all drivers, and the medians that fixed parameters stand for."""
     known = {n: reading(d, draw) for n, d in effect.drivers.items()}
-    fixed = {n: p.driver for n, p in effect.parameters.items() if p.fixed and p.driver != "law"}
-    return {**known, **{n: np.median(known[driver or ""]) for n, driver in fixed.items()}}
+    return {**known, **usual(effect, known)}
 
 
-def of_law(effect: Effect, laws: Laws) -> dict[str, Array]:
-    """Medians of the signal itself that fixed parameters stand for."""
-    named = [n for n, p in effect.parameters.items() if p.fixed and p.driver == "law"]
-    return dict.fromkeys(named, np.median(laws["law"]))
+def usual(effect: Effect, known: Mapping[str, Array]) -> dict[str, float]:
+    """Fixed parameters at readings that are known, medians or half the distance of two."""
+    return {
+        n: usual_reading(p, known[p.driver or ""])
+        for n, p in effect.parameters.items()
+        if p.fixed and p.driver in known
+    }
+
+
+def usual_reading(p: EffectParameter, readings: Array) -> float:
+    """What a fixed parameter is in a recording."""
+    if len(p.quantiles) == 2:
+        return 0.5 * float(np.diff(np.quantile(readings, p.quantiles))[0])
+    return float(np.median(readings))
 
 
 def reading(driver: Driver, draw: np.random.Generator) -> Array:
@@ -143,7 +153,8 @@ def test_null_gives_the_plain_law_back(name: str, i: int) -> None:
         free = {n: p for n, p in effect.parameters.items() if not p.fixed}
         known |= {n: somewhere(p, draw) if p.null is None else p.null for n, p in free.items()}
         known |= plain_laws(join, known, draw)
-        known |= stored(effect, known) | of_law(effect, known)
+        known |= usual(effect, {"law": known["law"] * np.linspace(0.5, 1.0, POINTS)})
+        known |= stored(effect, known)
         for law in join.laws:
             assert function(law.expression)(known) == pytest.approx(known["law"], rel=1e-12)
 
@@ -153,16 +164,19 @@ def test_every_parameter_moves_something(name: str, i: int) -> None:
     """Off its null the law is another, a finite number, and each parameter moves it."""
     effect, draw = EFFECTS[name], np.random.default_rng(i)
     join, readings = effect.joins[i], drawn(effect, draw)
-    free = {n: p for n, p in effect.parameters.items() if not p.fixed}
+    unit = Unit("1", ORDINARY[quantity_of(join)][0], NONE)
+    free = {n: p.at(unit, unit) for n, p in effect.parameters.items() if not p.fixed}
     starts = {n: at_start(p, readings) for n, p in free.items() if p.driver != "law"}
     shown = plain_laws(join, {**readings, **starts}, np.random.default_rng(i))["law"]
     varying = {"law": shown * np.linspace(0.5, 1.0, POINTS)}
     starts |= {n: at_start(p, varying) for n, p in free.items() if p.driver == "law"}
+    readings |= usual(effect, varying)
 
     def value(changed: Mapping[str, float]) -> Array:
         known = {**readings, **starts, **changed}
         known |= plain_laws(join, known, np.random.default_rng(i))
-        known |= of_law(effect, known)
+        if any(p.driver == "law" for p in effect.parameters.values()):
+            known["law"] = varying["law"]
         # Off its rest by a fifth, what is stored moves at its rate, within its limits.
         known |= dict.fromkeys(effect.states, 0.8 * known["law"])
         parts = [law.expression for law in join.laws]

@@ -236,7 +236,8 @@ def has_drivers(system: System, candidate: Candidate) -> bool:
     A law that bends where a reading is at rest would only fit the noise of that reading.
     """
     data = system.data
-    for name in candidate.drivers.values():
+    asked = (u.driver for u in candidate.unknowns if u.driver is not None)
+    for name in dict.fromkeys((*candidate.drivers.values(), *asked)):
         if name == TIME:
             continue
         values = data.values.get(name)

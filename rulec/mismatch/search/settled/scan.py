@@ -299,29 +299,34 @@ def _pairs_of(
     most: int,
     paired: int,
 ) -> list[tuple[float, tuple[int, ...]]]:
-    """The best pairs of columns of different candidates, with the log odds they would gain."""
+    """The best pairs of columns, with the log odds they would gain: of different candidates, or
+    two amplitudes of one, which is expected once."""
     low, high = bounds
     kept = np.argsort(-single)[:paired]
     first, second = (kept[i] for i in np.triu_indices(len(kept), 1))
-    apart = np.array(
-        [
-            every[i].candidate.id != every[j].candidate.id
-            for i, j in zip(first, second, strict=True)
-        ],
-        dtype=bool,
-    )
-    first, second = first[apart], second[apart]
+    both_ways = [(every[i], every[j]) for i, j in zip(first, second, strict=True)]
+    apart = np.array([a.candidate.id != b.candidate.id for a, b in both_ways], dtype=bool)
+    whole = np.array([_is_one(a, b) for a, b in both_ways], dtype=bool)
+    legal = apart | whole
+    first, second, whole = first[legal], second[legal], whole[legal]
     both = gram[first, second]
     determinant = np.maximum(own[first] * own[second] - both**2, 1e-12)
     one = -(own[second] * moment[first] - both * moment[second]) / determinant
     other = -(own[first] * moment[second] - both * moment[first]) / determinant
     gain = -0.5 * (moment[first] * one + moment[second] * other) - 0.5 * np.log(determinant)
-    gain += odds[first] + odds[second]
+    gain += odds[first] + odds[second] - np.where(whole, _odds(every)[second], 0.0)
     legal = (one >= low[first]) & (one <= high[first])
     legal &= (other >= low[second]) & (other <= high[second])
     gain = np.where(legal, gain, -np.inf)
     best = np.argsort(-gain)[:most]
     return [(float(gain[i]), (int(first[i]), int(second[i]))) for i in best]
+
+
+def _is_one(a: Column, b: Column) -> bool:
+    """Are two columns amplitudes of one candidate of the same shape that is there throughout?"""
+    throughout = a.since is None and b.since is None and a.course is None and b.course is None
+    alike = a.candidate.id == b.candidate.id and a.amplitude.id != b.amplitude.id
+    return throughout and alike and a.values == b.values
 
 
 def _odds(every: Sequence[Column]) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..units import BAR, Array
-from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, warmer
+from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, middle, quantile, warmer
 from .scene import Scene
 from .term import Kind, Reading, Term
 
@@ -35,6 +35,43 @@ def _offset(signal: str, unit: float, name: str = "z") -> Make:
         return Made((Reading(f"{module}.{signal}", lambda v: v + off * unit),), {name: off})
 
     return make
+
+
+def misadjusted(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """A pressure transmitter with wrong span (`size`) and a zero that makes up for it in part.
+
+    `z` is what it reads too much at its median reading.
+    """
+    gain = float(random.choice([-1.0, 1.0])) * size
+    true = middle(scene.plain[f"{module}.dp"])
+    zero = -gain * true * float(random.uniform(0.3, 1.2))
+
+    def shown(value: Array) -> Array:
+        return value * (1.0 + gain) + zero
+
+    return Made((Reading(f"{module}.dp", shown),), {"x": gain, "o": zero / BAR})
+
+
+def two_slope(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """Above a pressure the transmitter shows each further one larger by the share `size`."""
+    kink = quantile(scene.plain[f"{module}.dp"], float(random.uniform(0.3, 0.7)))
+
+    def shown(value: Array) -> Array:
+        return value + size * np.maximum(value - kink, 0.0)
+
+    return Made((Reading(f"{module}.dp", shown),), {"b": size, "r_c": kink / BAR})
+
+
+def bent(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    """What is shown too much rises with the square of the distance from the usual pressure."""
+    values = scene.plain[f"{module}.dp"]
+    usual, reach = middle(values), 0.5 * float(np.ptp(values))
+
+    def shown(value: Array) -> Array:
+        return value + size * (value - usual) ** 2 / reach
+
+    own = Reading(f"{module}.dp", shown)
+    return Made((own,), {"b": size, "r0": usual / BAR, "w0": reach / BAR})
 
 
 def speed_gain(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
@@ -81,6 +118,14 @@ def _effects() -> Iterator[Effect]:
                  kinds=DOSING)  # fmt: skip
     yield Effect("power-zero", "zero of the power off", "sensor", 12.0, 120.0, _offset("P_el", 1.0),
                  kinds=DOSING)  # fmt: skip
+    yield Effect("dp-misadjusted", "zero and span of the pressure off", "sensor", 0.01, 0.6,
+                 misadjusted, kinds=DOSING)  # fmt: skip
+    yield Effect("dp-two-slope", "gain of the pressure changes at a value", "sensor", 0.01, 2.0,
+                 two_slope, kinds=DOSING, corner=True)  # fmt: skip
+    yield Effect("dp-bent", "pressure not in proportion", "sensor", 0.005, 0.2, bent,
+                 kinds=DOSING)  # fmt: skip
+    yield Effect("power-zero-creep", "zero of the power creeps", "sensor", 0.1, 50.0,
+                 _follows("P_el", _added, "t", 1.0, "z"), timed=True, slow=True)  # fmt: skip
     yield Effect("speed-gain", "speed shown wrong", "sensor", 0.01, 0.3, speed_gain, kinds=DOSING)
     yield Effect("dp-zero-warm", "zero of the pressure follows temperature", "sensor", 20.0, 4000.0,
                  _follows("dp", _added, "T", BAR, "z"), kinds=DOSING, driver="T")  # fmt: skip

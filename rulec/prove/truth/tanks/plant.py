@@ -166,6 +166,8 @@ class LevelSensor:
 
     Errors: `offset`, `slope` (of the gain), `lag`, `dead_time`, `play` (width of the hysteresis),
     `step` (of a coarse display), `limit` (highest voltage), `drift` (V per s), `stuck` (from, to),
+    `kink` (voltage, and share by which the gain is higher above it), `floor` (lowest voltage),
+    `overload` (voltage, and share of what peaks had above it that stays on the reading),
     `jet` (V per (cm3/s)**2 of what falls in; no plain law knows that).
     `colour` is the coefficient of its noise, of order one; `wander` how its zero drifts in its
     class.
@@ -183,6 +185,9 @@ class LevelSensor:
     play: float = 0.0
     step: float = 0.0
     limit: float = math.inf
+    kink: tuple[float, float] = (math.inf, 0.0)
+    floor: float = -math.inf
+    overload: tuple[float, float] = (math.inf, 0.0)
     drift: float = 0.0
     stuck: tuple[float, float] | None = None
     jet: float = 0.0

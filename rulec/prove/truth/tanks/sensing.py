@@ -31,6 +31,10 @@ def _value(sensor: LevelSensor, time: Array, level: Array, falls: Array) -> Arra
     if sensor.wander is not None:
         first = sensor.zero / LEVEL_ZERO
         value = value + LEVEL_ZERO * (sensor.wander(first, value.size) - first)
+    bend, steeper = sensor.kink
+    value = value + steeper * np.maximum(value - bend, 0.0)
+    most, kept = sensor.overload
+    value = value + kept * np.maximum(np.maximum.accumulate(value) - most, 0.0)
     return with_play(value, sensor.play) if sensor.play else value
 
 
@@ -45,7 +49,7 @@ def _kept(sensor: LevelSensor, time: Array, value: Array, seed: int | None) -> A
         value = value + sensor.noise * (coloured(white, sensor.colour) if sensor.colour else white)
     if sensor.step:
         value = np.round(value / sensor.step) * sensor.step
-    value = np.minimum(value, sensor.limit)
+    value = np.clip(value, sensor.floor, sensor.limit)
     if sensor.converter and seed is not None:
         value = np.round(value / sensor.converter) * sensor.converter
     if sensor.stuck is not None:

@@ -34,6 +34,31 @@ def clipping(scene: Scene, plant: Plant, place: str, size: float, random: Random
     return _with(plant, replace(sensor, limit=limit), {"limit": (limit, "V")})
 
 
+def live_zero(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """The transmitter begins late; `size` is the share of samples that it cannot show."""
+    sensor = plant.sensor(place)
+    floor = round(float(np.quantile(sensor.gain * scene.levels(place), size)), 2)
+    return _with(plant, replace(sensor, floor=floor), {"floor": (floor, "V")})
+
+
+def two_slope(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """Above a voltage the gain is higher by the share `size`."""
+    sensor = plant.sensor(place)
+    shown = sensor.gain * scene.levels(place)
+    kink = round(float(np.quantile(shown, random.uniform(0.3, 0.7))), 2)
+    values = {"kink": (kink, "V"), "steeper": (size, "1")}
+    return _with(plant, replace(sensor, kink=(kink, size)), values)
+
+
+def overload(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
+    """Of what a peak had above a voltage the share `size` stays on the reading."""
+    sensor = plant.sensor(place)
+    shown = sensor.gain * scene.levels(place)
+    most = round(float(np.quantile(shown, random.uniform(0.5, 0.8))), 2)
+    values = {"overload": (most, "V"), "kept": (size, "1")}
+    return _with(plant, replace(sensor, overload=(most, size)), values)
+
+
 def _drift(sign: float) -> Make:
     def make(scene: Scene, plant: Plant, place: str, size: float, random: Random) -> Built:
         rate = sign * size / (scene.time_at(1.0) - scene.time_at(0.0))
@@ -63,6 +88,9 @@ SENSOR_EFFECTS = (
     _error("gain-high", "gain too high", 0.02, 0.4, _set("slope", "slope", "1")),
     _error("gain-low", "gain too low", 0.02, 0.4, _set("slope", "slope", "1", -1.0)),
     _error("clipping", "highest voltage", 0.01, 0.8, clipping),
+    _error("live-zero", "lowest voltage", 0.01, 0.8, live_zero),
+    _error("two-slope", "gain changes at a voltage", 0.05, 1.5, two_slope),
+    _error("overload", "keeps a part of peaks", 0.02, 0.6, overload),
     _error("lag", "lags", 1.0, 200.0, _set("lag", "time constant", "s")),
     _error("dead-time", "shows the past", 1.0, 150.0, _set("dead_time", "dead time", "s")),
     _error("hysteresis", "play", 0.1, 6.0, _set("play", "width", "V")),
