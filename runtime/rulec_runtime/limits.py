@@ -111,6 +111,25 @@ SETTLED = 4.0
 """A reading has settled when it differs from the next few, its drift apart, by this many times its
 noise or less. Origin: assumed."""
 
+# Slow motion -----------------------------------------------------------------------------------
+
+SENSOR_LAG = 1.0
+"""Standard uncertainty of the lag of a reading behind the others, s: the response of its sensor and
+the damping set in its transmitter. Origin: assumed; transmitters and converters of process plants
+are mostly damped by some tenths of a second to two seconds."""
+
+AGE_OF_SAMPLE = 12.0**-0.5
+"""Standard uncertainty of the age of a logged reading, in sampling intervals: it is up to one
+interval old. Origin: distribution, rectangular (GUM 4.3.7)."""
+
+LONGEST_SLOW = 5
+"""Samples of a piece of slow motion, roughly: over more of them laws are not straight. Origin:
+assumed."""
+
+TOO_FAST = 0.1
+"""Share of a flow by which lags may be wrong for its estimate to be used: beyond, first order no
+longer holds. Origin: assumed; the second order is then a few thousandths."""
+
 # Tables of operating points --------------------------------------------------------------------
 
 MOVING_ROWS = 3.0

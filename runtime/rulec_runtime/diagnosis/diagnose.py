@@ -11,9 +11,8 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
-from rulec_runtime.diagnosis.steady.seen import see_stretches
+from rulec_runtime.diagnosis.steady.seen import judgeable, see_stretches
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import settle
 from rulec_runtime.recordings.wall_clock import Calendar
 
 
@@ -81,7 +80,7 @@ def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
 
 def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
     """Number of judged samples, and what the settled stretches say."""
-    stretches, noise = settle(recording, ruleset)
+    stretches, noise = judgeable(recording, ruleset, mode)
     found = Found([], [], [])
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])

@@ -9,11 +9,10 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.seen import Seen, see_samples, see_stretches
+from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_samples, see_stretches
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.steady.verdict import verdict_at
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import settle
 
 QUIET = ("ok", "cannot judge")
 """Words that give way to what another block of estimates says."""
@@ -31,7 +30,7 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
         from rulec_runtime.diagnosis.stores.trace import trace_stores
 
         return trace_stores(recording, ruleset, judge_stores(recording, ruleset))
-    stretches, noise = settle(recording, ruleset)
+    stretches, noise = judgeable(recording, ruleset, mode)
     words = ["moving"] * len(recording)
     degree = np.zeros((len(ruleset.faults), len(recording)))
     half = np.zeros_like(degree)

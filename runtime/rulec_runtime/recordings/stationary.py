@@ -53,8 +53,15 @@ def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str,
     """Settled stretches, and the noise of every reading within them, SI."""
     noise = noise_at_work(recording, ruleset)
     stretches = find_stretches(recording, ruleset, noise)
+    return stretches, noise_within(recording, stretches, noise)
+
+
+def noise_within(
+    recording: Recording, stretches: Stretches, noise: Mapping[str, float]
+) -> dict[str, float]:
+    """Noise of every reading within stretches, SI; as given where they show none."""
     within = _within(stretches, len(recording))
-    return stretches, {
+    return {
         name: _noise_of_second(np.diff(values, 2)[within], noise[name])
         for name, values in recording.values.items()
     }
@@ -106,8 +113,12 @@ def find_stretches(
     noise: Mapping[str, float],
     observers: Sequence[ObserverSpec] | None = None,
     longest: int = limits.LONGEST_STRETCH,
+    ramps: bool = False,
 ) -> Stretches:
-    """Settled stretches by all readings that some observer (or one of those given) uses."""
+    """Settled stretches by all readings that some observer (or one of those given) uses.
+
+    With `ramps` readings may move evenly: a stretch ends only where a rate changes at once.
+    """
     n = len(recording)
     breaks = np.zeros(n, dtype=bool)
     breaks[0] = True
@@ -133,7 +144,12 @@ def find_stretches(
         readable = np.isfinite(values)
         latest = np.maximum.accumulate(np.where(readable, np.arange(n), 0))
         with np.errstate(invalid="ignore"):
-            jumps[1:] |= np.abs(np.diff(values[latest])) > limit
+            if ramps:
+                # A second difference has three times the variance of a first one.
+                bend = max(limits.JUMP * np.sqrt(6.0) * noise[signal.id], floor)
+                jumps[2:] |= np.abs(np.diff(values[latest], 2)) > bend
+            else:
+                jumps[1:] |= np.abs(np.diff(values[latest])) > limit
             jumps |= _shifts(values[latest], max(limit / np.sqrt(limits.SHORTEST_STRETCH), floor))
         breaks[_edges_of_long(~readable)] = True
     return _cut(breaks | jumps, jumps, np.array(levels).reshape(-1, n), longest)

@@ -13,10 +13,15 @@ from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.seen import Seen, residuals_seen, see_samples, see_stretches
+from rulec_runtime.diagnosis.steady.seen import (
+    Seen,
+    judgeable,
+    residuals_seen,
+    see_samples,
+    see_stretches,
+)
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import settle
 from rulec_runtime.report.thin_curves import COLUMNS
 from rulec_runtime.report.wording import l_per_h, worst_first
 
@@ -179,7 +184,7 @@ def _focus(diagnosis: Diagnosis) -> tuple[float, float] | None:
 def _batches(recording: Recording, diagnosis: Diagnosis) -> Iterator[tuple[np.ndarray, list[Seen]]]:
     """All samples, seen as the diagnosis saw their stretches."""
     ruleset = diagnosis.ruleset
-    stretches, noise = settle(recording, ruleset)
+    stretches, noise = judgeable(recording, ruleset, diagnosis.mode)
     if len(stretches):
         known = see_stretches(recording, ruleset, stretches, noise, diagnosis.mode)
         every = np.arange(len(recording))

@@ -96,7 +96,9 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
     verdicts = [verdict_at(ruleset, seen, i) for i in range(len(stretches))]
     found = Found([], [], _in_part(time, ruleset, stretches, seen))
     known: frozenset[int] = frozenset()
-    for kind, members in runs_of(verdicts, seen.isolation, _pauses(time, stretches)):
+    for kind, members in runs_of(
+        verdicts, seen.isolation, _pauses(time, stretches), _slow(ruleset, seen)
+    ):
         since = float(time[stretches.first[members[0]]])
         until = float(time[stretches.last[members[-1]] - 1])
         text = verdicts[members[0]].text
@@ -173,6 +175,12 @@ def _in_part(
             found.append(Period(since, until, text))
         last = text
     return found
+
+
+def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
+    """Stretches in which a reading moves that an estimate reads."""
+    lag = seen.plain.points.lag
+    return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
 def _pauses(time: Array, stretches: Stretches) -> set[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
 
 Gradients = dict[str, dict[int, Array]]
@@ -24,7 +25,9 @@ class Points:
 
     `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
     systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
-    flags with a reason in `why`; `time` shape (n,), s, where the points follow each other.
+    flags with a reason in `why`; `time` shape (n,), s, where the points follow each other. `lag`
+    is by how much readings that move are off if their lag is one standard uncertainty, signed,
+    shape (n,), SI; no part of `u`.
     """
 
     values: Mapping[str, Array]
@@ -33,6 +36,7 @@ class Points:
     bad: Mapping[str, np.ndarray]
     why: Mapping[str, str]
     time: Array | None = None
+    lag: Mapping[str, Array] = field(default_factory=dict)
 
     def statistical(self, signal: str) -> Array:
         """Standard uncertainty that is new at each point, shape (n,), SI."""
@@ -42,12 +46,16 @@ class Points:
 
     def at(self, chosen: np.ndarray) -> Points:
         """Some of the points."""
-        values, u, systematic, bad = (
+        values, u, systematic, bad, lag = (
             {name: part[chosen] for name, part in table.items()}
-            for table in (self.values, self.u, self.systematic, self.bad)
+            for table in (self.values, self.u, self.systematic, self.bad, self.lag)
         )
         time = None if self.time is None else self.time[chosen]
-        return Points(values, u, systematic, bad, self.why, time)
+        return Points(values, u, systematic, bad, self.why, time, lag)
+
+    def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
+        """Standard uncertainties with that by lags, shape (n,) each, SI."""
+        return {n: np.hypot(part, self.lag[n]) if n in self.lag else part for n, part in u.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +70,8 @@ class Observed:
         of readings and the observers' own misfit; (m3/s)^2.
     scatter : as `noise`, of the noise of readings alone.
     shared : shape (observers, errors, n): derivative by each error that stays over a recording
-        (systematic errors of sensors, the calibration) times its standard uncertainty, m3/s.
+        (systematic errors of sensors, their lags, the calibration) times its standard uncertainty,
+        m3/s.
     offsets : shape (observers, n), what the baseline says to take from each flow, m3/s.
     covariance : shape (n, observers, observers), of flows less offsets, (m3/s)^2.
     residuals, residual_u : shape (residuals, n), m3/s.
@@ -146,7 +155,8 @@ def points_of_stretches(
         systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
         u[signal.id] = np.hypot(systematic[signal.id], statistical)
     middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
-    return Points(values, u, systematic, flags, why, middle)
+    lag = lag_errors(recording, ruleset, stretches, noise)
+    return Points(values, u, systematic, flags, why, middle, lag)
 
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
@@ -166,7 +176,8 @@ def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str
 def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
     """Inputs of the plan: readings, uncertainties (by default in full), all of the calibration."""
     inputs: dict[str, Array | float] = {**points.values}
-    inputs.update({f"u:{name}": part for name, part in (u or points.u).items()})
+    of_readings = points.with_lag(points.u) if u is None else u
+    inputs.update({f"u:{name}": part for name, part in of_readings.items()})
     inputs["u:parameters"] = 1.0
     inputs["u:model"] = 1.0
     return inputs
@@ -178,14 +189,17 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     n = max((len(v) for v in points.values.values()), default=0)
     results = ruleset.plan.select(names).run(plan_inputs(points))
     spreads = [f"u:{r.id}" for r in ruleset.residuals]
-    systematic = ruleset.plan.select(spreads).run(plan_inputs(points, points.systematic))
+    lasting_u = points.with_lag(points.systematic)
+    systematic = ruleset.plan.select(spreads).run(plan_inputs(points, lasting_u))
     out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
     observers = ruleset.observers
     flows = np.array([out[f"q:{o.id}"] for o in observers])
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= _usable(ruleset, observer, points, out, n)
-    scatter, noise, lasting, shared = _errors(ruleset, points, n)
+    scatter, noise, lasting, shared, late = _errors(ruleset, points, n)
+    with np.errstate(invalid="ignore"):
+        valid &= late <= limits.TOO_FAST * np.abs(flows)
     return Observed(
         points=points,
         flows=flows,
@@ -227,10 +241,10 @@ def flows_at(ruleset: Ruleset, points: Points) -> Array:
     return np.array([np.broadcast_to(results[name], (n,)) for name in names])
 
 
-def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array, Array]:
+def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array, Array, Array]:
     """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
-    at every point and of what stays over a recording, and gradients by the latter, shape
-    (observers, errors, n)."""
+    at every point and of what stays over a recording, gradients by the latter, shape
+    (observers, errors, n), and standard uncertainties by lags alone, shape (observers, n)."""
     names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
     unit = dict.fromkeys(points.values, np.ones(n))
     slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
@@ -238,6 +252,7 @@ def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Arr
     scatter: Gradients = {}
     misfits: Gradients = {}
     lasting: Gradients = {}
+    late = np.zeros((len(row), n))
     # A reading beyond all limits has no slope; its estimate is not used.
     with np.errstate(invalid="ignore"):
         for name in names:
@@ -251,11 +266,16 @@ def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Arr
                 systematic = points.systematic[error]
                 own = slopes[name] * points.statistical(error)
                 scatter.setdefault(error, {})[row[observer]] = own
+            if error in points.lag:
+                own = slopes[name] * points.lag[error]
+                lasting.setdefault(f"lag:{error}", {})[row[observer]] = own
+                late[row[observer]] += own**2
             lasting.setdefault(error, {})[row[observer]] = slopes[name] * systematic
         shape = (len(row), n)
         read = _covariance(scatter, shape)
         new = read + _covariance(misfits, shape)
-        return read, new, _covariance(lasting, shape), _stacked(lasting, shape)
+        stays, gradients = _covariance(lasting, shape), _stacked(lasting, shape)
+        return read, new, stays, gradients, np.sqrt(late)
 
 
 def _covariance(gradients: Gradients, shape: tuple[int, int]) -> Array:
@@ -314,4 +334,6 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
             return f"{name} is below {signal.shown(signal.minimum):.3g} {signal.unit}"
     if spec.guards and not np.isfinite(observed.flows[observer, point]):
         return f"{spec.id}: {spec.guards[0].text} is not positive"
+    if observed.flows[observer, point] > 0:
+        return f"{spec.id}: readings change too fast"
     return f"{spec.id} gives no positive flow"

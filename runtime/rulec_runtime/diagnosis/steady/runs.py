@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 
 import numpy as np
 
@@ -16,14 +16,15 @@ ASIDE = ("blind",)
 
 
 def runs_of(
-    verdicts: list[Verdict], isolation: Isolation, pauses: set[int]
+    verdicts: list[Verdict], isolation: Isolation, pauses: set[int], slow: Set[int] = frozenset()
 ) -> Iterator[tuple[str, list[int]]]:
     """Runs of stretches that say the same, as (kind, stretches).
 
     Stretches with a fault belong together as long as one cause is plausible in all of them and
     the degree stays within its bounds. Stretches that cannot show the fault interrupt nothing;
     those that cannot be judged are reported apart. `pauses` are stretches after a long pause of
-    the recording.
+    the recording. `slow` ones, in which readings move, say less of a degree: whether a settled
+    stretch goes on with a run is judged by the settled ones before it, where there are any.
     """
     open_runs: dict[str, list[int]] = {}
     for i, verdict in enumerate(verdicts):
@@ -31,7 +32,7 @@ def runs_of(
         members = open_runs.setdefault(track, [])
         if members and _cannot_see(verdicts, isolation, members, i):
             continue
-        if members and (i in pauses or not _continues(verdicts, isolation, members, i)):
+        if members and (i in pauses or not _continues(verdicts, isolation, members, i, slow)):
             yield verdicts[members[0]].kind, members
             members = open_runs[track] = []
         if track == "plant":
@@ -58,7 +59,11 @@ def _cannot_see(
 
 
 def _continues(
-    verdicts: list[Verdict], isolation: Isolation, members: list[int], point: int
+    verdicts: list[Verdict],
+    isolation: Isolation,
+    members: list[int],
+    point: int,
+    slow: Set[int],
 ) -> bool:
     """Does a stretch go on with a run?"""
     first, here = verdicts[members[0]], verdicts[point]
@@ -68,7 +73,8 @@ def _continues(
         return first.text == here.text
     if here.kind != "fault":
         return True
-    recent = members[-limits.LOOK_BACK :]
+    rests = [m for m in members if m not in slow] or members
+    recent = rests[-limits.LOOK_BACK :]
     common = (isolation.probability[:, [*recent, point]] > limits.HOLDS_TOGETHER).all(axis=1)
     steady = [i for i in np.flatnonzero(common) if _steady(isolation, int(i), recent, point)]
     return len(steady) >= len(here.faults)

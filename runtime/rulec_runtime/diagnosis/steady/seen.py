@@ -23,7 +23,8 @@ from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.stationary import Stretches
+from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
+from rulec_runtime.recordings.stationary import Stretches, settle
 
 BATCH = 16_384
 """Samples judged at a time, so that memory stays flat."""
@@ -48,6 +49,13 @@ class Seen:
     isolation: Isolation
     combined: bool
     wander: Array
+
+
+def judgeable(
+    recording: Recording, ruleset: Ruleset, mode: str
+) -> tuple[Stretches, dict[str, float]]:
+    """Stretches that a mode judges, and the noise of readings; the paper knows settled ones."""
+    return settle(recording, ruleset) if mode == PAPER else settle_or_slow(recording, ruleset)
 
 
 def see_stretches(
@@ -112,6 +120,8 @@ def see_samples(
     points = points_of_samples(recording, ruleset, noise)
     place = np.searchsorted(stretches.first, np.arange(len(recording)), side="right") - 1
     place = np.maximum(place, 0)
+    lag = lag_errors(recording, ruleset, stretches, noise)
+    points = replace(points, lag={name: errors[place] for name, errors in lag.items()})
     for low in range(0, len(chosen), BATCH):
         here = chosen[low : low + BATCH]
         whole = observe(ruleset, points.at(here))

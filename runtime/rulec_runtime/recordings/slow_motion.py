@@ -1,0 +1,121 @@
+"""Readings that move slowly: which samples still say something, and by how much they may be off.
+
+A law holds for readings of one moment. A reading that lags shows what was so earlier: to first
+order it is off by its lag times its rate of change. The lag of a sensor stays the same, so this
+error has one sign along a ramp and does not average out.
+
+Source: own derivation, docs/method.md; the first order of a lag in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import (
+    Stretches,
+    find_stretches,
+    noise_at_work,
+    noise_within,
+    systematic_u,
+)
+
+
+def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
+    """Settled stretches and pieces of slow motion between them, in order of time; the noise of
+    every reading while it is settled, SI."""
+    noise = noise_at_work(recording, ruleset)
+    settled = find_stretches(recording, ruleset, noise)
+    within = noise_within(recording, settled, noise)
+    return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True)), within
+
+
+def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
+    """Settled stretches, and what lies between them of stretches in which readings move evenly.
+
+    What moves is cut into short pieces, as laws are not straight.
+    """
+    free = np.zeros(max(smooth.last.max(initial=0), settled.last.max(initial=0)) + 1, dtype=bool)
+    for low, high in zip(smooth.first, smooth.last, strict=True):
+        free[low:high] = True
+    starts = np.zeros(len(free), dtype=bool)
+    starts[smooth.first] = True
+    for low, high in zip(settled.first, settled.last, strict=True):
+        free[low:high] = False
+    first, last = list(settled.first), list(settled.last)
+    begins = np.flatnonzero(free & (starts | ~np.concatenate([[False], free[:-1]])))
+    for begin in begins.tolist():
+        stop = begin + 1
+        while free[stop] and not starts[stop]:
+            stop += 1
+        pieces = max(1, (stop - begin) // limits.LONGEST_SLOW)
+        for low, high in pairwise(np.linspace(begin, stop, pieces + 1).astype(int)):
+            if high - low >= limits.SHORTEST_STRETCH:
+                first.append(low)
+                last.append(high)
+    order = np.argsort(first, kind="stable")
+    return Stretches(np.array(first, dtype=int)[order], np.array(last, dtype=int)[order])
+
+
+def lag_errors(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
+) -> dict[str, Array]:
+    """By how much each reading is off, on average over each stretch, if its lag is one standard
+    uncertainty: SI, with the sign of its rate, shape (n,); readings that never move are left out.
+
+    A rate that noise may have made, or that moves a reading by next to nothing, is none.
+    """
+    found: dict[str, Array] = {}
+    lag = lag_u(recording)
+    for signal in ruleset.signals:
+        values = recording.values.get(signal.id)
+        if values is None or not len(stretches):
+            continue
+        rate, u = _rates(recording.time, values, stretches, noise[signal.id])
+        level = _means(values, stretches.first, stretches.last)[0]
+        least = limits.NO_CHANGE * systematic_u(signal, level)
+        with np.errstate(invalid="ignore"):
+            moves = (np.abs(rate) > limits.THRESHOLD * u) & (lag * np.abs(rate) > least)
+        if moves.any():
+            found[signal.id] = np.where(moves, lag * rate, 0.0)
+    return found
+
+
+def lag_u(recording: Recording) -> float:
+    """Standard uncertainty of the lag of a reading, s: that of its sensor, and that a logger may
+    show a value that is up to one sample old."""
+    steps = np.diff(recording.time)
+    interval = float(np.median(steps)) if len(steps) else 0.0
+    return float(np.hypot(limits.SENSOR_LAG, limits.AGE_OF_SAMPLE * interval))
+
+
+def _rates(time: Array, values: Array, stretches: Stretches, noise: float) -> tuple[Array, Array]:
+    """Rate of change within each stretch, SI/s, and its standard uncertainty by noise: the mean of
+    its last part less that of its first. Shape (n,) each."""
+    length = np.maximum(stretches.lengths // 2, 1)
+    early, number = _means(values, stretches.first, stretches.first + length)
+    late, behind = _means(values, stretches.last - length, stretches.last)
+    between = (
+        _means(time, stretches.last - length, stretches.last)[0]
+        - _means(time, stretches.first, stretches.first + length)[0]
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rate = (late - early) / between
+        u = noise * np.sqrt(1.0 / number + 1.0 / behind) / between
+    return rate, u
+
+
+def _means(values: Array, first: np.ndarray, last: np.ndarray) -> tuple[Array, Array]:
+    """Means of the samples ``first : last`` that have a reading, and how many these are."""
+    known = np.isfinite(values)
+    sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+    counts = np.concatenate([[0], np.cumsum(known)])
+    number = (counts[last] - counts[first]).astype(float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return (sums[last] - sums[first]) / number, number
