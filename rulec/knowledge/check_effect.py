@@ -228,10 +228,6 @@ class EffectReader(Reader):
             self.report((*path, "unit"), "KB053", message, hint)
         return driver
 
-    def _joins_signals(self) -> bool:
-        """Is ``law`` a reading wherever the effect joins?"""
-        return all({"reads", "shows"} & join.keys() for join in self.document.data["joins"])
-
     def _check_used(self, effect: Effect, joins: list[tuple[int, Join]]) -> None:
         """Free parameters stand in every law, drivers and fixed ones in one at least."""
         used = [needed_by(join, effect.parameters, effect.states) for _, join in joins]
