@@ -697,8 +697,9 @@ NOISE_SCALES = (0.5, 0.65, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0)
 NOISE_KNOWN = 1.5
 """Factor to which the size of the noise is known before. Origin: assumed."""
 
-EFFECT_FORM = 0.03
-"""Usual error of form of an effect's own law, as share of what it changes. Origin: assumed."""
+EFFECT_FORM = 0.1
+"""Usual error of form of an effect's own law, as share of what it changes: straight lines and
+exponentials stand for what follows a temperature over a wide range. Origin: assumed."""
 
 TERM_SIZES = (1.0, 3.0, 10.0, 30.0, 95.0, 300.0, 950.0, 3000.0)
 """Sizes of terms without a name that are tried, in units of the noise of a point. Origin:

@@ -10,8 +10,6 @@ from rulec_runtime.recordings.recording import Recording
 
 from rulec.mismatch.evidence.samples import ESTIMATION, HELDOUT, PATTERN, SELECTION
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
-from rulec.mismatch.evidence.steady.states import averaged
-from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.limits import POINT_BUDGET
 from tests.runtime.mismatch.made import HOLD, alone, compared, opened, recorded, tour
 
@@ -119,25 +117,6 @@ def test_gaps_and_lost_readings_are_left_out(run: Recording) -> None:
     assert not np.any((data.time[usable] > 101) & (data.time[usable] < 129))
     assert not np.any((data.time > 200) & (data.time < 5200))
     assert np.any(data.time > 5200)
-
-
-def test_a_slow_ramp_counts_with_an_error_by_its_lag() -> None:
-    """Most samples of a ramp are points; how far their lag may move them grows with the rate."""
-    rules, _ = alone()
-    speed = tour(rules, SAMPLES)["A.n"][0] * np.ones(SAMPLES)
-    speed[100:200] *= np.linspace(1.0, 1.4, 100)
-    speed[200:] *= 1.4
-    made = recorded(alone(), {"A.n": speed})
-    data = prepared(made)
-    assert (data.sample[105:195] >= 0).mean() > 0.5
-    moves = data.points.lag["A.n"] > 0.0
-    assert 0.004 * speed[0] == pytest.approx(np.median(data.points.lag["A.n"][moves]), rel=0.3)
-    assert np.all((data.time[moves] > 95) & (data.time[moves] < 205))
-    assert np.allclose(data.noise["A.n"], np.hypot(data.scatter("A.n"), data.points.lag["A.n"]))
-    means = averaged(System(*alone(), data), np.zeros(0))
-    of_lag = np.abs(means.points.lag["A.n"])
-    assert np.all(means.noise["A.n"] >= of_lag)
-    assert np.median(of_lag[of_lag > 0.0]) > 0.5 * np.median(data.points.lag["A.n"][moves])
 
 
 def test_nothing_settled_cannot_be_judged(run: Recording) -> None:

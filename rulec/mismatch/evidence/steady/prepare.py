@@ -1,4 +1,4 @@
-"""Points of a recording that are settled or move slowly, and which of them serve for what."""
+"""Settled points of a recording, and which of them serve for what."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
 from rulec_runtime.limits import LONGEST_STRETCH
 from rulec_runtime.recordings.point_table import each_row, follows_a_course, is_point_table
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.slow_motion import lag_errors, with_slow_pieces
 from rulec_runtime.recordings.stationary import (
     Stretches,
     find_stretches,
@@ -40,11 +39,10 @@ not taken, as a few of so many stretches say the same."""
 
 @dataclass(frozen=True, kw_only=True)
 class Data(Samples):
-    """Points that are settled, or move slowly.
+    """Settled points.
 
-    `block`, shape (n,), is the number of the block of each. `noise` is the standard uncertainty of
-    each reading of a point that other points do not share: its scatter, and where it moves what its
-    lag makes of its rate; `systematic` is what all readings of a sensor share.
+    `block`, shape (n,), is the number of the block of each. `noise` is the statistical standard
+    uncertainty of each reading of a point, `systematic` what all readings of a sensor share.
     `of_rows` tells that each row of the recording is a settled point of its own, `stretches` which
     rows are behind each point. `moving` are flags per module, shape (n,): while one ramps, the
     others may be judged. `sample`, shape (samples,), has the number of the point of each sample of
@@ -67,19 +65,11 @@ class Data(Samples):
         """Readings, shape (n,), SI."""
         return self.points.values
 
-    def scatter(self, signal: str) -> Array:
-        """The part of the noise of a reading that averages out, shape (n,), SI."""
-        noise, lag = self.noise[signal], self.points.lag.get(signal)
-        if lag is None:
-            return noise
-        part: Array = np.sqrt(np.maximum(noise**2 - lag**2, 0.0))
-        return part
-
 
 def prepare(
     recording: Recording, ruleset: Ruleset, heldout: Sequence[tuple[float, float]] = ()
 ) -> Data | None:
-    """Find the points that are settled or move slowly; None where there are none.
+    """Find the settled points; None where there are none.
 
     Readings that are none are left out; what the model says of them is what is in doubt here.
     """
@@ -91,21 +81,13 @@ def prepare(
         moving: dict[str, np.ndarray] = {}
         noise = dict.fromkeys(noise, 0.0)
         rests = np.ones(len(recording), dtype=bool)
-        lag: dict[str, Array] = {}
     else:
-        parts, moving, rests = settled_parts(recording, ruleset, noise)
-        stretches = _pieces(parts, len(ruleset.observers))
-        moving = {name: flags[_holders(parts, stretches)] for name, flags in moving.items()}
-        # A rate shows in more samples than a point may have.
-        windows = _cut(parts, LONGEST_STRETCH)
-        rates = lag_errors(recording, ruleset, windows, noise)
-        lag = {name: errors[_holders(windows, stretches)] for name, errors in rates.items()}
+        stretches, moving, rests = settled_parts(recording, ruleset, noise)
     if not len(stretches):
         return None
     points = points_of_stretches(recording, ruleset, stretches, noise)
     assert points.time is not None
     time = points.time
-    points = replace(points, lag=lag)
     points = _bridged(points, {s for o in ruleset.observers for s in o.signals})
     statistical = {}
     for signal in ruleset.signals:
@@ -114,8 +96,7 @@ def prepare(
             own = points.statistical(signal.id)
             # A reading that is constant by quantisation or filtering is not therefore exact.
             smallest = floor if of_rows else limits.FLOOR_SHARE * floor / np.sqrt(stretches.lengths)
-            own = np.maximum(own, smallest)
-            statistical[signal.id] = np.hypot(own, lag[signal.id]) if signal.id in lag else own
+            statistical[signal.id] = np.maximum(own, smallest)
     block, part = _split(time, heldout)
     text = _told(time, part, block, heldout)
     sample = _points_of_samples(stretches, rests)
@@ -147,8 +128,8 @@ def _points_of_samples(stretches: Stretches, rests: np.ndarray) -> NDArray[np.in
 def settled_parts(
     recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
 ) -> tuple[Stretches, dict[str, np.ndarray], np.ndarray]:
-    """Pieces of time in which some modules rest or move slowly, by module in which of them it does
-    neither, and all samples in which some do, shape (samples,).
+    """Pieces of time in which some modules rest, by module in which of them it moves, and all
+    samples in which some rest, shape (samples,).
 
     Pumps that are run one by one seldom all rest at once.
     """
@@ -158,9 +139,7 @@ def settled_parts(
     n = len(recording)
     number = np.full((len(own), n), -1)
     for row, observers in zip(number, own.values(), strict=True):
-        settled = find_stretches(recording, ruleset, noise, observers, n)
-        smooth = find_stretches(recording, ruleset, noise, observers, n, ramps=True)
-        found = with_slow_pieces(settled, smooth)
+        found = find_stretches(recording, ruleset, noise, observers, n)
         for i, (low, high) in enumerate(zip(found.first, found.last, strict=True)):
             row[low:high] = i
     rests: np.ndarray = np.any(number >= 0, axis=0)
@@ -168,15 +147,9 @@ def settled_parts(
     first = np.flatnonzero(np.concatenate([[True], changes]))
     last = np.append(first[1:], n)
     kept = rests[first]
-    parts = Stretches(first[kept], last[kept])
-    moving = {module: row[parts.first] < 0 for module, row in zip(own, number, strict=True)}
-    return parts, moving, rests
-
-
-def _holders(parts: Stretches, pieces: Stretches) -> NDArray[np.intp]:
-    """Number of the part that holds the first sample of each piece, shape (pieces,)."""
-    held: NDArray[np.intp] = np.searchsorted(parts.first, pieces.first, side="right") - 1
-    return held
+    pieces = _pieces(Stretches(first[kept], last[kept]), len(ruleset.observers))
+    moving = {module: row[pieces.first] < 0 for module, row in zip(own, number, strict=True)}
+    return pieces, moving, rests
 
 
 def _bridged(points: Points, read: set[str]) -> Points:
@@ -194,23 +167,20 @@ def _pieces(stretches: Stretches, observers: int) -> Stretches:
     """Stretches cut, so that there are as many points as the budget allows, and no more."""
     budget = limits.POINT_BUDGET // max(observers, 1)
     length = min(max(1, -(-int(stretches.lengths.sum()) // budget)), LONGEST_STRETCH)
-    pieces = _cut(stretches, length)
+    first, last = [], []
+    for low, high in zip(stretches.first, stretches.last, strict=True):
+        count = max(1, round((high - low) / length))
+        edges = np.linspace(low, high, count + 1).astype(int)
+        first.append(edges[:-1])
+        last.append(edges[1:])
+    if not first:
+        return stretches
+    pieces = Stretches(np.concatenate(first), np.concatenate(last))
     if len(pieces) <= 1.5 * budget:
         return pieces
     # Many short stretches: every so-manyth is kept, whole.
     keep = np.arange(len(pieces)) % (-(-len(pieces) // budget)) == 0
     return Stretches(pieces.first[keep], pieces.last[keep])
-
-
-def _cut(stretches: Stretches, length: int) -> Stretches:
-    """Stretches cut into pieces of about a length."""
-    counts = np.maximum(np.round(stretches.lengths / length), 1).astype(int)
-    ends = zip(stretches.first, stretches.last, counts, strict=True)
-    edges = [np.linspace(low, high, count + 1).astype(int) for low, high, count in ends]
-    none = np.zeros(0, dtype=int)
-    first = np.concatenate([none, *(e[:-1] for e in edges)])
-    last = np.concatenate([none, *(e[1:] for e in edges)])
-    return Stretches(first, last)
 
 
 def _split(

@@ -51,7 +51,10 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
 
     A law follows from what its module is set to and from the flow through it, and so does what is
     wrong with its form. The flow counts as the plant's inputs set it: a fault that changes it at
-    the same inputs is no error of form.
+    the same inputs is no error of form. Errors have corners, as where a flow turns turbulent: the
+    covariance is that of Matern with one derivative.
+
+    Source: Stein 1999, chapter 1.7.
     """
     every = {n: c for n, c in _inputs(system).items() if _spread(c[0]) > limits.FORM_VARIES * c[1]}
     own = [values for name, (values, _) in every.items() if name.partition(".")[0] == module]
@@ -60,7 +63,8 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
     columns = [values / (limits.FORM_LENGTH * _spread(values)) for values in own]
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
     square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
-    alike: Array = np.exp(-0.5 * square)
+    far = np.sqrt(3.0 * square)
+    alike: Array = (1.0 + far) * np.exp(-far)
     return alike
 
 
@@ -94,7 +98,7 @@ def _course(system: System, name: str) -> tuple[Array, float]:
     """Values of a reading, gaps at the median, and its noise."""
     values = system.data.values[name]
     known = np.nan_to_num(values, nan=float(np.nanmedian(values)))
-    return known, float(np.nanmedian(system.data.scatter(name)))
+    return known, float(np.nanmedian(system.data.noise[name]))
 
 
 def rows_of_states(system: System, cuts: Array | None = None) -> Rows:
@@ -120,18 +124,16 @@ def averaged(system: System, cuts: Array) -> Data:
         means: Array = (np.bincount(group, values) / count)[order]
         return means
 
-    # The error of a held input is the same in all of its points; that by a lag has one sign.
-    lag = {name: mean(v) for name, v in data.points.lag.items()}
-    noise = {}
-    for name in data.noise:
-        own = data.scatter(name)
-        own = mean(own) if name in held else (np.sqrt(np.bincount(group, own**2)) / count)[order]
-        noise[name] = np.hypot(own, lag[name]) if name in lag else own
+    # The error of a held input is the same in all of its points.
+    noise = {
+        n: mean(v) if n in held else (np.sqrt(np.bincount(group, v**2)) / count)[order]
+        for n, v in data.noise.items()
+    }
     values = {name: mean(v) for name, v in data.points.values.items()}
     systematic = {name: mean(v) for name, v in data.points.systematic.items()}
     u = {name: np.hypot(systematic[name], noise.get(name, 0.0)) for name in values}
     points = Points(
-        values, u, systematic, _at(data.points.bad, first), data.points.why, time[order], lag
+        values, u, systematic, _at(data.points.bad, first), data.points.why, time[order]
     )
     stretches = Stretches(data.stretches.first[first], data.stretches.last[first])
     return replace(
@@ -164,13 +166,11 @@ def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
             continue
         usual, noise = (
             (np.bincount(visit, v) / np.bincount(visit))[visit]
-            for v in (values[name], data.scatter(name))
+            for v in (values[name], data.noise[name])
         )
         left = (values[name] - usual) / np.maximum(noise, 1e-300)
         if float(np.sqrt(np.mean(left**2))) < limits.HELD:
             values[name], noises[name] = usual, noise / np.sqrt(count)
-            if name in data.points.lag:
-                noises[name] = np.hypot(noises[name], data.points.lag[name])
             held.add(name)
     return replace(data, points=replace(data.points, values=values), noise=noises), frozenset(held)
 
@@ -208,8 +208,6 @@ def _groups(system: System, cuts: Array) -> NDArray[np.intp]:
     """Number of the group of each point, shape (n,): of one state and block, and as usable."""
     data = system.data
     moving = [np.asarray(flags, dtype=int) for flags in data.moving.values()]
-    # What moves is known less well: it would spoil a mean of what is settled.
-    moving += [np.asarray(errors != 0.0, dtype=int) for errors in data.points.lag.values()]
     bad = [np.asarray(flags) != 0 for flags in data.points.bad.values()]
     state = states_of(system)
     piece = np.searchsorted(cuts, data.time, side="right")

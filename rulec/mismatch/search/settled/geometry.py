@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.extent import usual_size
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
+from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
 from rulec.mismatch.search.settled.basis import Basis
@@ -31,14 +31,22 @@ def number_of_terms(rows: Rows) -> int:
     return count
 
 
+def _smooth_over(alike: Array) -> Array:
+    """Independent functions whose sum has unit variance, shape (n, functions).
+
+    `alike`, shape (n, n), is how alike it is at two points.
+    """
+    size, ways = np.linalg.eigh(alike)
+    kept = size > limits.FORM_RANK * size.max()
+    smooth: Array = ways[:, kept] * np.sqrt(size[kept])
+    return smooth
+
+
 def _smooth_in_time(time: Array) -> Array:
     """Independent smooth courses whose sum has unit variance, shape (n, courses)."""
     phase = (time - time[0]) / max(float(np.ptp(time)), 1e-300)
     alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / limits.FORM_LENGTH) ** 2)
-    size, ways = np.linalg.eigh(alike)
-    kept = size > limits.FORM_RANK * size.max()
-    courses: Array = ways[:, kept] * np.sqrt(size[kept])
-    return courses
+    return _smooth_over(alike)
 
 
 @dataclass(frozen=True)
@@ -126,7 +134,6 @@ class Geometry:
         self._sizes: dict[str, Size] = {}
         self.seen = system.data.open[rows.point]
         self.point = rows.point[self.seen]
-        self.forms = self._forms()
         plain = evaluated(
             rows,
             Configuration(),
@@ -134,6 +141,7 @@ class Geometry:
             known.mean,
             system.data.open,
         )
+        self.forms = self._forms(plain)
         self.moving = self._moving(plain)
         self.held = self._held(plain)
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
@@ -149,26 +157,40 @@ class Geometry:
             self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
         return self._sizes[unknown.id]
 
-    def _forms(self) -> Array:
-        """Rows of errors of form of unit size, shape (rows, errors)."""
-        rows, columns = self.rows, []
-        flows = rows.system.flows(Configuration())
-        likeness_of = cache(lambda module: likeness(rows.system, flows, module))
-        for cell in rows.cells:
-            for i, name in enumerate(cell.outputs):
-                alike = likeness_of(name.partition(".")[0])
-                size, ways = np.linalg.eigh(alike[np.ix_(cell.points, cell.points)])
-                kept = size > limits.FORM_RANK * size.max()
-                smooth = ways[:, kept] * np.sqrt(size[kept])
-                usual = usual_size(rows.system, name)
-                table = np.zeros((len(rows), smooth.shape[1]))
-                weight = (cell.whitener[:, :, i] * usual).T.ravel()
-                table[cell.rows] = weight[:, None] * np.tile(smooth, (cell.rank, 1))
-                columns.append(table[self.seen])
-        left, size, _ = np.linalg.svd(np.concatenate(columns, axis=1), full_matrices=False)
+    def _forms(self, plain: Fitted) -> Array:
+        """Rows of errors of form of unit size, shape (rows, errors).
+
+        Each law has its own. Two meters in one line share no law: where they differ, no error of
+        form explains it.
+        """
+        system = self.rows.system
+        flows = system.flows(Configuration())
+        columns = [np.zeros((len(self.rows), 0))]
+        ways: dict[str, Array] = {}
+        for spot in (s for s in system.builder.spots if s.kind != "signal"):
+            column = spot_column(plain, spot)
+            if column is None:
+                continue
+            if spot.module not in ways:
+                ways[spot.module] = _smooth_over(likeness(system, flows, spot.module))
+            whole = column / self._share_shown(column)
+            columns.append(whole[:, None] * ways[spot.module][self.rows.point])
+        left, size, _ = np.linalg.svd(
+            np.concatenate(columns, axis=1)[self.seen], full_matrices=False
+        )
         kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
         forms: Array = left[:, kept] * size[kept]
         return forms
+
+    def _share_shown(self, column: Array) -> float:
+        """By which share the reading that shows it most is off, per unit of an error of a law."""
+        shares = [0.0]
+        for cell in self.rows.cells:
+            off = np.linalg.solve(cell.whitener, cell.table(column).T[:, :, None])[:, :, 0]
+            for name, errors in zip(cell.outputs, off.T, strict=True):
+                size = float(np.sqrt(np.mean(errors**2)))
+                shares.append(size / usual_size(self.rows.system, name))
+        return max(shares) or 1.0
 
     def _held(self, plain: Fitted) -> Array:
         """Rows of the errors of inputs that are held for several points, shape (rows, errors)."""
