@@ -824,8 +824,8 @@ one. Origin: assumed."""
 # Columns that are not what their header says.
 
 GROSSLY_OFF = 5.0
-"""How far a comparison must be off, in its noise, to count as gross. Origin: normal distribution,
-far beyond any quantile that a recording reaches."""
+"""How far a comparison must be off, in its noise, to count as gross. Origin: distribution, far
+beyond any quantile of a normal one that a recording reaches."""
 
 GROSS_SHARE = 0.05
 """Share of comparisons that must be grossly off before any header is doubted: a wrong column spoils

@@ -113,7 +113,7 @@ noise or less. Origin: assumed."""
 
 # Slow motion -----------------------------------------------------------------------------------
 
-SENSOR_LAG = 1.0
+USUAL_LAG = 1.0
 """Standard uncertainty of the lag of a reading behind the others, s: the response of its sensor and
 the damping set in its transmitter. Origin: assumed; transmitters and converters of process plants
 are mostly damped by some tenths of a second to two seconds."""
@@ -121,6 +121,11 @@ are mostly damped by some tenths of a second to two seconds."""
 AGE_OF_SAMPLE = 12.0**-0.5
 """Standard uncertainty of the age of a logged reading, in sampling intervals: it is up to one
 interval old. Origin: distribution, rectangular (GUM 4.3.7)."""
+
+SEEN_BETWEEN = 5.0
+"""Time between samples up to which slow motion is judged, s. What comes and goes between two
+samples, as a pump that ran for a part of the time, looks like slow motion and is none. Origin:
+assumed."""
 
 LONGEST_SLOW = 5
 """Samples of a piece of slow motion, roughly: over more of them laws are not straight. Origin:

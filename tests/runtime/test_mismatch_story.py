@@ -368,6 +368,7 @@ def test_machine_form_carries_the_repair() -> None:
         "refused": None,
         "checks": [],
         "recalibrated": None,
+        "misread": [],
     } == repair
 
 

@@ -36,7 +36,7 @@ def moving_end(sheet: Sheet) -> Sheet:
     [
         (LEAK, None),
         (replace(LEAK, rows=LEAK.rows[:58]), ""),
-        (moving_end(LEAK), "not settled"),
+        (moving_end(LEAK), "not judged"),
     ],
 )
 def test_what_follows_a_fault_is_said(

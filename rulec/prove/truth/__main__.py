@@ -113,10 +113,22 @@ def _write_examples(name: str, folder: Path) -> None:
         _write(folder, "leakage_A", leakage_replay(plant), TABLE_1, EXAMPLE_SEED)
         _write(folder, "healthy", healthy_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
         _write(folder, "warm_A", warm_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
+        _write_swapped(folder / "healthy.csv", folder / "swapped.csv", "B.dp [bar]", "C.dp [bar]")
         _write(folder, "shaking_B", shaken_run(plant), TABLE_1, EXAMPLE_SEED, with_truth=False)
     else:
         tour = visiting_run(plant, operating_points(plant, 5), {"D.clogging": 0.3}, lead_in=15)
         _write(folder, "clogging_D", settling(tour), TABLE_1, EXAMPLE_SEED)
+
+
+def _write_swapped(source: Path, target: Path, one: str, other: str) -> None:
+    """A recording in which two columns stand under each other's header."""
+    head, *rows = source.read_text(encoding="utf-8").splitlines()
+    names = head.split(",")
+    order = list(range(len(names)))
+    i, j = names.index(one), names.index(other)
+    order[i], order[j] = j, i
+    lines = [",".join(cells[k] for k in order) for cells in (row.split(",") for row in rows)]
+    target.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
 
 
 def _print_points() -> None:

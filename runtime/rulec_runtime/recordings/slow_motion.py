@@ -33,6 +33,8 @@ def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, d
     noise = noise_at_work(recording, ruleset)
     settled = find_stretches(recording, ruleset, noise)
     within = noise_within(recording, settled, noise)
+    if _interval(recording) > limits.SEEN_BETWEEN:
+        return settled, within
     return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True)), within
 
 
@@ -72,6 +74,8 @@ def lag_errors(
     A rate that noise may have made, or that moves a reading by next to nothing, is none.
     """
     found: dict[str, Array] = {}
+    if _interval(recording) > limits.SEEN_BETWEEN:
+        return found
     lag = lag_u(recording)
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
@@ -90,9 +94,13 @@ def lag_errors(
 def lag_u(recording: Recording) -> float:
     """Standard uncertainty of the lag of a reading, s: that of its sensor, and that a logger may
     show a value that is up to one sample old."""
+    return float(np.hypot(limits.USUAL_LAG, limits.AGE_OF_SAMPLE * _interval(recording)))
+
+
+def _interval(recording: Recording) -> float:
+    """Time between samples, s."""
     steps = np.diff(recording.time)
-    interval = float(np.median(steps)) if len(steps) else 0.0
-    return float(np.hypot(limits.SENSOR_LAG, limits.AGE_OF_SAMPLE * interval))
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _rates(time: Array, values: Array, stretches: Stretches, noise: float) -> tuple[Array, Array]:

@@ -76,7 +76,8 @@ def test_a_temperature_is_as_large_as_it_spreads(rows: Rows) -> None:
 
 
 def test_an_error_of_form_of_a_temperature_is_a_share_of_its_spread(rows: Rows) -> None:
-    """At 1 % each output may be off by about 1 % of its usual size, not by 3 kelvin."""
+    """At 1 % each of the two laws is off by 1 % of what shows it most, here by its spread: not by
+    3 kelvin."""
     (cell,) = rows.cells
     assert set(cell.outputs) == {"A.Q", "A.T_o"}
     forms = Geometry(rows).forms
@@ -87,7 +88,8 @@ def test_an_error_of_form_of_a_temperature_is_a_share_of_its_spread(rows: Rows) 
     off = np.einsum("nrs,fsn->frn", noise, errors)[:, :, rows.system.data.open[cell.points]]
     size = np.sqrt(np.mean(np.sum(off**2, axis=0), axis=1))
     expected = [usual_size(rows.system, name) for name in cell.outputs]
-    assert size == pytest.approx(expected, rel=0.2)
+    laws = [s for s in rows.system.builder.spots if s.kind != "signal"]
+    assert max(size / np.array(expected)) == pytest.approx(np.sqrt(len(laws)), rel=0.2)
 
 
 def test_an_offset_of_a_thermometer_is_usual_as_a_share_of_its_range(rows: Rows) -> None:

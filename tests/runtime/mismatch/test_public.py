@@ -247,6 +247,7 @@ def test_a_range_grows_only_where_a_relation_was_tested() -> None:
     )
     system.builder = SimpleNamespace(plan=lambda module, joined: plan)
     system.data.values["m.Q"] = dp + 2.0
+    system.ruleset.signal_by_id = dict.fromkeys(system.data.values)
     settled: Any = SimpleNamespace(
         rows=SimpleNamespace(system=system),
         setting=SimpleNamespace(joined=[law], ids=("law",)),

@@ -16,6 +16,7 @@ from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import nameless, terms
+from rulec.mismatch.search.settled.nested import beside, holds
 from rulec.mismatch.search.settled.refit import Model, refitted
 from rulec.mismatch.search.settled.scan import (
     Found,
@@ -193,6 +194,7 @@ def _challenge(search: Search) -> None:
             continue
         model = search.models[rest]
         own = columns(search.geometry, model, search.alike)
+        own = [c for c in own if not holds(model.terms, c.rows)]
         for one in scan(search.geometry, model, own, search.alike, limits.LOST_TOLD, ids):
             if len(one.starts) == 1 and rest | one.names not in search.odds:
                 _join(search, rest, one)
@@ -212,6 +214,7 @@ def _grow(search: Search, names: Names) -> None:
         return
     geometry, model = search.geometry, search.models[names]
     every = columns(geometry, model, search.alike)
+    every = [c for c in every if not holds(model.terms, c.rows)]
     found = scan(geometry, model, every, search.alike, limits.SETS_REFITTED)
     for one in found:
         if names | one.names not in search.odds:
@@ -225,7 +228,7 @@ def _grow(search: Search, names: Names) -> None:
 def _join_terms(search: Search, names: Names, every: Sequence[Term]) -> None:
     """Refit a set with the terms without a name that would gain most beside it."""
     model = search.models[names]
-    for gain, term in nameless(model, every, limits.TERMS_REFITTED):
+    for gain, term in nameless(model, beside(model, every), limits.TERMS_REFITTED):
         if gain > limits.WORTH_A_REFIT and names | {term.name} not in search.odds:
             own = (*model.terms, term)
             search.keep(names | {term.name}, search.refit(model.setting, model, own))
