@@ -308,7 +308,7 @@ def test_nonsense_cannot_be_judged(name: str) -> None:
     found = compared(alone(), replace(recording, values=hostile(name, recording.values)))
     assert "cannot judge" == found.verdict
     assert found.fit is None
-    assert ("ScoreTest at A.dp" in found.next) == (name == "no reading")
+    assert ("Look at A.dp" in found.next) == (name == "no reading")
 
 
 def test_the_same_input_gives_the_same_answer() -> None:
