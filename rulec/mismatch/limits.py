@@ -800,6 +800,19 @@ ONSET_STEPS = (4, 2, 1)
 ONSET_POINTS = 9
 """Points at which the onset of a fault is looked for in the end. Origin: numerical."""
 
+RESAMPLES = 60
+"""Draws of weights of a recording's parts, over which probabilities of sets are means. Origin:
+numerical."""
+
+RESAMPLED_STRETCHES = 8
+"""Stretches of time that are weighted. Origin: numerical."""
+
+RESAMPLED_NATS = 40.0
+"""Sets further behind the likeliest one lead in no draw, nats. Origin: numerical."""
+
+RESAMPLED_SETS = 60
+"""Sets that are weighed in each draw. Origin: numerical."""
+
 LEAST_GAIN = 0.01
 """Gain of what is told although a set without it is as likely, nats: shares need a number above
 nothing. Origin: numerical."""
@@ -807,6 +820,10 @@ nothing. Origin: numerical."""
 LIKELIER = 0.5
 """Probability from which on a member of the best set is told. Origin: source (Barbieri and Berger
 2004, median probability model)."""
+
+STRONG = 2.0
+"""Standard uncertainties by which a strength that is told differs from none. Origin: distribution
+(normal, two-sided, 5 %)."""
 
 WORTH_A_CUT = 20.0
 """Gain of a fault that comes and goes from which on means are cut at its ends, nats. Origin:

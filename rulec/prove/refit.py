@@ -35,7 +35,14 @@ from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import system_of
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
-from rulec.mismatch.search.settled.sets import Names, Posterior, explain, with_laws, with_terms
+from rulec.mismatch.search.settled.resampled import Names
+from rulec.mismatch.search.settled.sets import (
+    Posterior,
+    explain,
+    posterior,
+    with_laws,
+    with_terms,
+)
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.nested_models import begun_alike
 from rulec.mismatch.search.stores.price import needed as needed_of_stores
@@ -173,7 +180,7 @@ def _stationary(case: Opened) -> Refitted:
     ways += [with_terms(rows, places)] if places else []
     plain = found.odds[frozenset()]
     true = _of_the_truth(ways)
-    tried = Posterior({}, {**found.odds, **{true: max(w.odds.get(true, -np.inf) for w in ways)}})
+    tried = _beside(found, max(ways, key=lambda way: way.odds.get(true, -np.inf)), true)
     return Refitted(
         case=case.answer["case"],
         true=tried.odds[true] - plain,
@@ -185,6 +192,12 @@ def _stationary(case: Opened) -> Refitted:
         probability=sum(p for names, p in tried.sets.items() if true <= names) if true else None,
         course=course_at(case.folder, rows, places),
     )
+
+
+def _beside(found: Posterior, way: Posterior, true: Names) -> Posterior:
+    """What was found, with the true laws as they were refitted."""
+    odds = {**found.odds, true: way.odds[true]}
+    return posterior(found.geometry, {**found.models, true: way.models[true]}, odds)
 
 
 def _of_the_truth(ways: Sequence[Posterior]) -> Names:

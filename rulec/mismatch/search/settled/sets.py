@@ -18,6 +18,7 @@ from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import nameless, terms
 from rulec.mismatch.search.settled.nested import beside, holds
 from rulec.mismatch.search.settled.refit import Model, refitted
+from rulec.mismatch.search.settled.resampled import Names, shares
 from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,
@@ -28,31 +29,22 @@ from rulec.mismatch.search.settled.scan import (
     scan,
 )
 
-Names = frozenset[str]
-"""Ids of candidates, those that begin or come and go marked, and names of terms."""
-
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Models of the sets that were refitted, and their log odds, nats."""
+    """Models of the sets that were refitted, their log odds, nats, and their probabilities."""
 
+    geometry: Geometry
     models: Mapping[Names, Model]
     odds: Mapping[Names, float]
+    sets: Mapping[Names, float]
 
     @property
     def best(self) -> Names:
         """The most probable set."""
-        return max(self.odds, key=lambda names: (self.odds[names], sorted(names)))
-
-    @property
-    def sets(self) -> dict[Names, float]:
-        """Probability of each set."""
-        most = max(self.odds.values())
-        weight = {names: float(np.exp(odds - most)) for names, odds in self.odds.items()}
-        total = sum(weight.values())
-        return {names: w / total for names, w in weight.items()}
+        return max(self.sets, key=lambda names: (self.sets[names], self.odds[names], sorted(names)))
 
     @property
     def nothing(self) -> float:
@@ -102,9 +94,21 @@ class Search:
         expected += len(model.terms) * (limits.TERM_ODDS - float(np.log(places)))
         return model.evidence + float(expected)
 
+    @property
+    def likeliest(self) -> Names:
+        """The set with the most evidence."""
+        return max(self.odds, key=lambda names: (self.odds[names], sorted(names)))
+
     def posterior(self) -> Posterior:
         """What all sets say together."""
-        return Posterior(dict(self.models), dict(self.odds))
+        return posterior(self.geometry, self.models, self.odds)
+
+
+def posterior(
+    geometry: Geometry, models: Mapping[Names, Model], odds: Mapping[Names, float]
+) -> Posterior:
+    """What some refitted sets say together."""
+    return Posterior(geometry, dict(models), dict(odds), shares(geometry, models, odds))
 
 
 def _coming(search: Search, model: Model) -> list[Found]:
@@ -186,7 +190,7 @@ def explain(every: Rows, progress: Progress) -> Posterior:
 def _challenge(search: Search) -> None:
     """Refit effects of the catalogue in the place of each term of the best set, so that the answer
     can say by how much they lost."""
-    names = search.posterior().best
+    names = search.likeliest
     for term in search.models[names].terms:
         rest = names - {term.name}
         ids = {c.id for c in in_its_place(search.geometry.rows.system, term)}

@@ -23,8 +23,9 @@ from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.lost import lost_to
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
 from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.scan import at_times
-from rulec.mismatch.search.settled.sets import Names, Posterior, Progress, explain
+from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
 from rulec.mismatch.search.time_varying import wandering
 
 
@@ -49,7 +50,7 @@ def search(rows: Rows, progress: Progress) -> Search:
     progress("refitting the most probable explanation to all settled points")
     model = posterior.models[posterior.best]
     fitted, candidates = _on_all_points(rows, model, _told(posterior))
-    geometry = Geometry(model.fitted.rows)
+    geometry = posterior.geometry
     curves = {}
     for term in (t for t in model.terms if t.name in candidates):
         curve = curve_of(geometry, model, term)
@@ -93,16 +94,17 @@ def _on_all_points(rows: Rows, model: Model, told: Names) -> tuple[Fitted, dict[
         if not {candidate.id, candidate.id + "!"} & told:
             was = was.leaving(candidate.id)
     courses = tuple(at_times(course, rows.system.data.time) for course in was.courses)
-    setting = replace(was, courses=courses)
-    fitted = _fitted(rows, setting)
+    fitted = _with_strength(_fitted(rows, replace(was, courses=courses)))
+    courses = fitted.setting.courses
     coming = {c.unknown for c in courses}
-    names = {c.id + "!" * any(u.id in coming for u in c.unknowns): c for c in was.joined}
+    joined = fitted.setting.joined
+    names = {c.id + "!" * any(u.id in coming for u in c.unknowns): c for c in joined}
     for course in courses:
         fitted = _sharpened(fitted, course)
     for term in (t for t in model.terms if t.name in told):
-        joined = _with_term(fitted, term)
-        if joined is not None:
-            fitted = joined
+        there = _with_term(fitted, term)
+        if there is not None:
+            fitted = there
             names[term.name] = fitted.setting.joined[-1]
     return fitted, names
 
@@ -112,6 +114,27 @@ def _fitted(rows: Rows, setting: Configuration) -> Fitted:
     used = rows.system.data.open
     first = fit(rows, setting, used)
     return fit(rows, first.setting, used, variance_inflation=variance_inflation_of(first))
+
+
+def _with_strength(fitted: Fitted) -> Fitted:
+    """Fitted without what all points together show to have no strength."""
+    for candidate in fitted.setting.joined:
+        if not _is_strong(fitted, candidate):
+            setting = fitted.setting.leaving(candidate.id)
+            return _with_strength(_fitted(fitted.rows, setting))
+    return fitted
+
+
+def _is_strong(fitted: Fitted, candidate: Candidate) -> bool:
+    """Does a strength of a candidate, at any of its levels, differ from that at which it changes
+    nothing?"""
+    null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
+    found = [
+        abs(fitted.setting.values[name] - null[stem]) >= limits.STRONG * fitted.u(name)
+        for name in fitted.prior.names
+        if (stem := name.partition("#")[0]) in null
+    ]
+    return any(found) or not found
 
 
 def _sharpened(fitted: Fitted, course: Course) -> Fitted:
