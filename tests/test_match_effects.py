@@ -179,6 +179,21 @@ observers:
 """
 
 
+def test_a_calibration_that_turns_a_law_round_does_not_change_what_it_is(tmp_path: Path) -> None:
+    """From one operating point a calibration cannot tell parameters apart, and may give a head
+    that rises with the flow; the law is that of a centrifugal pump all the same."""
+    plant = rig_plant("pump-loop", tmp_path)
+    expected = places(open_builder(plant)[1], "part-load-head")
+    values = "{a0: {value: -0.02, unit: m2, u: 0.05}, a2: {value: -2.0e7, unit: 1/m**4, u: 2.0e7}}"
+    calibration = (
+        f"calibration: turned\nmodules:\n  pump: {{type: loop-pump, parameters: {values}}}\n"
+    )
+    (plant.parent / "turned.yaml").write_text(calibration, encoding="utf-8")
+    text = plant.read_text(encoding="utf-8")
+    plant.write_text(f"{text}calibration: [turned.yaml]\n", encoding="utf-8")
+    assert expected == places(open_builder(plant)[1], "part-load-head") == {"pump.dp_law"}
+
+
 def test_a_law_that_reads_no_pressure_may_follow_one(rig: Opened, tmp_path: Path) -> None:
     """The gauge is read by the line; a pump whose law reads it has the slip by that already."""
     shutil.copytree(ROOT / "kb", tmp_path / "kb")

@@ -118,7 +118,13 @@ class _Surveyor:
     def __init__(self, around: Survey, module: Module) -> None:
         self._around, self._module, self._kind = around, module, module.type
         self._dimensions = dimensions(around.network, module.type)
-        self._values, self._slopes = _reference_of(around, module)
+        self._values, self._slopes = _reference_of(around, module, around.inputs)
+        # Where recordings did not tell parameters apart, a calibration may turn a law round: what
+        # the law is, its own parameters tell.
+        stated = {parameter_id(module, p.name): p.value for p in module.stated.values()}
+        own = _reference_of(around, module, {**around.inputs, **stated})
+        if _is_turned(self._slopes, own[1]):
+            self._values, self._slopes = own
 
     def sites(self) -> Iterator[Site]:
         kind = self._kind
@@ -278,7 +284,16 @@ class _Slopes(dict[str, float]):
         return 0.0
 
 
-def _reference_of(around: Survey, module: Module) -> tuple[dict[str, float], dict[str, _Slopes]]:
+def _is_turned(slopes: Mapping[str, _Slopes], stated: Mapping[str, _Slopes]) -> bool:
+    """Does any slope have the other sign?"""
+    return any(
+        slope * stated[to][by] < 0.0 for to, own in slopes.items() for by, slope in own.items()
+    )
+
+
+def _reference_of(
+    around: Survey, module: Module, known: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, _Slopes]]:
     """Definitions and observers, and their derivatives by own signals and errors of all places."""
     kind = module.type
     places = [("definition", n) for n in kind.definitions] + [
@@ -286,7 +301,7 @@ def _reference_of(around: Survey, module: Module) -> tuple[dict[str, float], dic
     ]
     shifts = {(module.name, *place): "shift:{}:{}".format(*place) for place in places}
     plan = lower_module(Lowering(around.network, {}, shifts), module.name, definitions=True)
-    inputs = {name: around.inputs.get(name, 0.0) for name in plan.inputs}
+    inputs = {name: known.get(name, 0.0) for name in plan.inputs}
     signals = {f"{module.name}.{s}": s for s in (*kind.signals, *kind.states)}
     values, slopes = run_with_slopes(plan, inputs, [*signals, *shifts.values()])
     return {name: float(v) for name, v in values.items()}, {

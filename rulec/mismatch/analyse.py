@@ -89,7 +89,7 @@ def analyse(
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
     answer = with_misread(
         verdict,
-        headline_of(verdict, findings, locations) + remainder_of(verdict, fits),
+        headline_of(verdict, findings, locations, fits) + remainder_of(verdict, fits),
         next_step(verdict, findings, found.hidden, model.builder.missing, refused, locations),
         misread,
     )

@@ -749,6 +749,10 @@ BRANCHES_CLEAR = 3.0
 """Standard uncertainties by which branches must differ to be told apart. Origin: distribution
 (normal, 1 of 400)."""
 
+HARDLY_SHOWN = 0.01
+"""Share of the usual weight of a point below which it tells nothing of branches: an error there
+shows ten times less. Origin: assumed."""
+
 BRANCHES_COUNT = 0.2
 """Share of the height of a curve that a gap between branches must have to count; a gap that is
 smaller for sure is none. Origin: assumed."""

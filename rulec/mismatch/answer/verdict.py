@@ -61,12 +61,17 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
     return "fault" if named[0].sort == "fault" else "sensor"
 
 
-def headline_of(verdict: str, findings: Sequence[Finding], locations: Sequence[Location]) -> str:
+def headline_of(
+    verdict: str,
+    findings: Sequence[Finding],
+    locations: Sequence[Location],
+    fits: Sequence[Fit] = (),
+) -> str:
     """The finding in one sentence."""
     told = [f for f in findings if f.sort != "free"]
     names = [_with_others(f) for f in told]
     if verdict == "none":
-        return "Nothing is missing: what recalibration leaves is noise."
+        return _nothing(*_farthest(fits))
     if verdict == "unnamed":
         named = {(f.module, f.place) for f in told}
         nameless = [at for at in locations if (at.module, at.place) not in named]
@@ -137,11 +142,26 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     """
     if verdict in ("none", "unnamed", "cannot judge"):
         return ""
-    far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
-    most, signal = max(far, default=(0.0, ""))
+    most, signal = _farthest(fits)
     if most < limits.FAR_OFF:
         return ""
     return f" That is not all: {signal} is still off by {most:.0f} times its noise."
+
+
+def _nothing(most: float, signal: str) -> str:
+    """No explanation is likely; a law that is not exact may all the same be off by much."""
+    if most < limits.FAR_OFF:
+        return "Nothing is missing: what recalibration leaves is noise."
+    return (
+        f"Nothing is known to be missing: {signal} is off by {most:.0f} times its noise, no more "
+        "than the form of its law may err."
+    )
+
+
+def _farthest(fits: Sequence[Fit]) -> tuple[float, str]:
+    """The largest error of the repaired model in units of the noise, and its signal."""
+    far = [(f.heldout.repaired / f.heldout.noise, f.signal) for f in fits if f.heldout.noise > 0]
+    return max(far, default=(0.0, ""))
 
 
 def next_step(

@@ -98,18 +98,30 @@ def test_what_has_no_name_is_told_at_its_own_place() -> None:
 )
 def test_a_name_that_is_not_all_says_so(verdict: str, noise: float, expected: str) -> None:
     """Where the repaired model is far beyond noise on readings that it was not fitted to."""
+    assert expected == remainder_of(verdict, [fit_at(noise)])
+
+
+def fit_at(noise: float) -> Fit:
+    """A flow that the repaired model meets to 0.4 l/min."""
     errors = Errors(shipped=2.0, recalibrated=1.0, repaired=0.4, noise=noise, points=10)
-    fits = [
-        Fit(
-            signal="A.Q",
-            unit="l/min",
-            estimation=errors,
-            heldout=errors,
-            gain_interval=(0.0, 0.0),
-            closed=1.0,
-        )
-    ]
-    assert expected == remainder_of(verdict, fits)
+    return Fit(
+        signal="A.Q",
+        unit="l/min",
+        estimation=errors,
+        heldout=errors,
+        gain_interval=(0.0, 0.0),
+        closed=1.0,
+    )
+
+
+def test_what_is_left_is_called_noise_only_where_it_is() -> None:
+    """Else it may be an error of the law's form, and the sentence says how large it is."""
+    assert headline_of("none", (), (), [fit_at(0.3)]).endswith(
+        "what recalibration leaves is noise."
+    )
+    far = headline_of("none", (), (), [fit_at(0.1)])
+    assert "A.Q is off by 4 times its noise" in far
+    assert "leaves is noise" not in far
 
 
 def test_a_fault_beside_physics_is_no_omission_of_the_model() -> None:

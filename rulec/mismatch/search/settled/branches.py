@@ -40,6 +40,9 @@ def branches_of(
     known = (suspect.weight > 0) & fitted.used & np.isfinite(z) & (side != 0)
     if not known.any():
         return None
+    # Where the place hardly shows, as that of a pump behind an open relief valve, its course is
+    # beyond all sense.
+    known &= suspect.weight > limits.HARDLY_SHOWN * np.median(suspect.weight[known])
     number = np.unique(visit[known], return_inverse=True)[1]
     count = np.bincount(number, suspect.weight[known])
     left, at, way = (
