@@ -904,7 +904,3 @@ CLOCK_LEAVES = 0.25
 """Share of the disagreement around changes, in logs of its size, that a shift may leave. Right ones
 left 0.08 at most in simulated plants that settle; those of another time, where states do not last
 as long as a column is late, 0.45 and more. Origin: measured by tests of clocks."""
-
-MOSTLY_OFF = 0.5
-"""Share of comparisons of a plant that stores that are grossly off from which on clocks are looked
-for without a first sign. Origin: assumed."""

@@ -36,8 +36,9 @@ def shifts_against_cause(
         return [], 1
     before = judge(recording, 0).likelihood
     sides = dict.fromkeys(dynamics.inputs, 1) | dict.fromkeys(dynamics.outputs, -1)
-    # One sample is often half of the time for which what is given is held, and no shift.
-    sizes = sizes_of(recording)[1:]
+    # What is less than two samples of a simulation hardly shows in it.
+    least = 2 * -(-len(recording) // limits.SAMPLE_BUDGET)
+    sizes = [by for by in sizes_of(recording) if by >= least]
     if not sizes:
         return [], 1
 
@@ -46,9 +47,8 @@ def shifts_against_cause(
 
     best: dict[str, tuple[float, int]] = {}
     for name in (n for n in sides if n in recording.values):
-        first = gain(name, sides[name] * sizes[0])
-        # A little of what is right is better than nothing, unless steps follow faster than that.
-        if first > 0.0 or plain.gross > limits.MOSTLY_OFF:
+        # A little of what is right is better than nothing: without a first sign none is tried.
+        if gain(name, sides[name] * sizes[0]) > 0.0:
             best[name] = max((gain(name, sides[name] * by), sides[name] * by) for by in sizes)
     order = sorted((n for n in best if best[n][0] > 0.0), key=lambda n: -best[n][0])
     found = []
