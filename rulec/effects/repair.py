@@ -122,12 +122,14 @@ def read_proven(file: Path, recalibrated: bool = False) -> Proven:
 
 def _mending(data: Mapping[str, Any]) -> Mending:
     signals = tuple(str(name) for name in data["signals"])
-    if len(signals) not in (1, 2):
+    late = _number(data.get("late", 0.0))
+    if not signals or (len(signals) > 2 and not late):
         raise ValueError(f"{len(signals)} columns to be read otherwise at once")
     return Mending(
         signals=signals,
         factor=_number(data["factor"]),
         offset=_number(data["offset"]),
+        late=late,
     )
 
 

@@ -29,8 +29,9 @@ from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Mismatch, Series
 from rulec.mismatch.structure import told as structure
+from rulec.mismatch.structure.hypotheses import Taken
 from rulec.mismatch.structure.look import Evidence as StructureEvidence
-from rulec.mismatch.structure.look import Taken, structure_of
+from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
 
 NO_CLOCK = (

@@ -886,3 +886,21 @@ STRUCTURE_REFITTED = 5
 MOST_MISREAD = 3
 """Columns, or pairs of them, that are read otherwise at most: a file with more is another one's.
 Origin: assumed."""
+
+MOVING_SAMPLES = 3000
+"""Samples, about, at which a clock is looked for. Origin: numerical."""
+
+CLOCK_SHIFTS = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256)
+"""Samples by which a column is read otherwise at first. Origin: numerical (a root of two apart)."""
+
+LATEST = 0.1
+"""Share of a recording by which a column is shifted at most. Origin: assumed."""
+
+LAG_SHARES = (0.3, 0.5, 0.8, 1.3, 2.0, 3.0)
+"""Lags that are tried in place of a shift, as share of it: one of as much moves a step as far on
+average. Origin: numerical."""
+
+CLOCK_LEAVES = 0.25
+"""Share of the disagreement around changes, in logs of its size, that a shift may leave. Right ones
+left 0.08 at most in simulated plants that settle; those of another time, where states do not last
+as long as a column is late, 0.45 and more. Origin: measured by tests of clocks."""

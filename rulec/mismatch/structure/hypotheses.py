@@ -17,7 +17,7 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves
 from rulec_runtime.recordings.stationary import noise_of
 
-SWAPPED, UNIT, SIGN = "swapped-columns", "wrong-unit", "wrong-sign"
+SWAPPED, UNIT, SIGN, CLOCK = "swapped-columns", "wrong-unit", "wrong-sign", "clock-shift"
 """Kinds of hypotheses, as they stand in the JSON form."""
 
 
@@ -29,6 +29,15 @@ class Hypothesis:
     mending: Mending
     text: str
     action: str
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A hypothesis that was taken: what it gains, nats, and how probable it is."""
+
+    hypothesis: Hypothesis
+    gain: float
+    probability: float
 
 
 def hypotheses(

@@ -8,7 +8,6 @@ what only lessens it is physics that looks alike.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +17,7 @@ from scipy.special import expit
 
 from rulec.mismatch import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
-from rulec.mismatch.structure.hypotheses import Hypothesis, hypotheses
+from rulec.mismatch.structure.hypotheses import Hypothesis, Taken, hypotheses
 
 
 class Evidence(Protocol):
@@ -37,14 +36,8 @@ class Evidence(Protocol):
     def unread(self, recording: Recording) -> bool:
         """Is there a reading that mostly cannot be?"""
 
-
-@dataclass(frozen=True)
-class Taken:
-    """A hypothesis that was taken: what it gains, nats, and how probable it is."""
-
-    hypothesis: Hypothesis
-    gain: float
-    probability: float
+    def clock(self, recording: Recording) -> Taken | None:
+        """Columns whose clock is off, if some are."""
 
 
 def structure_of(
@@ -53,7 +46,7 @@ def structure_of(
     """The recording as it should be read, and what was not as its header says."""
     found: list[Taken] = []
     for _ in range(limits.MOST_MISREAD):
-        one = _best(recording, evidence, progress)
+        one = _best(recording, evidence, progress) or evidence.clock(recording)
         if one is None:
             break
         found.append(one)

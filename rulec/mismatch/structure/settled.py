@@ -7,7 +7,7 @@ samples are little evidence.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
@@ -17,12 +17,24 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.evidence.steady.configuration import Configuration
-from rulec.mismatch.evidence.steady.fit import fit
-from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure.agreement import Agreement
+from rulec.mismatch.structure.clock import shifts_of, taken_of
+from rulec.mismatch.structure.hypotheses import Taken
+from rulec.mismatch.structure.moving import moving_of
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The plain model refitted to the settled points of a recording."""
+
+    recording: Recording
+    data: Data
+    fitted: Fitted
 
 
 @dataclass(frozen=True)
@@ -32,6 +44,7 @@ class Settled:
     ruleset: Ruleset
     builder: ModelBuilder
     heldout: Sequence[tuple[float, float]]
+    _kept: dict[int, _Fitted] = field(default_factory=dict, compare=False, repr=False)
 
     def read(self) -> list[SignalSpec]:
         """Readings that some estimate needs."""
@@ -40,13 +53,11 @@ class Settled:
 
     def agreement(self, recording: Recording, steps: int) -> Agreement:
         """How well a recording agrees with the plain model, refitted in so many steps."""
-        data = prepare(recording, self.ruleset, self.heldout)
-        if data is None:
+        found = self._fitted(recording, steps)
+        if found is None:
             return Agreement.none()
-        rows = rows_of(System(self.ruleset, self.builder, data), Configuration())
-        if not rows.groups:
-            return Agreement.none()
-        fitted = fit(rows, Configuration(), data.open, steps)
+        data, fitted = found.data, found.fitted
+        rows = fitted.rows
         used = data.open[rows.group_point]
         if not used.any():
             return Agreement.none()
@@ -65,6 +76,30 @@ class Settled:
             strain=fitted.negative_log_prior,
             idle=bool((rows.system.valid.mean(axis=1) < limits.HARDLY_USED).any()),
         )
+
+    def _fitted(self, recording: Recording, steps: int) -> _Fitted | None:
+        """The plain model refitted; of the last recording it is kept."""
+        kept = self._kept.get(steps)
+        if kept is not None and kept.recording is recording:
+            return kept
+        data = prepare(recording, self.ruleset, self.heldout)
+        if data is None:
+            return None
+        rows = rows_of(System(self.ruleset, self.builder, data), Configuration())
+        if not rows.groups:
+            return None
+        found = _Fitted(recording, data, fit(rows, Configuration(), data.open, steps))
+        self._kept[steps] = found
+        return found
+
+    def clock(self, recording: Recording) -> Taken | None:
+        """Columns whose clock is off, if some are; a table of points has no time."""
+        found = self._fitted(recording, limits.STRUCTURE_STEPS)
+        if found is None or found.data.of_rows or len(found.data) < limits.FEWEST_POINTS:
+            return None
+        system, setting = found.fitted.rows.system, found.fitted.setting
+        moving = moving_of(recording, found.data, system, setting)
+        return taken_of(*shifts_of(moving), recording, self.ruleset) if moving else None
 
     def unread(self, recording: Recording) -> bool:
         """Is there a reading that mostly cannot be?"""

@@ -27,6 +27,9 @@ from rulec.mismatch.evidence.stores.noise import Noise
 from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.structure.agreement import Agreement
+from rulec.mismatch.structure.clock import taken_of
+from rulec.mismatch.structure.hypotheses import Taken
+from rulec.mismatch.structure.stored_clock import shifts_against_cause
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,11 @@ class Stores:
             strain=strain,
             idle=any(n not in problem.signals for n in shown),
         )
+
+    def clock(self, recording: Recording) -> Taken | None:
+        """Columns whose clock is off, if some are."""
+        shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
+        return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
 
     def unread(self, recording: Recording) -> bool:
         """Is there a reading that mostly cannot be?"""

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.mismatch.result import Finding, Location, Misread
-from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT
-from rulec.mismatch.structure.look import Taken
+from rulec.mismatch.structure.hypotheses import CLOCK, SIGN, SWAPPED, UNIT, Taken
 
 TITLES = {
     SWAPPED: "Swapped columns",
     UNIT: "Wrong unit",
     SIGN: "Wrong sign",
+    CLOCK: "Clock that is off",
 }
 """By kind: what a finding is called."""
 

@@ -1,16 +1,21 @@
-"""A recording read otherwise than its header says: columns exchanged, in another unit or sign."""
+"""A recording read otherwise than its header says: columns exchanged, in another unit or sign, or
+of another time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.recording import Recording
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mending:
-    """What to do with one column, or with the two that stand in each other's place.
+    """What to do with one column, with the two that stand in each other's place, or with those that
+    come from a clock that is `late`, s (less than nothing: early).
 
     Read as it should be, a column is SI as recorded * factor + offset.
     """
@@ -18,17 +23,37 @@ class Mending:
     signals: tuple[str, ...]
     factor: float = 1.0
     offset: float = 0.0
+    late: float = 0.0
 
     def of(self, recording: Recording) -> Recording:
         """The recording as it should be read."""
         values = dict(recording.values)
-        if len(self.signals) == 2:
+        if self.late:
+            values |= {name: self._in_time(recording, values[name]) for name in self.signals}
+        elif len(self.signals) == 2:
             one, other = self.signals
             values[one], values[other] = values[other], values[one]
         else:
             (name,) = self.signals
             values[name] = values[name] * self.factor + self.offset
         return replace(recording, values=values)
+
+    def _in_time(self, recording: Recording, values: Array) -> Array:
+        """Readings at the time at which they were taken, shape (n,): those of the row nearest to
+        it, NaN where its file has none within half of a row's usual distance."""
+        found = np.full(len(values), np.nan)
+        for segment in np.unique(recording.segment):
+            rows = np.flatnonzero(recording.segment == segment)
+            time = recording.time[rows]
+            wanted = time + self.late
+            behind = np.clip(np.searchsorted(time, wanted), 1, max(len(time) - 1, 1))
+            behind = np.minimum(behind, len(time) - 1)
+            before = np.maximum(behind - 1, 0)
+            near = np.where(wanted - time[before] <= time[behind] - wanted, before, behind)
+            usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+            there = np.abs(time[near] - wanted) <= 0.5 * usual
+            found[rows[there]] = values[rows[near[there]]]
+        return found
 
 
 def mended(recording: Recording, mendings: Iterable[Mending]) -> Recording:

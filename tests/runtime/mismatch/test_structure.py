@@ -11,8 +11,8 @@ from rulec_runtime.recordings.mending import Mending
 from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
-from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT
-from rulec.mismatch.structure.look import Taken, structure_of
+from rulec.mismatch.structure.hypotheses import SIGN, SWAPPED, UNIT, Taken
+from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
 from rulec.mismatch.structure.stores import Stores
 from tests.conftest import ROOT

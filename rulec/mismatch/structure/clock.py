@@ -1,0 +1,244 @@
+"""Columns that come from a logger whose clock is ahead or behind by a constant time.
+
+A clock moves a column as a whole. A plant or a sensor that lags begins to move with the others and
+moves more slowly. So a shift must explain what a change shows, and far better than a lag does. A
+dead time of a sensor moves its column as a whole, too, and is not told from a clock.
+
+Source: own derivation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.mending import Mending
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.text import listed
+from scipy.special import expit
+
+from rulec.mismatch import limits
+from rulec.mismatch.structure.hypotheses import CLOCK, Hypothesis, Taken
+from rulec.mismatch.structure.moving import Moving
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """Columns of one clock, `by` samples late (less than nothing: early), and what that gains.
+
+    `gain` over the recording as it stands, `lag` what a lag in its place gains, nats; `left` is the
+    share of the disagreement that is left, in logs of its size.
+    """
+
+    signals: tuple[str, ...]
+    by: int
+    gain: float = 0.0
+    lag: float = 0.0
+    left: float = 1.0
+
+    def odds(self, tried: int) -> float:
+        """Log odds against the recording as it stands, and against a lag, of so many tried."""
+        price = limits.STRUCTURE_ODDS - float(np.log(tried))
+        return self.gain + price - float(np.logaddexp(0.0, self.lag + price))
+
+
+def shifts_of(moving: Moving) -> tuple[list[Shift], int]:
+    """Shifts that explain what the samples show, best first, and how many were tried."""
+    units = list(_units(moving))
+    scanned = [(_scanned(moving, unit, by), unit, by) for unit in units for by in _tried(moving)]
+    best: dict[tuple[str, ...], tuple[float, int]] = {}
+    for gain, unit, by in scanned:
+        if gain > best.get(unit, (0.0, 0))[0]:
+            best[unit] = gain, by
+    order = sorted(best, key=lambda unit: -best[unit][0])[: limits.STRUCTURE_REFITTED]
+    found = [_judged(moving, _refined(moving, unit, best[unit][1])) for unit in order]
+    return sorted(found, key=lambda s: -s.gain), len(scanned)
+
+
+def _units(moving: Moving) -> Iterator[tuple[str, ...]]:
+    """Columns that may be of one clock: each alone, and those of a module together."""
+    modules: dict[str, list[str]] = {}
+    for name in moving.slopes:
+        yield (name,)
+        modules.setdefault(name.partition(".")[0], []).append(name)
+    if len(modules) > 1:
+        yield from (tuple(names) for names in modules.values() if len(names) > 1)
+
+
+def _tried(moving: Moving) -> list[int]:
+    """Shifts that are tried at first, in samples, either way."""
+    return [sign * by for by in sizes_of(moving.recording) for sign in (1, -1)]
+
+
+def sizes_of(recording: Recording) -> list[int]:
+    """Shifts that are tried at first, in samples."""
+    return [by for by in limits.CLOCK_SHIFTS if by <= longest(recording)]
+
+
+def longest(recording: Recording) -> float:
+    """Samples by which a column is shifted at most."""
+    return len(recording) * limits.LATEST
+
+
+def _change(moving: Moving, unit: Sequence[str], by: int) -> Array:
+    """What errors change by when columns are read `by` samples later, to first order."""
+    change = np.zeros(len(moving.rows))
+    for name in unit:
+        off = later(moving.recording, name, by) - moving.recording.values[name]
+        change += moving.slopes[name] * off[moving.chosen][moving.rows.point]
+    return change
+
+
+def _scanned(moving: Moving, unit: Sequence[str], by: int) -> float:
+    """What a shift gains to first order, over all samples."""
+    there = moving.excess(moving.recorded + _change(moving, unit, by))
+    return float(np.nansum(moving.excess(moving.recorded) - there))
+
+
+def later(recording: Recording, name: str, by: int) -> Array:
+    """What a column shows `by` samples later, shape (n,); NaN beyond the ends of its file."""
+    values, n = recording.values[name], len(recording)
+    at = np.arange(n) + by
+    inside = (at >= 0) & (at < n)
+    at = np.clip(at, 0, n - 1)
+    return np.where(inside & (recording.segment[at] == recording.segment), values[at], np.nan)
+
+
+def _read(moving: Moving, unit: Sequence[str], by: int) -> Array:
+    """How many noises samples are off, in logs, with columns read `by` samples later."""
+    columns = {name: later(moving.recording, name, by) for name in unit}
+    return moving.excess(moving.errors(columns))
+
+
+def _refined(moving: Moving, unit: tuple[str, ...], by: int) -> Shift:
+    """The shift near one that was tried which agrees best."""
+    plain = moving.excess(moving.recorded)
+
+    def gain(at: int) -> float:
+        return float(np.nansum(plain - _read(moving, unit, at)))
+
+    return Shift(signals=unit, by=nearest(gain, by, longest(moving.recording)))
+
+
+def nearest(gain: Callable[[int], float], by: int, most: float) -> int:
+    """The shift near `by`, of `most` samples either way, that gains most, by ever smaller steps."""
+    known = {0: 0.0}
+    step = max(abs(by) // 4, 1)
+    while step:
+        for at in (by - step, by, by + step):
+            if at not in known:
+                known[at] = gain(at) if abs(at) <= most else -np.inf
+        near = max((by, by - step, by + step), key=lambda at: known[at])
+        by, step = near, step if near != by else step // 2
+    return by
+
+
+def _judged(moving: Moving, shift: Shift) -> Shift:
+    """What a shift, and a lag in its place, gain where reading otherwise makes a difference.
+
+    Samples of one change count as one comparison.
+    """
+    if not shift.by:
+        return shift
+    plain, there = moving.excess(moving.recorded), _read(moving, shift.signals, shift.by)
+    change = _change(moving, shift.signals, shift.by)
+    size = np.sqrt(np.bincount(moving.rows.point, change**2, minlength=len(plain)))
+    seen = (size > limits.GROSSLY_OFF) & np.isfinite(plain) & np.isfinite(there)
+    if not seen.any() or plain[seen].mean() <= 0.0:
+        return Shift(signals=shift.signals, by=shift.by)
+    lags = [moving.excess(moving.errors(c)) for c in _lagging(moving, shift)]
+    slow = min(float(np.mean(np.where(np.isfinite(v), v, plain)[seen])) for v in lags)
+    count = _changes(moving, seen)
+    return Shift(
+        signals=shift.signals,
+        by=shift.by,
+        gain=count * float(plain[seen].mean() - there[seen].mean()),
+        lag=count * float(plain[seen].mean() - slow),
+        left=float(there[seen].mean() / plain[seen].mean()),
+    )
+
+
+def _changes(moving: Moving, seen: np.ndarray) -> int:
+    """How many changes there are among samples, shape (n,): runs, cut at the ends of blocks."""
+    block = np.arange(len(seen)) * limits.BLOCKS // len(seen)
+    first = seen & ~(np.concatenate([[False], seen[:-1]]) & (np.diff(block, prepend=-1) == 0))
+    return int(first.sum())
+
+
+def _lagging(moving: Moving, shift: Shift) -> Iterator[Mapping[str, Array]]:
+    """Columns as they are if a lag stands behind what seems a shift.
+
+    Of a column that comes late all others are made as slow; one that comes early is itself.
+    """
+    slow = set(shift.signals)
+    if shift.by > 0:
+        slow = set(moving.slopes) - slow
+    for share in limits.LAG_SHARES:
+        pace = share * abs(shift.by)
+        yield {name: _lagged(moving.recording, name, pace) for name in slow}
+
+
+def _lagged(recording: Recording, name: str, pace: float) -> Array:
+    """A column behind a first-order lag of `pace` samples, shape (n,)."""
+    values, left = recording.values[name].copy(), float(np.exp(-1.0 / pace))
+    new = np.diff(recording.segment, prepend=recording.segment[:1]) != 0
+    for i in range(1, len(values)):
+        if not new[i] and np.isfinite(values[i - 1]):
+            values[i] += left * (values[i - 1] - values[i])
+    return values
+
+
+def taken_of(
+    shifts: Sequence[Shift],
+    tried: int,
+    recording: Recording,
+    ruleset: Ruleset,
+    leaves: float = limits.CLOCK_LEAVES,
+) -> Taken | None:
+    """The best shift, if it is sure and leaves so little; with others that explain as much."""
+    sound = [s for s in shifts if s.by and s.left < leaves]
+    best = max(sound, key=lambda s: s.odds(tried), default=None)
+    if best is None or float(expit(best.odds(tried))) <= limits.CERTAIN:
+        return None
+    near = best.odds(tried) - float(np.log(limits.CERTAIN / (1.0 - limits.CERTAIN)))
+    alike = [s for s in sound if s is not best and s.odds(tried) > near]
+    hypothesis = hypothesis_of(best, alike, pace_of(recording), ruleset)
+    return Taken(hypothesis, best.gain, float(expit(best.odds(tried))))
+
+
+def pace_of(recording: Recording) -> float:
+    """Usual time from row to row, s."""
+    return float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
+
+
+def hypothesis_of(
+    shift: Shift, alike: Sequence[Shift], pace: float, ruleset: Ruleset
+) -> Hypothesis:
+    """A shift in words, at so many seconds a sample; `alike` are others that explain as much."""
+    late, names = shift.by * pace, listed(list(shift.signals))
+    said = " or ".join(_said(one, pace) for one in (shift, *alike))
+    inputs = all(ruleset.signal_by_id[name].is_input for name in shift.signals)
+    same = ""
+    if late > 0.0 and not inputs:
+        same = " (a dead time of the sensor, or of its way to the recorder, looks the same)"
+    elif late < 0.0 and inputs:
+        same = " (a plant that answers it so much later looks the same)"
+    return Hypothesis(
+        kind=CLOCK,
+        mending=Mending(signals=shift.signals, late=late),
+        text=said + same,
+        action=f"set the clock that {names} {'is' if len(shift.signals) == 1 else 'are'} recorded "
+        f"by {'back' if late > 0.0 else 'forward'} by {abs(late):.4g} s, or shift what it wrote",
+    )
+
+
+def _said(shift: Shift, pace: float) -> str:
+    verb = "is" if len(shift.signals) == 1 else "are"
+    side = "late" if shift.by > 0 else "early"
+    return (
+        f"{listed(list(shift.signals))} {verb} recorded {abs(shift.by) * pace:.4g} s too {side} "
+        "against the others"
+    )
