@@ -20,7 +20,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
 from rulec.mismatch.answer.public import Plants
-from rulec.mismatch.answer.tell import location_of_spot
+from rulec.mismatch.answer.tell import location_of_curve, location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
@@ -41,6 +41,7 @@ from rulec.mismatch.search.stores.onset_refinement import sharpened
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found, search
 from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.unnamed import curve_in_place_of, followed
 
 
 def explain(
@@ -79,7 +80,21 @@ def explain(
     left = suspects(bench, _sharp(bench, best), found.judged)
     model = model_of(bench, best, found.judged, searcher.kept(best))
     nameless = nameless_places(model, left, len(bench.candidates))
+    if nameless and not accepted:
+        tell("looking for what drives what is left")
+        unnamed = followed(searcher, found)
+        if unnamed is not None:
+            nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
+    accepted = tuple(_with_curve(searcher, found, own) for own in accepted)
     return explanation(recording, model, found, accepted, nameless, dropped)
+
+
+def _with_curve(searcher: Searcher, found: Found, own: Accepted) -> Accepted:
+    """A term without a name with its curve."""
+    if own.candidate.sort != "free":
+        return own
+    unnamed = curve_in_place_of(searcher, found, own.candidate)
+    return own if unnamed is None else replace(own, curve=unnamed.curve)
 
 
 def explanation(
