@@ -53,7 +53,7 @@ def curve_in_place_of(searcher: Searcher, found: Found, candidate: Candidate) ->
     spots = _spots(bench)
     own = next(s for s in spots if (s.module, s.place) == (candidate.module, candidate.place))
     first = drawn(searcher, found.plain, own, driver)
-    if first is None:
+    if first is None or first.gain < needed(len(spots)):
         return None
     others = [(spot, driver) for spot in spots if spot is not own]
     return _told(searcher, found, first, _drawn(searcher, found.plain, others))
