@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import spot_column, suspect_at
 from rulec.mismatch.search.basis import Basis
