@@ -34,7 +34,7 @@ from rulec.mismatch.evidence.stores.rows_used import stored_evidence
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
-from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
+from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair, Rival
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.onset_refinement import sharpened
@@ -90,11 +90,16 @@ def explain(
 
 
 def _with_curve(searcher: Searcher, found: Found, own: Accepted) -> Accepted:
-    """A term without a name with its curve."""
+    """A term without a name with its curve, and the name that comes nearest as its rival."""
     if own.candidate.sort != "free":
         return own
     unnamed = curve_in_place_of(searcher, found, own.candidate)
-    return own if unnamed is None else replace(own, curve=unnamed.curve)
+    curve = None if unnamed is None else unnamed.curve
+    gains = [(searcher.gain(f, found.plain), f.joined[0]) for f in found.singles]
+    if not gains:
+        return replace(own, curve=curve)
+    most, name = max(gains, key=lambda entry: entry[0])
+    return replace(own, curve=curve, rivals=(Rival(f"{name.title} in {name.module}", most),))
 
 
 def explanation(

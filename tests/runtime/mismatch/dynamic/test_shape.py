@@ -166,6 +166,9 @@ def test_the_whole_answer(thin: Path) -> None:
     assert not at.shape.monotone
     assert "no" == at.shape.memory
     assert at.shape.beaten
+    (rival,) = found.findings[0].rivals
+    assert rival.gain < found.findings[0].gain
+    assert rival.title.endswith((" in pump", " in upper", " in lower"))
     form = mismatch_form(found, "plant.yaml")
     (told,) = [f for f in form["locations"] if "shape" in f]
     assert {"shape", "memory", "beaten"} <= set(told)
