@@ -1,5 +1,5 @@
 """Nonparametric terms at a place: a sum of products of readings, or a piecewise linear curve over
-one reading."""
+one reading, between its quantiles or between knots that are given."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ from rulec.passes.amend import Change
 
 BAND = "~"
 """Between a reading and the number of its band."""
+
+
+BENDS = 5
+"""Bends of a curve that stand in one equation."""
 
 
 def free_form(spot: Spot, id_: str, features: tuple[str, ...]) -> Matched:
@@ -62,6 +66,21 @@ def _band(number: int, parts: int) -> str:
     fall = f"(x_{number + 1} - x1)/(x_{number + 1} - x_{number})" if number < parts else "1"
     first, second = (rise, fall) if number > 0 else (fall, rise)
     return f"max(min({first}, {second}), 0)"
+
+
+def bent_line(spot: Spot, id_: str, driver: str, bends: range, knots: int) -> Matched:
+    """The candidate of some bends of a curve that is straight between knots, level beyond them.
+
+    ``c0`` is its value up to the first knot, with the bend there; ``c1`` and on are how much
+    steeper it is from each knot on, per SI unit of the driver; ``x_0`` and on are the knots, fixed.
+    """
+    numbers = [*([0] if 0 in bends else []), *(k + 1 for k in bends)]
+    unknowns = [_coefficient(id_, i, f"{driver}, bend {i}", spot) for i in numbers]
+    terms = [*(["c0"] if 0 in bends else []), *(f"c{k + 1}*max(x1 - x_{k}, 0)" for k in bends)]
+    for k in bends:
+        title = f"knot {k} of {driver}"
+        unknowns.append(_statistic(id_, f"x_{k}", title, driver, (k / (knots - 1),)))
+    return _matched(spot, id_, parse(f"law + {' + '.join(terms)}"), unknowns, {"x1": driver})
 
 
 def _matched(

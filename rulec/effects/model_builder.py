@@ -18,7 +18,7 @@ from rulec_runtime.simulation.balances import Balances
 from rulec.effects.candidate import BaseParameters, Candidate, Missing, Spot
 from rulec.effects.equation_text import equation_of
 from rulec.effects.fluid_driver import FluidDriver, drivers_at
-from rulec.effects.free_form import free_form
+from rulec.effects.free_form import BENDS, bent_line, free_form
 from rulec.effects.match_effects import Matched, Matches, match_effects
 from rulec.effects.places import survey
 from rulec.effects.spots import shift_of, spots_of, stores_of
@@ -183,6 +183,20 @@ class ModelBuilder:
         if id_ not in self._free:
             self._free[id_] = free_form(self._spot_by_id[spot], id_, features)
         return self._free[id_].candidate
+
+    def bent_line(self, spot: str, driver: str, knots: int) -> tuple[Candidate, ...]:
+        """A curve over a driver at a spot, straight between knots whose places are given.
+
+        It comes in parts, as an equation may not be long. The same call gives the same candidates.
+        """
+        found = []
+        for first in range(0, knots, BENDS):
+            bends = range(first, min(first + BENDS, knots))
+            id_ = f"{spot}[{driver}, bends {bends[0]} to {bends[-1]} of {knots}]"
+            if id_ not in self._free:
+                self._free[id_] = bent_line(self._spot_by_id[spot], id_, driver, bends, knots)
+            found.append(self._free[id_].candidate)
+        return tuple(found)
 
     def _of(self, candidate: str) -> Matched:
         return self._free.get(candidate) or self._matched_by_id[candidate]

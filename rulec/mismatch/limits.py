@@ -716,6 +716,36 @@ TERM_ODDS = -3.0
 """Log odds of a term without a name against a law: of twenty effects the catalogue has nineteen.
 Origin: assumed."""
 
+CURVE_PIECES = 40
+"""Pieces of a curve that is fitted by simulation: as fine as the functions are kept.
+Origin: numerical."""
+
+CURVE_ROUNDS = 12
+"""Times at most that the size of such a curve, its smoothness and the noise are found anew. Origin:
+numerical."""
+
+REDRAWN = 4
+"""Times that a curve over a state is drawn, each over the range of the last. Origin: numerical."""
+
+AS_WIDE = 0.02
+"""Share of a range by which its ends may differ and still be the same. Origin: numerical."""
+
+NOISE_FALLS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02)
+"""What noise may fall to with a curve, as share of that without it. Origin: numerical."""
+
+NOISE_STAYS = 0.03
+"""Share by which the noise changes at most where that has ended. Origin: numerical."""
+
+CURVE_STEPS = 8
+"""Steps of a fit of such a curve. Origin: numerical."""
+
+CURVE_CONVERGED = 0.01
+"""Gain in log likelihood per step below which a fit of such a curve has ended. Origin:
+numerical."""
+
+HARDLY_MOVES = 1e-3
+"""Share of its size by which a driver must move for a curve over it. Origin: numerical."""
+
 CURVE_POINTS = 41
 """Points at which a term without a name is told over its driver. Origin: numerical."""
 

@@ -20,7 +20,7 @@ from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
 from rulec.mismatch.answer.public import Plants
-from rulec.mismatch.answer.tell import location_of_spot
+from rulec.mismatch.answer.tell import location_of_curve, location_of_spot
 from rulec.mismatch.evidence.failing_sensors import failing, impossible
 from rulec.mismatch.evidence.rows_used import counted_rows, unread
 from rulec.mismatch.evidence.samples import inside_of
@@ -34,13 +34,14 @@ from rulec.mismatch.evidence.stores.rows_used import stored_evidence
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.inference.prove import Proof, fit_of
 from rulec.mismatch.inference.series import Predicted, heldout_spans
-from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair
+from rulec.mismatch.result import Changed, Evidence, Finding, Fit, Location, Repair, Rival
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.stores.backward_elimination import doubted
 from rulec.mismatch.search.stores.onset_refinement import sharpened
 from rulec.mismatch.search.stores.price import needed
 from rulec.mismatch.search.stores.search import Found, search
 from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.unnamed import curve_in_place_of, followed
 
 
 def explain(
@@ -79,7 +80,26 @@ def explain(
     left = suspects(bench, _sharp(bench, best), found.judged)
     model = model_of(bench, best, found.judged, searcher.kept(best))
     nameless = nameless_places(model, left, len(bench.candidates))
+    if nameless and not accepted:
+        tell("looking for what drives what is left")
+        unnamed = followed(searcher, found)
+        if unnamed is not None:
+            nameless = (location_of_curve(model, unnamed.curve, unnamed.share),)
+    accepted = tuple(_with_curve(searcher, found, own) for own in accepted)
     return explanation(recording, model, found, accepted, nameless, dropped)
+
+
+def _with_curve(searcher: Searcher, found: Found, own: Accepted) -> Accepted:
+    """A term without a name with its curve, and the name that comes nearest as its rival."""
+    if own.candidate.sort != "free":
+        return own
+    unnamed = curve_in_place_of(searcher, found, own.candidate)
+    curve = None if unnamed is None else unnamed.curve
+    gains = [(searcher.gain(f, found.plain), f.joined[0]) for f in found.singles]
+    if not gains:
+        return replace(own, curve=curve)
+    most, name = max(gains, key=lambda entry: entry[0])
+    return replace(own, curve=curve, rivals=(Rival(f"{name.title} in {name.module}", most),))
 
 
 def explanation(

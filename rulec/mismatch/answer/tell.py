@@ -16,8 +16,9 @@ from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.region import periods_of, region_of
 from rulec.mismatch.evidence.steady.configuration import HIDDEN
 from rulec.mismatch.inference.interval import profile
-from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period
+from rulec.mismatch.result import Alternative, Estimate, Finding, Location, Period, Shape
 from rulec.mismatch.search.accepted import Accepted
+from rulec.mismatch.search.curve_found import CurveFound
 
 
 def findings_of(model: Model, accepted: Sequence[Accepted]) -> tuple[Finding, ...]:
@@ -127,11 +128,11 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
     periods = tuple((p.since, p.until) for p in finding.periods)
     curve = next((own.curve for own in accepted if own.candidate.id == finding.id), None)
     elsewhere = _elsewhere(model, finding) if finding.probability < limits.CERTAIN else ()
-    shape, size = None if curve is None else shape_of(model, curve), term
-    if shape is not None and shape.driver in variables:
-        # From its own level: the fit to all points has no level, but that of its middle.
-        driver = variables[shape.driver]
-        size = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
+    shape = None if curve is None else shape_of(model, curve)
+    size = term if shape is None else _size_of(model, shape, term)
+    told = None if shape is None else model.variable(shape.driver)
+    if shape is not None and told is not None:
+        drivers = {shape.driver: told}
     return Location(
         module=finding.module,
         place=finding.place,
@@ -140,6 +141,35 @@ def location_of(model: Model, finding: Finding, accepted: Sequence[Accepted] = (
         region=() if periods else region_of(size, drivers) or region_of(size, variables),
         periods=periods or _when(model, term),
         also=elsewhere if curve is None else curve.elsewhere,
+        shape=shape,
+    )
+
+
+def _size_of(model: Model, shape: Shape, term: Array) -> Array:
+    """What a shape adds at each sample, squared, shape (n,); `term` where its driver is none."""
+    driver = model.variable(shape.driver)
+    if driver is None:
+        return term
+    # From its own level: the fit to all points has no level, but that of its middle.
+    size: Array = np.interp(driver.shown(driver.course), shape.at, shape.value) ** 2
+    return size
+
+
+def location_of_curve(model: Model, curve: CurveFound, share: float) -> Location:
+    """A place whose error follows something in a way without a name."""
+    spot = curve.place
+    over_time = np.interp(model.samples.time, curve.at, curve.value) ** 2
+    shape, driver = shape_of(model, curve), model.variable(curve.driver)
+    size = over_time if shape is None else _size_of(model, shape, over_time)
+    own = {} if driver is None else {curve.driver: driver}
+    return Location(
+        module=spot.module,
+        place=spot.place,
+        title=spot.title,
+        share=share,
+        region=region_of(size, own) or region_of(size, model.variables(spot.module)),
+        periods=_when(model, size),
+        also=curve.elsewhere,
         shape=shape,
     )
 

@@ -67,6 +67,21 @@ def best_interval(
     )
 
 
+def where_most(
+    values: Array, parts: Array
+) -> tuple[tuple[float | None, float | None] | None, float]:
+    """Between which values of a reading most of something lies (None: open), and its share there.
+
+    `values` and `parts`, not negative, have shape (n,). None and 0 where it lies everywhere.
+    """
+    if not parts.sum() > 0.0:
+        return None, 0.0
+    ends = best_interval(values, parts / parts.sum())
+    if ends is None or ends[0] < limits.REGION_TELLING:
+        return None, 0.0
+    return (ends[1], ends[2]), ends[3]
+
+
 def periods_of(time: Array, contribution: Array) -> tuple[tuple[float, float], ...]:
     """Spans of time, s, that hold most of a mismatch, where it does not lie everywhere.
 

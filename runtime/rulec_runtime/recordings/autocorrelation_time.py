@@ -19,9 +19,16 @@ def memory_of(error: Array, known: Flags) -> float:
 
     That is the sum of squared autocorrelations, up to where they vanish.
     """
-    n = int(known.sum())
+    kept, most = correlations_of(error, known)
+    return float(np.clip(1.0 + 2.0 * np.sum(kept**2), 1.0, most))
+
+
+def correlations_of(error: Array, known: Flags) -> tuple[Array, int]:
+    """Autocorrelations from one sample on, shape (lags,), up to where they vanish, and how many
+    samples they are looked at over at most."""
+    n, none = int(known.sum()), np.zeros(0)
     if n < limits.FEWEST_FOR_CORRELATION:
-        return 1.0
+        return none, 1
     filled = np.where(known, error, 0.0)
     size = 2 ** int(np.ceil(np.log2(2 * len(filled))))
     moments = np.fft.irfft(np.abs(np.fft.rfft(filled, size)) ** 2, size)
@@ -30,9 +37,8 @@ def memory_of(error: Array, known: Flags) -> float:
     with np.errstate(invalid="ignore", divide="ignore"):
         lags = np.where(counts[:most] > 0.5, moments[:most] / np.maximum(counts[:most], 1.0), 0.0)
     if lags[0] <= 0.0:
-        return 1.0
+        return none, 1
     correlation = lags / lags[0]
     floor = limits.WHITE_CORRELATION / np.sqrt(n)
     ends = np.flatnonzero(correlation[1:] < floor)
-    kept = correlation[1 : 1 + ends[0]] if len(ends) else correlation[1:]
-    return float(np.clip(1.0 + 2.0 * np.sum(kept**2), 1.0, most))
+    return (correlation[1 : 1 + ends[0]] if len(ends) else correlation[1:]), most

@@ -19,9 +19,9 @@ from rulec.mismatch.answer.json_form import mismatch_form
 from rulec.mismatch.answer.pictures import pictures_of
 from rulec.mismatch.answer.shapes import answer_of
 from rulec.mismatch.result import Location, Mismatch, Shape
+from rulec.mismatch.search.basis import Basis
+from rulec.mismatch.search.branches import gap_between, ways_there
 from rulec.mismatch.search.curve_found import Branches
-from rulec.mismatch.search.settled.basis import Basis
-from rulec.mismatch.search.settled.branches import gap_between, ways_there
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import alone, compared, recorded, tour
 

@@ -138,6 +138,15 @@ class Fitter:
         duration = float(self.bench.time[-1])
         return limits.EDGE * duration, (1.0 - limits.EDGE) * duration
 
+    @property
+    def scale(self) -> Array:
+        """A step of each free value that matters, SI, shape (free,)."""
+        return self._scale
+
+    def within(self, at: Array) -> Array:
+        """The nearest point within bounds."""
+        return np.asarray(np.clip(at, self._low, self._high))
+
     def vector(self, values: Mapping[str, float]) -> Array:
         """Values of the free parameters, SI, within bounds; plain ones where none is given."""
         plain = dict(zip(self.free, self._mean, strict=False))
@@ -213,6 +222,13 @@ class Fitter:
             np.concatenate([columns[:, 0], self._off_prior(at)]),
             np.concatenate([columns[:, 1:], of_prior]),
         )
+
+    def as_rows(self, moved: Array, judged: Judged, basis: Array) -> Array:
+        """What moves readings by `moved`, shape (signals * samples, columns), SI, as further
+        columns of the slopes of `residual`."""
+        columns = (moved / judged.weights()[:, None])[judged.flags()]
+        columns = _projected(columns, basis, np.zeros(basis.shape[1]))
+        return np.concatenate([columns, np.zeros((self._count, columns.shape[1]))])
 
     def cost(self, at: Array, judged: Judged, basis: Array) -> float:
         """Half the sum of squares; infinite where the model runs away."""
@@ -328,9 +344,19 @@ class Fitter:
         """Fit and look at the noise in turn."""
         for _ in range(rounds):
             at = self._descended(at, judged, evaluations)
-            errors, slow = self.errors(at, judged)
-            noise, given = self._noise(errors, judged), judged.drift.given(slow)
-            judged = replace(judged, noise=noise, slow=given)
+            errors, slow, judged = self.looked_at(at, judged)
+        return self.as_fitted(at, errors, slow, judged)
+
+    def looked_at(self, at: Array, judged: Judged) -> tuple[dict[str, Array], Array, Judged]:
+        """What `errors` gives at a point, and how samples count by the noise that shows there."""
+        errors, slow = self.errors(at, judged)
+        noise, given = self._noise(errors, judged), judged.drift.given(slow)
+        return errors, slow, replace(judged, noise=noise, slow=given)
+
+    def as_fitted(
+        self, at: Array, errors: Mapping[str, Array], slow: Array, judged: Judged
+    ) -> Fitted:
+        """The model at a point, with what `looked_at` gives there."""
         negative_log_prior = 0.5 * float(np.sum(self._off_prior(at) ** 2) + np.sum(slow**2))
         return Fitted(
             self.joined,

@@ -56,10 +56,10 @@ def _suspects(
     for spot in bench.builder.spots:
         if spot.kind not in STORED:
             continue
-        response = _response(bench, fitted, spot, knots)
-        if response is None:
+        answer = response(bench, fitted, spot, knots)
+        if answer is None:
             continue
-        columns, shapes, size = response
+        columns, shapes, size = answer
         found.append(_suspect(spot, columns[flags] / weights[:, None], shapes, size, left))
     return sorted(found, key=lambda s: -s.gain)
 
@@ -71,11 +71,11 @@ def smooth_gain(
 
     By linear response, in log likelihood with the size of the noise unknown.
     """
-    response = _response(bench, fitted, spot, count)
-    if response is None:
+    answer = response(bench, fitted, spot, count)
+    if answer is None:
         return 0.0
     flags, weights, left = _left(bench, fitted, judged)
-    columns = response[0][flags] / weights[:, None]
+    columns = answer[0][flags] / weights[:, None]
     found = np.linalg.lstsq(columns, left, rcond=None)[0]
     before, after = float(np.sum(left**2)), float(np.sum((left - columns @ found) ** 2))
     return 0.5 * before * float(np.log(before / max(after, 1e-300)))
@@ -91,7 +91,7 @@ def _left(bench: SimulationProblem, fitted: Fitted, judged: Judged) -> tuple[Fla
     return flags, weight, error / weight
 
 
-def _response(
+def response(
     bench: SimulationProblem, fitted: Fitted, spot: Spot, knots: int
 ) -> tuple[Array, list[Array], float] | None:
     """What unit errors at a place do to all readings, stacked; None where nothing sees it.

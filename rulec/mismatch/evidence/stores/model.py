@@ -105,7 +105,11 @@ class StoresModel(Model):
         return {**own, **found}
 
     def variable(self, name: str) -> Variable | None:
-        """A state or what is given."""
+        """A state, what is given, or what a sensor showed."""
+        if name in self.bench.record.measured:
+            signal = self.bench.ruleset.signal_by_id[name]
+            course = self.bench.record.measured[name]
+            return Variable(course, signal.factor, signal.offset, signal.unit)
         return self._courses.get(name)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.recordings.autocorrelation_time import Flags, memory_of
+from rulec_runtime.recordings.autocorrelation_time import Flags, correlations_of, memory_of
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,33 @@ def noise_of(error: Array, known: Flags, least: float) -> Noise:
     seen = error[known]
     spread = float(np.sqrt(np.mean(seen**2))) if len(seen) else least
     return Noise(max(spread, least), memory_of(error, known))
+
+
+def score_covariance(columns: Array, error: Array, known: Flags) -> Array:
+    """Covariance of the products of columns with an error that is correlated in time.
+
+    Parameters
+    ----------
+    columns : shape (n, k), zero where the error is not `known`.
+    error : shape (n,); its autocorrelations count up to where they vanish.
+
+    Returns shape (k, k), per variance of the error.
+
+    Source: Newey and West 1987; a spectrum that ends up below zero counts as zero.
+    """
+    size = 2 ** int(np.ceil(np.log2(2 * len(error))))
+    kept = correlations_of(error, known)[0]
+    course = np.zeros(size)
+    course[0] = 1.0
+    course[1 : 1 + len(kept)] = kept
+    course[size - len(kept) :] = kept[::-1]
+    spectrum = np.maximum(np.fft.rfft(course).real, 0.0)
+    waves = np.fft.rfft(columns, size, axis=0)
+    double = np.full(len(spectrum), 2.0)
+    double[[0, -1]] = 1.0
+    weighted = waves.conj() * (spectrum * double)[:, None]
+    found: Array = (weighted.T @ waves).real / size
+    return 0.5 * (found + found.T)
 
 
 def gain(before: Noise, after: Noise, samples: int) -> float:

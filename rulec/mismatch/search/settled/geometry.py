@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
-from rulec.mismatch.search.settled.basis import Basis
+from rulec.mismatch.search.basis import Basis
 from rulec.mismatch.search.settled.sizes import Size, size_of
 
 

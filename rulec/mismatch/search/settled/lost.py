@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.mismatch import limits
-from rulec.mismatch.evidence.region import best_interval
+from rulec.mismatch.evidence.region import where_most
 from rulec.mismatch.search.curve_found import Lost
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import driver_of
@@ -39,12 +38,7 @@ def _where(
     first = np.unique(geometry.group, return_index=True)[1]
     driver = driver_of(geometry.rows.system, term.driver)[geometry.point[first]]
     worse = np.maximum(_lost(geometry, other) - _lost(geometry, best), 0.0)
-    if not worse.sum() > 0.0:
-        return None, 0.0
-    ends = best_interval(driver, worse / worse.sum())
-    if ends is None or ends[0] < limits.REGION_TELLING:
-        return None, 0.0
-    return (ends[1], ends[2]), ends[3]
+    return where_most(driver, worse)
 
 
 def _lost(geometry: Geometry, model: Model) -> Array:

@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.search.settled.basis import basis_over
+from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.time_varying import wandering

@@ -1,0 +1,192 @@
+"""The values of a curve over its driver in a plant that stores, and what its memory is.
+
+What is left is correlated in time, so doubts follow from its autocorrelation, not from the number
+of samples.
+
+Source: sandwich covariance (White 1982; with autocorrelation Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.simulation.balances import TIME, RanAway
+
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.stores.fit import Fitted
+from rulec.mismatch.evidence.stores.locate import response
+from rulec.mismatch.evidence.stores.noise import score_covariance
+from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
+from rulec.mismatch.search.basis import basis_over
+from rulec.mismatch.search.branches import enough_visits, ways_there
+from rulec.mismatch.search.curve_found import Branches, CurveFound
+from rulec.mismatch.search.stores.drawn_curve import Drawn, inverse_of, rows_of, system_at
+
+
+def curve_of(bench: SimulationProblem, drawn: Drawn) -> CurveFound:
+    """A curve with its covariance, all else in its model refitted beside it.
+
+    A state whose reading is recorded is told by that: what scale a level has is often hardly
+    known, what its sensor showed is.
+    """
+    place, table = drawn.place, _rows(drawn)
+    count = len(drawn.amounts)
+    # The range that the model runs through in the end, so far as the curve has knots there.
+    seen = basis_over(course_of(bench, drawn)[bench.record.open], drawn.form.basis.length)
+    low, high = max(place.low, seen.low), min(place.high, seen.high)
+    at = np.linspace(low, high, limits.CURVE_POINTS)
+    there = _at(drawn, at)
+    covariance = _covariance(bench, drawn, *table)[-count:, -count:]
+    means = _means(bench, drawn, *table)
+    axis = axis_of(bench, drawn)
+    means[:, 0] = axis.over(means[:, 0])
+    return CurveFound(
+        place=place.spot,
+        driver=axis.name,
+        at=axis.over(at),
+        value=there @ drawn.amounts,
+        covariance=there @ covariance @ there.T,
+        means=means,
+        branches=_branches(bench, drawn, *table),
+    )
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What a curve is told over: `shown`, shape (k,), SI, goes with values `at` of its driver."""
+
+    name: str
+    at: Array
+    shown: Array
+
+    def over(self, driver: Array) -> Array:
+        """Values of the driver on this axis, SI, shape of `driver`."""
+        return np.asarray(np.interp(driver, self.at, self.shown))
+
+
+def axis_of(bench: SimulationProblem, drawn: Drawn) -> Axis:
+    """What a sensor shows of a state, the time of the recording, or the driver itself."""
+    driver, fitted = drawn.place.driver, drawn.fitted
+    at, order = np.unique(course_of(bench, drawn), return_index=True)
+    if driver == TIME:
+        return Axis(driver, at, at + float(bench.record.time[0]))
+    for name in () if driver in bench.record.inputs else bench.signals:
+        shown = bench.trajectory(fitted.ids, fitted.values, name, fitted.inputs)[order]
+        if (np.diff(shown) > 0.0).all():
+            return Axis(name, at, shown)
+    return Axis(driver, at, at)
+
+
+def _rows(drawn: Drawn) -> tuple[Array, Array]:
+    """Slopes of a model by its values, the amounts of its curve last; see `rows_of`."""
+    return rows_of(system_at(drawn.fitter, drawn.at, drawn.place, drawn.judged), drawn.form)
+
+
+def _at(drawn: Drawn, driver: Array) -> Array:
+    """Functions of a curve at values of its driver, shape (n, functions), SI of its place."""
+    knots = drawn.place.knots
+    functions = [np.interp(driver, knots, column) for column in drawn.form.table.T]
+    return np.stack(functions, axis=1)
+
+
+def _covariance(bench: SimulationProblem, drawn: Drawn, table: Array, known: Array) -> Array:
+    """Covariance of all values, shape (values, values), where errors last; else what is known
+    before counts as it does in the fit."""
+    inverse = inverse_of(table, known)
+    judged, errors = drawn.judged, drawn.fitted.errors
+    of_readings = int(judged.flags().sum())
+    middle = np.diag(known) + table[of_readings:].T @ table[of_readings:]
+    first = 0
+    for name in bench.signals:
+        flags = judged.known[name]
+        columns = np.zeros((len(flags), table.shape[1]))
+        columns[flags] = table[first : first + int(flags.sum())]
+        first += int(flags.sum())
+        per_variance = score_covariance(columns, errors[name], flags)
+        middle += per_variance / judged.noise[name].memory
+    covariance: Array = inverse @ middle @ inverse
+    return covariance
+
+
+def course_of(bench: SimulationProblem, drawn: Drawn) -> Array:
+    """Course of the driver in the model with the curve, shape (n,), SI."""
+    fitted = drawn.fitted
+    return bench.trajectory(fitted.ids, fitted.values, drawn.place.driver, fitted.inputs)
+
+
+def _means(bench: SimulationProblem, drawn: Drawn, table: Array, known: Array) -> Array:
+    """What stretches of time show beside the curve, shape (stretches, 3): driver, value, doubt.
+
+    Each may be off the curve by as much as that is high; those that say more than this are told.
+    """
+    height = float(np.std(drawn.form.table @ drawn.amounts))
+    found = response(bench, drawn.fitted, drawn.place.spot, limits.COURSE_KNOTS[0])
+    if found is None or not height > 0.0:
+        return np.zeros((0, 3))
+    moved, shapes, size = found
+    judged = drawn.judged
+    columns = drawn.fitter.as_rows(moved * (height / size), judged, judged.basis())
+    whole = np.column_stack([table, columns])
+    prior = np.concatenate([known, np.ones(len(shapes))])
+    inverse = inverse_of(whole, prior)
+    left = drawn.fitter.residual(drawn.at, judged, judged.basis())[0]
+    off = -inverse @ (whole.T @ left)
+    course = course_of(bench, drawn)
+    mean = np.stack(shapes) / np.sum(shapes, axis=1)[:, None]
+    ways = np.zeros((len(shapes), whole.shape[1]))
+    first, count = table.shape[1], len(drawn.amounts)
+    ways[:, first - count : first] = mean @ _at(drawn, course)
+    ways[:, first:] = height * np.eye(len(shapes))
+    off[first - count : first] = drawn.amounts
+    u = np.sqrt(np.einsum("ij,jk,ik->i", ways, inverse, ways))
+    told = u**2 < 0.5 * height**2
+    means: Array = np.stack([mean @ course, ways @ off, u], axis=1)[told]
+    return means
+
+
+def _branches(
+    bench: SimulationProblem, drawn: Drawn, table: Array, known: Array
+) -> Branches | None:
+    """The gap between both ways that the driver comes, everything else and the curve found anew
+    beside it; None where there is no clock, or too few visits on either branch."""
+    driver = drawn.place.driver
+    if driver == TIME or not bench.record.timed:
+        return None
+    course = course_of(bench, drawn)
+    side, visit = ways_there(course, _noise(bench, driver))
+    counts = enough_visits(course, side, visit, bench.record.open)
+    if counts is None:
+        return None
+    fitted, spot = drawn.fitted, drawn.place.spot
+    height = float(np.ptp(drawn.form.table @ drawn.amounts))
+    step = limits.GENTLE * height
+    try:
+        moved = _shown(bench, fitted, spot.id, {spot.unknown: step * side})
+        moved -= _shown(bench, fitted, spot.id, {spot.unknown: 0.0 * side})
+    except RanAway:
+        return None
+    judged = drawn.judged
+    column = drawn.fitter.as_rows(moved[:, None] / step, judged, judged.basis())
+    whole, prior = np.column_stack([column, table]), np.concatenate([[0.0], known])
+    left = drawn.fitter.residual(drawn.at, judged, judged.basis())[0]
+    gradient = whole.T @ left
+    gradient[-len(drawn.amounts) :] += drawn.amounts
+    gap = -2.0 * float((inverse_of(whole, prior) @ gradient)[0])
+    u = 2.0 * float(np.sqrt(_covariance(bench, drawn, whole, prior)[0, 0]))
+    return Branches(gap=gap, u=u, rising=counts[0], falling=counts[1])
+
+
+def _noise(bench: SimulationProblem, driver: str) -> float:
+    """Noise of a driver, SI; a state that is simulated has none."""
+    from rulec_runtime.recordings.robust import white_noise
+
+    given = bench.record.inputs.get(driver)
+    return 0.0 if given is None else white_noise(np.diff(given, 3), 3)
+
+
+def _shown(bench: SimulationProblem, fitted: Fitted, spot: str, more: dict[str, Array]) -> Array:
+    inputs = {**fitted.inputs, **more}
+    said = bench.simulate(fitted.ids, fitted.values, inputs=inputs, spots=(spot,))
+    return np.concatenate([said.shown[n] for n in bench.signals])

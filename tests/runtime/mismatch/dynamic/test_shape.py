@@ -1,0 +1,186 @@
+"""What has no name in a plant that stores is told with place, driver, shape, memory and rivals.
+
+The catalogue has the right entry when the recording is made, and lacks it when it is searched.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.recording import Recording
+
+from rulec.mismatch.analyse import analyse
+from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer.pictures import pictures_of
+from rulec.mismatch.evidence.stores.drift import no_drift
+from rulec.mismatch.evidence.stores.fit import Judged
+from rulec.mismatch.evidence.stores.noise import score_covariance
+from rulec.mismatch.search.curve_found import CurveFound
+from rulec.mismatch.search.stores.drawn_curve import Drawn, drawn
+from rulec.mismatch.search.stores.posterior_curve import curve_of
+from rulec.mismatch.search.stores.search import Found
+from rulec.mismatch.search.stores.searcher import Searcher
+from rulec.mismatch.search.stores.unnamed import Unnamed, followed
+from tests.conftest import ROOT
+from tests.runtime.mismatch.dynamic.benches import TRUE, bench, made, tanks
+
+SAMPLES = 640
+FLAP = "lower.sticking-flap@outflow"
+HELD_BACK, NEAR, WIDE = 0.3, 0.10, 0.025
+EFFECT = """
+effect: sticking-flap
+title: Flap that sticks at some level
+sort: physics
+joins:
+  - {flows: out, law: law*(1 - w*exp(-((l - l0)/d)**2))}
+drivers:
+  l: {quantity: level}
+parameters:
+  w:  {unit: "%", null: 0, starts: [10], range: [-100, 100],
+       usual: {median: 10, factor: 3, source: "[assumed]"}, title: share held back}
+  l0: {unit: cm, starts: [10], range: [1, 40], title: level}
+  d:  {unit: cm, starts: [2], range: [0.5, 10], title: width}
+regime: some levels
+text: "{module}: {w} of what flows out is held back near {l0}, {d}"
+action: mend the flap
+source: "[assumed]"
+"""
+KEPT = ("outlet-exponent", "pump-roll-off")
+"""Entries that the catalogue of a whole analysis keeps: with all of them it takes minutes."""
+
+
+@pytest.fixture
+def thin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A knowledge base of few effects, with the flap."""
+    kb = tmp_path / "kb"
+    shutil.copytree(ROOT / "kb", kb)
+    for file in (kb / "effects").glob("*.yaml"):
+        if file.stem not in KEPT:
+            file.unlink()
+    (kb / "effects" / "sticking-flap.yaml").write_text(EFFECT.lstrip(), encoding="utf-8")
+    monkeypatch.setenv("RULEC_KB", str(kb))
+    tanks.cache_clear()
+    yield kb
+    tanks.cache_clear()
+
+
+def flapping(kb: Path, seed: int) -> Recording:
+    """A recording with the flap, after which the catalogue lacks it."""
+    values = {f"{FLAP}.w": HELD_BACK, f"{FLAP}.l0": NEAR, f"{FLAP}.d": WIDE}
+    recording = made(SAMPLES, seed, joined=(FLAP,), more=values)
+    (kb / "effects" / "sticking-flap.yaml").unlink()
+    tanks.cache_clear()
+    return recording
+
+
+def searched(recording: Recording) -> tuple[Searcher, Found]:
+    """The plain model, and what is known before any term without a name is tried."""
+    place = bench(recording)
+    first = Searcher(place, Judged(place.known, {}, no_drift(place), np.zeros(0)), 2)
+    plain = first.plain()
+    searcher = Searcher(place, replace(first.judged, noise=plain.noise), 2)
+    law = place.candidate("lower.outlet-exponent@outflow")
+    single = searcher.polished(searcher.trial(plain, (law,)))
+    return searcher, Found(plain, plain, searcher.judged, 5, {}, (single,))
+
+
+def left_out(curve: CurveFound, found: Drawn) -> Array:
+    """What the plain law leaves out, SI, in a model with its scale of the level: all that a sensor
+    of unknown gain and zero says of it is what it shows."""
+    values = found.fitted.values
+    gain, zero, area = (values[f"lower.{name}"] for name in ("g", "y0", "A"))
+    shown = curve.at
+    level = (shown - TRUE["lower.y0"]) / TRUE["lower.g"]
+    flow = TRUE["lower.a"] * np.sqrt(2.0 * 9.81 * level)
+    flow *= 1.0 - HELD_BACK * np.exp(-(((level - NEAR) / WIDE) ** 2))
+    flow *= (area * TRUE["lower.g"]) / (TRUE["lower.A"] * gain)
+    law = values["lower.a"] * np.sqrt(2.0 * 9.81 * np.maximum((shown - zero) / gain, 0.0))
+    off: Array = flow - law
+    return off
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_the_true_curve_lies_in_the_band(thin: Path, seed: int) -> None:
+    """Over what was shown, with and without its level: the whole curve, by chi-square."""
+    searcher, found = searched(flapping(thin, seed))
+    place = searcher.bench
+    spot = next(s for s in place.builder.spots if s.id == "definition:lower.outflow")
+    term = drawn(searcher, found.plain, spot, "lower.h")
+    assert term is not None
+    curve = curve_of(place, term)
+    assert "lower.y" == curve.driver
+    off = curve.value - left_out(curve, term)
+    less = np.eye(len(off)) - 1.0 / len(off)
+    u = np.sqrt(np.diag(less @ curve.covariance @ less))
+    # A curve of some eight independent values: 99 of 100 are within this, by chi-square.
+    assert np.sqrt(np.mean((off / curve.u) ** 2)) < np.sqrt(20.1 / 8.0)
+    assert np.sqrt(np.mean((less @ off / u) ** 2)) < np.sqrt(20.1 / 8.0)
+    # And the band says something: the bump is many times as high.
+    assert np.ptp(curve.value) > 5.0 * float(np.median(u))
+
+
+def test_place_and_driver_are_found(thin: Path) -> None:
+    """Among all places and all that they may follow; no memory, and the name that lost."""
+    searcher, found = searched(flapping(thin, 1))
+    unnamed = followed(searcher, found)
+    assert isinstance(unnamed, Unnamed)
+    curve = unnamed.curve
+    # What flows out is all that its balance loses, so these two are the same.
+    assert f"{curve.place.module}.{curve.place.place}" in ("lower.outflow", "lower.h")
+    assert "lower.y" == curve.driver
+    assert unnamed.share > 0.9
+    assert curve.branches is not None
+    assert abs(curve.branches.gap) < 0.05 * float(np.ptp(curve.value))
+    (lost,) = curve.lost
+    assert "outlet-exponent" == lost.candidate.name
+    assert lost.nats > 100.0
+
+
+def test_a_right_plain_model_follows_nothing() -> None:
+    """No curve is drawn through noise."""
+    searcher, found = searched(made(SAMPLES, 1))
+    assert followed(searcher, found) is None
+
+
+def test_the_whole_answer(thin: Path) -> None:
+    """Text, page and machine form are those of settled plants."""
+    recording = flapping(thin, 2)
+    ruleset, builder = tanks()
+    found = analyse(recording, ruleset, builder)
+    assert "unnamed" == found.verdict
+    assert "It follows lower.y." in found.headline
+    assert found.next.startswith("Look at what ")
+    assert "lower.y" in found.next
+    at = max((at for at in found.locations if at.shape), key=lambda at: at.share)
+    assert at.shape is not None
+    # What is held back lessens what flows out, which a balance has more of.
+    sign = -1.0 if at.place == "outflow" else 1.0
+    turn = float(at.shape.at[np.argmax(sign * at.shape.value)])
+    assert abs(turn - (TRUE["lower.g"] * NEAR + TRUE["lower.y0"])) < 0.3
+    assert not at.shape.monotone
+    assert "no" == at.shape.memory
+    assert at.shape.beaten
+    (rival,) = found.findings[0].rivals
+    assert rival.gain < found.findings[0].gain
+    assert rival.title.endswith((" in pump", " in upper", " in lower"))
+    form = mismatch_form(found, "plant.yaml")
+    (told,) = [f for f in form["locations"] if "shape" in f]
+    assert {"shape", "memory", "beaten"} <= set(told)
+    assert "shape0" == next(pictures_of(found)).name
+
+
+def test_noise_that_lasts_is_counted() -> None:
+    """The doubt of a mean in noise of first order: (1 + r)/(1 - r) times that of white noise."""
+    random, share, count = np.random.default_rng(1), 0.8, 20_000
+    error = np.zeros(count)
+    for i, shock in enumerate(random.standard_normal(count - 1), 1):
+        error[i] = share * error[i - 1] + shock
+    known = np.ones(count, dtype=bool)
+    ratio = float(score_covariance(np.ones((count, 1)), error, known)[0, 0]) / count
+    assert ratio == pytest.approx((1.0 + share) / (1.0 - share), rel=0.15)
