@@ -805,6 +805,10 @@ TERMS_REFITTED = 3
 ONSET_STEPS = (4, 2, 1)
 """Points by which an onset is moved, in turn, as long as that is likelier. Origin: numerical."""
 
+GROWING_STEPS = (0.5, 0.25)
+"""The same, of what grows: it bends at its onset and need not begin at a point. Origin: numerical.
+"""
+
 ONSET_RIVALS = 5
 """Sets with another fault in the place of one of the best set whose onsets are moved as well.
 Origin: numerical."""

@@ -319,7 +319,8 @@ def _sharpen(search: Search, names: Names) -> None:
             there = joined(search.geometry.rows.system, bare, again.starts)
             search.keep(names, search.refit(there, model, model.terms))
     for number, course in enumerate(search.models[names].setting.courses):
-        for step in limits.ONSET_STEPS if len(course.periods) == 1 else ():
+        steps = (*limits.ONSET_STEPS, *(limits.GROWING_STEPS if course.grows else ()))
+        for step in steps if len(course.periods) == 1 else ():
             for way in (-step, step):
                 while _moved(search, names, number, way, time):
                     pass
@@ -351,16 +352,16 @@ def _begin_alike(search: Search, names: Names, course: Course) -> None:
     search.keep(names, search.refit(setting, model, model.terms))
 
 
-def _moved(search: Search, names: Names, number: int, by: int, time: np.ndarray) -> bool:
-    """Is it likelier that a fault began so many points later?"""
+def _moved(search: Search, names: Names, number: int, by: float, time: np.ndarray) -> bool:
+    """Is it likelier that a fault began so many points later? What grows may begin between two."""
     model = search.models[names]
     course = model.setting.courses[number]
-    span = course.periods[0]
-    at = int(np.searchsorted(time, span.since)) + by
-    if not 0 < at < len(time) or course.segment[-1] < 0:
+    since, points = course.periods[0].since, np.arange(len(time), dtype=float)
+    at = float(np.interp(since, time, points) if course.grows else np.searchsorted(time, since))
+    if not 0 < at + by < len(time) - course.grows or course.segment[-1] < 0:
         return False
     courses = list(model.setting.courses)
-    courses[number] = course.since(float(time[at]), time)
+    courses[number] = course.since(float(np.interp(at + by, points, time)), time)
     before = search.odds[names]
     setting = replace(model.setting, courses=tuple(courses))
     search.keep(names, search.refit(setting, model, model.terms))
