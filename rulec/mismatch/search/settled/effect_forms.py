@@ -21,9 +21,9 @@ def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:
     rows, setting = geometry.rows, now.setting
     columns = []
     for candidate in setting.joined:
-        drivers = [rows.system.inputs[n] for n in dict.fromkeys(candidate.drivers.values())]
-        if candidate.sort == "fault":
-            drivers = _grown(setting, candidate)
+        names = dict.fromkeys(candidate.drivers.values())
+        grown, given = _grown(setting, candidate), [rows.system.inputs[n] for n in names]
+        drivers = grown if candidate.sort == "fault" else given
         null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
         shapes = [shape for driver in drivers for shape in _shapes(driver)]
         if not null or not shapes:
@@ -46,7 +46,7 @@ def _term(now: Fitted, candidate: Candidate) -> dict[int, Array]:
     return {i: np.nan_to_num(v) for i, v in enumerate(there - plain) if np.any(np.nan_to_num(v))}
 
 
-def _grown(setting: Configuration, candidate: Candidate) -> list[Array]:
+def _grown(setting: Configuration, candidate: Candidate) -> list[Array | float]:
     """How far a fault has grown at each point, shape (n,), if it does."""
     own = {u.id for u in candidate.unknowns}
     return [c.risen for c in setting.courses if c.unknown in own and c.risen is not None]
