@@ -127,6 +127,12 @@ def _simulate(simulate: argparse.ArgumentParser) -> None:
     simulate.add_argument(
         "--noise", metavar="SEED", type=int, help="add errors of the sensors, drawn by a number"
     )
+    simulate.add_argument(
+        "--start",
+        metavar="RECORDING",
+        help="let what is stored begin as the first readings of this recording say; for a folder a "
+        "folder with files of the same names",
+    )
 
 
 def _mismatch(mismatch: argparse.ArgumentParser) -> None:

@@ -389,3 +389,12 @@ SIGNATURE_PACES_APART = 17.0
 SAME_EFFECT = 1e-6
 """Effects are alike if they differ by less than this share when scaled to each other. Origin:
 numerical."""
+
+FIRST_SAMPLES = 10
+"""First samples of a recording that tell where what is stored starts. Origin: assumed."""
+
+FIRST_ORDER = 2
+"""Highest order of the curve that is put through them. Origin: numerical."""
+
+START_STEPS = 20
+"""Gauss-Newton steps to the start of what is stored. Origin: numerical."""

@@ -15,6 +15,8 @@ from rulec_runtime.output.write_file import written
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
 from rulec.commands.diagnose import load
+from rulec.simulation.equations import SimulationRefused
+from rulec.simulation.first_readings import Starts, starts_of
 from rulec.simulation.predict import Prediction, predict
 from rulec.simulation.prediction import Injected
 from rulec.simulation.rewrite import rewrite
@@ -36,13 +38,32 @@ def run(options: argparse.Namespace) -> int:
     ruleset = load(Path(options.plant))
     notes: list[str] = []
     files = [read_file(path, ruleset, notes) for path in files_of(source)]
-    prediction = predict(ruleset, files, injected, options.noise)
+    starts = _starts(ruleset, source, options.start, notes)
+    prediction = predict(ruleset, files, injected, options.noise, [s.values for s in starts])
+    notes += (note for start in starts for note in start.notes)
     _write(ruleset, files, prediction, target, source.is_dir())
     for note in dict.fromkeys([*notes, *prediction.notes]):
         say_aside(f"note: {note}")
     out = console(options)
     out.print(styled("[green]✓[/] {}", _summary(prediction, target)), soft_wrap=True)
     return 0
+
+
+def _starts(
+    ruleset: Ruleset, source: Path, recording: str | None, notes: list[str]
+) -> list[Starts]:
+    """Where states start in each file of the inputs; nothing where no recording tells."""
+    if recording is None:
+        return []
+    told, wanted = Path(recording), files_of(source)
+    paths = [told / path.name for path in wanted] if source.is_dir() else [told]
+    absent = [path for path in paths if not path.is_file()]
+    if absent:
+        what = "the inputs are a folder, so give a folder with a file of each name"
+        raise SimulationRefused(
+            f"--start {told}: no file {absent[0]}" + (f"; {what}" if source.is_dir() else "")
+        )
+    return [starts_of(ruleset, read_file(path, ruleset, notes)) for path in paths]
 
 
 def parse_fault(text: str) -> Injected:

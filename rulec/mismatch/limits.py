@@ -799,6 +799,10 @@ LET_GO_ODDS = -2.0
 ONSETS = 23
 """Times at which a fault may begin that are tried at first. Origin: numerical."""
 
+GROWING_ONSETS = 7
+"""Times from which a fault may grow that are tried at first: neighbours show nearly alike. Origin:
+numerical."""
+
 WIDER = 3.0
 """Factor by which an amplitude may be larger beside others than alone, when what it would gain is
 told to first order. Origin: numerical."""
@@ -830,6 +834,14 @@ TERMS_REFITTED = 3
 
 ONSET_STEPS = (4, 2, 1)
 """Points by which an onset is moved, in turn, as long as that is likelier. Origin: numerical."""
+
+GROWING_STEPS = (0.5, 0.25)
+"""The same, of what grows: it bends at its onset and need not begin at a point. Origin: numerical.
+"""
+
+ONSET_RIVALS = 5
+"""Sets with another fault in the place of one of the best set whose onsets are moved as well.
+Origin: numerical."""
 
 ONSET_POINTS = 9
 """Points at which the onset of a fault is looked for in the end. Origin: numerical."""

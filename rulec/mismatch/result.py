@@ -117,15 +117,31 @@ class Rival:
     gain: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Growth:
+    """How a degree grows from nothing: by `rate` per hour, with its standard uncertainty and 95 %
+    bounds; `u_since` (s) is that of the onset."""
+
+    rate: float
+    u: float
+    lower: float
+    upper: float
+    u_since: float
+
+
 @dataclass(frozen=True)
 class Period:
-    """A fault was there from `since` to `until` (s) at a degree: a share, or a size in `unit`."""
+    """A fault was there from `since` to `until` (s) at a degree: a share, or a size in `unit`.
+
+    One with a `growth` was nothing at `since` and reached its degree at `until`.
+    """
 
     since: float
     until: float
     degree: float
     u: float
     unit: str = ""
+    growth: Growth | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -407,6 +407,9 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
         candidate = repaired.setting.candidate_of(course)
         if candidate.sort == HIDDEN:
             continue
+        if course.grows:
+            faulty |= course.segment >= 0
+            continue
         faulty |= (course.segment >= 0) & data.open
         bare = repaired.setting.leaving(candidate.id)
         seen = fit(rows, bare, np.ones(len(data), dtype=bool), steps=0)

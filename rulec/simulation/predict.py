@@ -44,12 +44,14 @@ def predict(
     files: Sequence[RecordingFile],
     injected: Sequence[Injected] = (),
     seed: int | None = None,
+    starts: Sequence[Mapping[str, float]] = (),
 ) -> Prediction:
     """Predict a recording of one or several files, row by row.
 
     Parameters
     ----------
     seed : of the sensors' errors; None for readings without errors.
+    starts : per file values of parameters from which states start, SI; as stated without.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def predict(
         The plant cannot be simulated, a given reading has no column, or a fault is none of this
         plant.
     """
-    exact = _exact(ruleset, files, injected)
+    exact = _exact(ruleset, files, injected, starts)
     values = exact.values
     if seed is not None:
         random = np.random.default_rng(seed)
@@ -67,7 +69,12 @@ def predict(
     return Prediction(exact.given, values, exact.whole, notes)
 
 
-def _exact(ruleset: Ruleset, files: Sequence[RecordingFile], injected: Sequence[Injected]) -> Exact:
+def _exact(
+    ruleset: Ruleset,
+    files: Sequence[RecordingFile],
+    injected: Sequence[Injected],
+    starts: Sequence[Mapping[str, float]],
+) -> Exact:
     if ruleset.dynamics is None:
         equations = equations_of(ruleset)
         if not equations.predicted:
@@ -79,7 +86,7 @@ def _exact(ruleset: Ruleset, files: Sequence[RecordingFile], injected: Sequence[
     # The integrator's compiler is loaded only for plants that store.
     from rulec.simulation.predict_stores import predict_stored
 
-    return predict_stored(ruleset, ruleset.dynamics, files, injected)
+    return predict_stored(ruleset, ruleset.dynamics, files, injected, starts)
 
 
 def _as_recorded(ruleset: Ruleset, files: Sequence[RecordingFile]) -> Iterator[str]:

@@ -1,8 +1,8 @@
 """Readings of a plant that stores: its balances integrated over a recording.
 
-Each file is a run of its own and begins at the start values of the ruleset. Readings that follow
-from those of the same row are predicted as in plants that store nothing: before the balances where
-these need them, else behind.
+Each file is a run of its own and begins at the start values of the ruleset, or at others. Readings
+that follow from those of the same row are predicted as in plants that store nothing: before the
+balances where these need them, else behind.
 """
 
 from __future__ import annotations
@@ -30,8 +30,13 @@ def predict_stored(
     dynamics: Dynamics,
     files: Sequence[RecordingFile],
     injected: Sequence[Injected] = (),
+    starts: Sequence[Mapping[str, float]] = (),
 ) -> Exact:
     """Predict all readings of a plant that stores.
+
+    Parameters
+    ----------
+    starts : per file other values of parameters from which states start, SI; empty for none.
 
     Raises
     ------
@@ -43,7 +48,7 @@ def predict_stored(
     settled = _settled_equations(ruleset)
     if settled is None:
         note = (ruleset.simulation.refused,) if ruleset.simulation.refused else ()
-        return _stored(ruleset, dynamics, files, injected, NOTHING, note)
+        return _stored(ruleset, dynamics, files, injected, NOTHING, note, starts=starts)
     before = sorted(set(dynamics.inputs).intersection(settled.predicted))
     behind = sorted(set(settled.given).intersection(dynamics.outputs))
     if before and behind:
@@ -56,8 +61,8 @@ def predict_stored(
     if before:
         first = predict_settled(settled, files, at_once)
         known = {name: first.values[name] for name in before}
-        return _together(first, _stored(ruleset, dynamics, files, injected, known))
-    first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind)
+        return _together(first, _stored(ruleset, dynamics, files, injected, known, starts=starts))
+    first = _stored(ruleset, dynamics, files, injected, NOTHING, all_of=behind, starts=starts)
     known = within_range(ruleset, {n: first.values[n] for n in behind}, behind)
     return _together(first, predict_settled(settled, files, at_once, known))
 
@@ -105,6 +110,7 @@ def _stored(
     known: Mapping[str, Array],
     notes: tuple[str, ...] = (),
     all_of: Sequence[str] = (),
+    starts: Sequence[Mapping[str, float]] = (),
 ) -> Exact:
     """What sensors of states show; `known` are inputs that other equations predict."""
     names = tuple(n for n in dynamics.outputs if n in (*all_of, *_asked(ruleset, dynamics, files)))
@@ -123,10 +129,11 @@ def _stored(
     signals = ruleset.signal_by_id
     held = np.array([n in degrees or signals[n].between == "hold" for n in every], bool)
     found, told, first = [], list(notes), 0
-    for file in files:
+    own = starts or [dict[str, float]() for _ in files]
+    for file, start in zip(files, own, strict=True):
         last = first + len(file.time)
         run = run_of(file, {n: inputs[n][first:last] for n in every}, held, told)
-        found.append(_integrated(ruleset, dynamics, balances, file, run))
+        found.append(_integrated(ruleset, {**dynamics.values, **start}, balances, file, run))
         first = last
     shown = np.concatenate(found)
     values = {name: shown[:, i] for i, name in enumerate(names)}
@@ -136,11 +143,15 @@ def _stored(
 
 
 def _integrated(
-    ruleset: Ruleset, dynamics: Dynamics, balances: Balances, file: RecordingFile, run: Run
+    ruleset: Ruleset,
+    values: Mapping[str, float],
+    balances: Balances,
+    file: RecordingFile,
+    run: Run,
 ) -> Array:
     """What is shown in the rows of a file, shape (rows, outputs)."""
     try:
-        return course(balances, run, dynamics.values)
+        return course(balances, run, values)
     except RanAway:
         raise SimulationRefused(
             f"{file.path}: a state of {ruleset.plant} grows beyond all bounds; check the values "

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset_file import read_ruleset
+from rulec_runtime.recordings.recording_file import read_file
 
 from rulec.cli import main
 from rulec.passes.pipeline import compile_plant
-from tests.conftest import compiled
+from rulec.simulation.first_readings import starts_of
+from tests.conftest import ROOT, compiled
 from tests.states.plants import (
     FEED,
     STORE,
@@ -265,3 +268,94 @@ def test_balances_that_need_at_once_what_they_give_are_refused(
     call = ["simulate", str(plant), str(tmp_path / "in.csv"), "-o", str(tmp_path / "out.csv")]
     assert 1 == main(call)
     assert "its balances need T.dp, which follows from T.y" in capsys.readouterr().err
+
+
+def stored_from(folder: Path, level: float) -> Path:
+    """A feed and a store that is filled to a level, cm, when it begins."""
+    store = STORE.replace("value: 50", f"value: {level}")
+    return plant_in(folder, CHAIN, "P -> T", feed=FEED, store=store)
+
+
+def pumped(file: Path) -> Path:
+    """Sixty seconds of a steady signal to the feed."""
+    rows = "".join(f"{t},2\n" for t in range(60))
+    file.write_text(f"time [s],P.u [V]\n{rows}", encoding="utf-8")
+    return file
+
+
+def test_what_is_stored_may_start_from_the_first_readings(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A store that begins at 80 cm instead of the stated 50: the same course comes out."""
+    inputs = pumped(tmp_path / "in.csv")
+    stated, fuller = (stored_from(tmp_path / str(level), level) for level in (50, 80))
+    seen = simulated(inputs, tmp_path / "seen.csv", plant=fuller)
+    capsys.readouterr()
+    made = simulated(inputs, tmp_path / "made.csv", "--start", str(seen), plant=stated)
+    told = capsys.readouterr().err
+    np.testing.assert_allclose(column(made, "T.y [m]"), column(seen, "T.y [m]"), atol=1e-6)
+    assert "starts at 80 " in told
+    assert "by the first readings of T.y" in told
+
+
+def test_a_noisy_start_lies_within_its_uncertainty(tmp_path: Path) -> None:
+    """Ten draws of the sensor's errors: what is told is not too sure."""
+    inputs, fuller = pumped(tmp_path / "in.csv"), stored_from(tmp_path / "fuller", 80)
+    ruleset = compile_plant(fuller)
+    far = []
+    for seed in range(10):
+        options = ("--noise", str(seed))
+        seen = simulated(inputs, tmp_path / f"{seed}.csv", *options, plant=fuller)
+        found = starts_of(ruleset, read_file(seen, ruleset, []))
+        value, u = (float(text) for text in re.findall(r"at (\S+) ± (\S+)", found.notes[0])[0])
+        assert abs(found.values["T.h0"] - 0.01 * value) < 1e-3
+        far.append((value - 80.0) / u)
+    assert np.max(np.abs(far)) < 3.0
+    assert 0.3 < np.sqrt(np.mean(np.square(far))) < 2.0
+
+
+def test_a_state_that_no_sensor_reads_starts_as_stated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of two tanks only the lower one is measured."""
+    seen = simulated(TANKS / "examples" / "inputs.csv", tmp_path / "seen.csv")
+    capsys.readouterr()
+    simulated(TANKS / "examples" / "inputs.csv", tmp_path / "out.csv", "--start", str(seen))
+    told = capsys.readouterr().err
+    assert "level of lower tank starts at 10.0" in told
+    assert "no sensor reads level of upper tank alone; it starts at 10 ± 8 cm as stated" in told
+
+
+@pytest.mark.parametrize(
+    ("plant", "start", "message"),
+    [
+        (ROOT / "plants" / "abc", "in.csv", "abc stores nothing"),
+        (TANKS, "in.csv", "no usable first reading of upper.y or lower.y"),
+        (TANKS, "absent.csv", "absent.csv"),
+    ],
+)
+def test_a_recording_that_tells_no_start_is_refused(
+    plant: Path, start: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With what lacks, and nothing written."""
+    inputs = write_inputs(tmp_path / "in.csv", *random_inputs())
+    target = tmp_path / "out.csv"
+    options = ["simulate", str(plant), str(inputs), "-o", str(target)]
+    assert 0 != main([*options, "--start", str(tmp_path / start)])
+    assert message in capsys.readouterr().err
+    assert not target.exists()
+
+
+def test_each_file_of_a_folder_starts_from_its_own(tmp_path: Path) -> None:
+    """Files of the same names."""
+    stated = stored_from(tmp_path / "stated", 50)
+    inputs, seen = tmp_path / "inputs", tmp_path / "seen"
+    inputs.mkdir()
+    seen.mkdir()
+    for level in (60, 90):
+        pumped(inputs / f"{level}.csv")
+        fuller = stored_from(tmp_path / str(level), level)
+        simulated(inputs / f"{level}.csv", seen / f"{level}.csv", plant=fuller)
+    made = simulated(inputs, tmp_path / "made", "--start", str(seen), plant=stated)
+    for level in (60, 90):
+        assert abs(column(made / f"{level}.csv", "T.y [m]")[0] - 0.01 * level) < 1e-6

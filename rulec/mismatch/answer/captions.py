@@ -9,6 +9,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.report.text import counted, degree, number, percent, period
 
 from rulec.mismatch.answer.drawn import Drawn, middle_by, rms, span
+from rulec.mismatch.answer.wording import growth_words
 from rulec.mismatch.result import HiddenDriver, Period, Shape
 
 
@@ -64,7 +65,9 @@ def say_agreement(drawn: Drawn) -> str:
 
 
 def say_periods(periods: Sequence[Period]) -> str:
-    """How often, and the largest degree."""
+    """How often, and the largest degree, or how it grows."""
+    if any(p.growth for p in periods):
+        return f"It {growth_words(periods[0])}."
     worst = max(periods, key=lambda p: abs(p.degree))
     return (
         f"{counted(len(periods), 'period')}; the largest degree is "

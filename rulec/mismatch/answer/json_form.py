@@ -138,6 +138,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "periods": [
             {"since": p.since, "until": p.until, "degree": p.degree, "u": p.u}
             | ({"unit": p.unit} if p.unit else {})
+            | ({"grows": {**vars(p.growth), "per": "h"}} if p.growth else {})
             for p in finding.periods
         ],
         "closed": finding.closed,

@@ -197,8 +197,8 @@ def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], ind
     """Degree of a fault over time with its 95 % bounds."""
     periods = sorted(found, key=lambda p: p.since)
     time = np.array([t for p in periods for t in (p.since, p.until, p.until)])
-    degree = np.array([d for p in periods for d in (p.degree, p.degree, np.nan)])
-    spread = np.array([2 * p.u for p in periods for _ in range(3)])
+    degree = np.array([d for p in periods for d in (_at_first(p, p.degree), p.degree, np.nan)])
+    spread = np.array([2 * u for p in periods for u in (_at_first(p, p.u), p.u, p.u)])
     span = np.concatenate([time, drawn.time]) if drawn is not None else time
     panel = Panel(
         _time(span),
@@ -218,6 +218,11 @@ def _periods(drawn: Drawn | None, finding: Finding, found: Sequence[Period], ind
         body=body,
         caption=say_periods(periods),
     )
+
+
+def _at_first(period: Period, value: float) -> float:
+    """A value of a period where it begins: what grows is nothing there."""
+    return 0.0 if period.growth else value
 
 
 def _course(hidden: HiddenDriver) -> Figure:

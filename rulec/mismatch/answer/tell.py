@@ -108,6 +108,8 @@ def sentence(
 
 def _of_periods(periods: tuple[Period, ...]) -> str:
     degrees = [p.degree for p in periods]
+    # One that grows begins at nothing.
+    degrees += [0.0 for p in periods if p.growth]
     low, high = min(degrees), max(degrees)
     if periods[0].unit:
         ends = dict.fromkeys(f"{end:.3g}" for end in (low, high))

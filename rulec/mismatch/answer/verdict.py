@@ -9,7 +9,7 @@ from rulec_runtime.report.text import percent
 
 from rulec.effects.candidate import TIME, Missing
 from rulec.mismatch import limits
-from rulec.mismatch.answer.wording import region_words
+from rulec.mismatch.answer.wording import onset, region_words
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
@@ -110,6 +110,9 @@ def _follows(shape: Shape) -> str:
 def _with_others(finding: Finding) -> str:
     """What was found and where, and all that is about as likely."""
     name = f"{_inside(finding.title)} in {', '.join(finding.members) or finding.module}"
+    grown = next((p for p in finding.periods if p.growth), None)
+    if grown is not None:
+        name += f" that grows since {onset(grown)}"
     others = [_inside(a.title) for a in finding.alternatives if a.probability >= limits.MENTIONED]
     return " or ".join([name, *others])
 

@@ -46,6 +46,9 @@ SORTS = {
     "free": "a dependence for which the catalogue has no name",
 }
 
+PACES = ((2 * 86400.0, "day", 24.0), (3600.0, "hour", 1.0), (0.0, "minute", 1.0 / 60.0))
+"""From which length of a growth, s, its rate is told per which time, and how many hours that is."""
+
 SPANS = 4
 """Periods named one by one."""
 
@@ -145,9 +148,39 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
     largest = sorted(periods, key=lambda p: -abs(p.degree))[:SPANS]
     for p in sorted(largest, key=lambda p: p.since):
         span = f"{moment(p.since)} to {moment(p.until)}\u00a0s"
-        yield f"{span}: degree {degree(p.degree, p.unit)} ± {degree(p.u, p.unit)}"
+        size = f"{degree(p.degree, p.unit)} ± {degree(p.u, p.unit)}"
+        yield growth_words(p) if p.growth else f"{span}: degree {size}"
     if len(periods) > SPANS:
         yield f"and {counted(len(periods) - SPANS, 'other period')}, none larger"
+
+
+def growth_words(period: Period) -> str:
+    """Since when, from nothing to what, and how fast, in a time that is told well.
+
+    >>> growth = Growth(rate=0.03, u=0.001, lower=0.028, upper=0.032, u_since=60.0)
+    >>> growth_words(Period(0.0, 18000.0, 0.15, 0.004, growth=growth))
+    'grows since 0\xa0s, from 0 to 0.150 ± 0.004 at 18\u202f000\xa0s (0.0300 ± 0.0010 per hour)'
+    """
+    growth, unit = period.growth, f" {period.unit}" if period.unit else ""
+    assert growth is not None
+    length = period.until - period.since
+    per, hours = next((word, h) for least, word, h in PACES if length >= least)
+    rate, u = value_and_u(
+        Estimate("", growth.rate * hours, growth.u * hours, growth.lower, growth.upper, "")
+    )
+    size = f"{degree(period.degree, period.unit)} ± {degree(period.u, period.unit)}"
+    until = f"{moment(period.until)}\u00a0s"
+    return (
+        f"grows since {onset(period)}, from 0 to {size} at {until} ({rate} ± {u}{unit} per {per})"
+    )
+
+
+def onset(period: Period) -> str:
+    """When what grows began, to the first digit of its uncertainty."""
+    growth = period.growth
+    u = growth.u_since if growth is not None else 0.0
+    digits = -int(np.floor(np.log10(u))) if u > 0 else 3
+    return f"{moment(round(period.since, digits))}\u00a0s"
 
 
 def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[str, str]]:

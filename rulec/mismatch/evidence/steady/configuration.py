@@ -36,13 +36,42 @@ class Course:
     """An unknown that has one of a few levels in some periods, and none outside.
 
     `segment` has shape (n,): the number of the level at each point, -1 outside. A course that is
-    smooth passes from each level to the next: `ahead`, shape (n,), is how far it is.
+    smooth passes from each level to the next: `ahead`, shape (n,), is how far it is. One that grows
+    is nothing at first and reaches its level where its period ends: `risen`, shape (n,), is the
+    share of the level that is there.
     """
 
     unknown: str
     segment: np.ndarray
     periods: tuple[Span, ...]
     ahead: Array | None = None
+    risen: Array | None = None
+
+    @property
+    def grows(self) -> bool:
+        """Does it grow in proportion to time since it began?"""
+        return self.risen is not None
+
+    def since(self, begin: float, time: Array) -> Course:
+        """The same, from another time on, s, to the end; `time`, s, has shape (n,)."""
+        level, until = self.periods[0].level, float(time[-1])
+        return replace(
+            self,
+            segment=np.where(time >= begin, level, -1),
+            periods=(Span(begin, until, level),),
+            risen=_risen(time, begin, until) if self.grows else None,
+        )
+
+    def at_times(self, time: Array) -> Course:
+        """The same periods at other points; what lasts to the end does so there too."""
+        segment = np.full(len(time), -1)
+        for span in self.periods:
+            segment[(time >= span.since) & (time <= span.until)] = span.level
+        last = self.periods[-1]
+        if self.segment[-1] >= 0:
+            segment[time > last.until] = last.level
+        risen = _risen(time, last.since, last.until) if self.grows else None
+        return replace(self, segment=segment, risen=risen)
 
     @property
     def levels(self) -> int:
@@ -64,7 +93,24 @@ class Course:
         share: Array = (self.segment == level).astype(float)
         if self.ahead is not None:
             share = share * (1.0 - self.ahead) + (self.segment == level - 1) * self.ahead
-        return share
+        return share if self.risen is None else share * self.risen
+
+
+def lasting(unknown: str, begin: float, time: Array, *, grows: bool = False) -> Course:
+    """An unknown that is there from a time on, s, or grows from then on; `time` has shape (n,)."""
+    until = float(time[-1])
+    return Course(
+        unknown,
+        np.where(time >= begin, 0, -1),
+        (Span(begin, until, 0),),
+        risen=_risen(time, begin, until) if grows else None,
+    )
+
+
+def _risen(time: Array, since: float, until: float) -> Array:
+    """Share of what is reached at `until` that is there at each time, shape (n,)."""
+    risen: Array = np.maximum(time - since, 0.0) / max(until - since, 1e-300)
+    return risen
 
 
 @dataclass(frozen=True, kw_only=True)

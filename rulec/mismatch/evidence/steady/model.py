@@ -11,9 +11,13 @@ from rulec_runtime.contract.plan import Array
 from rulec.effects.candidate import Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.model import Line, Model, Pace, Variable, unit_of_size
+from rulec.mismatch.evidence.steady.configuration import Course
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import variables_of
-from rulec.mismatch.result import Estimate, Period
+from rulec.mismatch.evidence.steady.onset import onset_of
+from rulec.mismatch.result import Estimate, Growth, Period
+
+HOUR = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,18 +56,32 @@ class SteadyModel(Model):
     def periods(
         self, candidate: Candidate, estimates: Mapping[str, Estimate]
     ) -> tuple[Period, ...]:
-        """Periods of a fault that comes and goes."""
+        """Periods of a fault that comes and goes, or when it grew."""
         unknowns = {u.id: u for u in candidate.unknowns}
         found = []
         for course in self.fitted.setting.courses:
             if course.unknown not in unknowns:
                 continue
+            size = unit_of_size(unknowns[course.unknown])
+            if course.grows:
+                found.append(self._growing(course, size))
+                continue
             for span in course.periods:
                 name = course.names()[span.level]
                 degree, u = self.fitted.setting.values[name], self.fitted.u(name)
-                size = unit_of_size(unknowns[course.unknown])
                 found.append(Period(span.since, span.until, degree, u, size))
         return tuple(found)
+
+    def _growing(self, course: Course, size: str) -> Period:
+        """What grew until the end."""
+        (span,), (name,) = course.periods, course.names()
+        degree, known = self.fitted.setting.values[name], onset_of(self.fitted, course)
+        rate, u = HOUR * degree / (span.until - span.since), HOUR * known.u_rate
+        far = limits.NORMAL_95 * u
+        growth = Growth(
+            rate=rate, u=u, lower=max(rate - far, 0.0), upper=rate + far, u_since=known.u_since
+        )
+        return Period(span.since, span.until, degree, known.u_degree, size, growth)
 
     def term(self, candidate: Candidate) -> Array:
         """What a candidate changes in the residuals, squared and summed per point, shape (n,)."""

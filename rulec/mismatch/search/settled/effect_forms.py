@@ -3,36 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
+from rulec.effects.candidate import Candidate
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.search.settled.geometry import Geometry
 
 
 def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:
-    """Each effect's own term times smooth functions of its drivers, shape (rows, functions)."""
+    """Each effect's own term times smooth functions of its drivers, shape (rows, functions).
+
+    What grows does not do so in proportion to time either: its driver is how far it has grown.
+    """
     rows, setting = geometry.rows, now.setting
-    system, columns = rows.system, []
+    columns = []
     for candidate in setting.joined:
+        names = dict.fromkeys(candidate.drivers.values())
+        grown, given = _grown(setting, candidate), [rows.system.inputs[n] for n in names]
+        drivers = grown if candidate.sort == "fault" else given
         null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
-        if not null or candidate.sort == "fault":
+        shapes = [shape for driver in drivers for shape in _shapes(driver)]
+        if not null or not shapes:
             continue
-        modules = system.reached(candidate.observers)
-        bare = replace(setting, values={**setting.values, **null})
-        there, plain = (
-            system.flows(s, at=now.predicted, modules=modules).values for s in (setting, bare)
-        )
-        term = {
-            i: np.nan_to_num(v) for i, v in enumerate(there - plain) if np.any(np.nan_to_num(v))
-        }
-        for name in dict.fromkeys(candidate.drivers.values()):
-            for shape in _shapes(system.inputs[name]):
-                column = rows.column(now.maps, {i: v * shape for i, v in term.items()})
-                columns.append(column[geometry.seen])
+        term = _term(now, candidate)
+        for shape in shapes:
+            column = rows.column(now.maps, {i: v * shape for i, v in term.items()})
+            columns.append(column[geometry.seen])
     return np.stack(columns, axis=1) if columns else np.zeros((int(geometry.seen.sum()), 0))
+
+
+def _term(now: Fitted, candidate: Candidate) -> dict[int, Array]:
+    """What a candidate changes, per number of an observer, shape (n,), m3/s."""
+    system, setting = now.rows.system, now.setting
+    modules = system.reached(candidate.observers)
+    there, plain = (
+        system.flows(s, at=now.predicted, modules=modules).values
+        for s in (setting, setting.leaving(candidate.id))
+    )
+    return {i: np.nan_to_num(v) for i, v in enumerate(there - plain) if np.any(np.nan_to_num(v))}
+
+
+def _grown(setting: Configuration, candidate: Candidate) -> list[Array | float]:
+    """How far a fault has grown at each point, shape (n,), if it does."""
+    own = {u.id for u in candidate.unknowns}
+    return [c.risen for c in setting.courses if c.unknown in own and c.risen is not None]
 
 
 def _shapes(driver: Array | float) -> Sequence[Array]:

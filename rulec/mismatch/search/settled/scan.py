@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Unknown
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.steady.configuration import Configuration, Course, lasting
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, prior_of
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import (
@@ -26,12 +25,30 @@ from rulec.mismatch.search.periods import coming_and_going, in_periods
 from rulec.mismatch.search.settled.geometry import Geometry
 from rulec.mismatch.search.settled.refit import Model
 
+COMES, GROWS = "!", "/"
+"""Marks behind the id of a candidate that begins or comes and goes, and of one that grows."""
+
+
+def name_of(setting: Configuration, candidate: Candidate) -> str:
+    """The id of what is joined, marked as `Column.name` is."""
+    own = {u.id for u in candidate.unknowns}
+    course = next((c for c in setting.courses if c.unknown in own), None)
+    if course is None:
+        return candidate.id
+    return candidate.id + (GROWS if course.grows else COMES)
+
+
+def id_of(name: str) -> str:
+    """The id of a candidate by its name, however it is there."""
+    return name.rstrip(COMES + GROWS)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
     """One amplitude of a candidate, with all else that it brings held; `rows` are its slopes.
 
-    `since` is when a fault begins, s, `course` the periods of one that comes and goes.
+    `since` is when a fault begins, s; one that `grows` does so from then on. `course` has the
+    periods of one that comes and goes.
     """
 
     candidate: Candidate
@@ -41,12 +58,15 @@ class Column:
     rows: Array
     since: float | None = None
     course: Course | None = None
+    grows: bool = False
 
     @property
     def name(self) -> str:
-        """The id of the candidate, marked where it begins, or comes and goes."""
+        """The id of the candidate, marked where it begins, comes and goes, or grows."""
+        if self.grows:
+            return self.candidate.id + GROWS
         lasts = self.since is None and self.course is None
-        return self.candidate.id + ("" if lasts else "!")
+        return self.candidate.id + ("" if lasts else COMES)
 
 
 Start = tuple[Column, float]
@@ -71,12 +91,19 @@ class Found:
         return frozenset(column.name for column, _ in self.starts)
 
 
-def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
-    """A column for each amplitude of each candidate, at several shapes and onsets."""
+def columns(
+    geometry: Geometry, model: Model, alike: Alike, of: Set[str] | None = None
+) -> list[Column]:
+    """A column for each amplitude of each candidate, at several shapes and onsets.
+
+    `of` are ids of the only candidates that count.
+    """
     system, seen = geometry.rows.system, geometry.seen
     joined = shut_out(model, alike)
     found: list[Column] = []
     for candidate in system.candidates:
+        if of is not None and candidate.id not in of:
+            continue
         if candidate.id in joined or not has_drivers(system, candidate):
             continue
         amplitudes = [u for u in candidate.unknowns if u.null is not None and not u.fixed]
@@ -100,14 +127,20 @@ def columns(geometry: Geometry, model: Model, alike: Alike) -> list[Column]:
 
 
 def _begun(geometry: Geometry, every: Sequence[Column]) -> list[Column]:
-    """Faults that begin while the recording runs."""
+    """Faults that begin while the recording runs, at once or in proportion to time since then."""
     time = geometry.rows.system.data.time
     onsets = np.quantile(time, np.linspace(0.06, 0.94, limits.ONSETS)).tolist()
+    growing = np.quantile(time, np.linspace(0.0, 0.9, limits.GROWING_ONSETS)).tolist()
+    ways = [*((since, False) for since in onsets), *((since, True) for since in growing)]
+    shares = {
+        (since, grows): lasting("", since, time, grows=grows).share(0)[geometry.point]
+        for since, grows in ways
+    }
     begun = [
-        replace(c, since=since, rows=c.rows * (time[geometry.point] >= since))
+        replace(c, since=since, grows=grows, rows=c.rows * share)
         for c in every
         if c.candidate.sort == "fault"
-        for since in onsets
+        for (since, grows), share in shares.items()
     ]
     return [c for c in begun if c.rows.any()]
 
@@ -153,15 +186,29 @@ def coming_again(
 
 
 def _among_all_points(every: Rows, setting: Configuration) -> Fitted:
-    courses = tuple(at_times(course, every.system.data.time) for course in setting.courses)
-    return fit(every, replace(setting, courses=courses), every.system.data.open, 0)
+    there = at_points(setting, every.system.data.time)
+    return fit(every, there, every.system.data.open, 0)
+
+
+def at_points(setting: Configuration, time: Array) -> Configuration:
+    """A setting with its courses at other points, shape (n,), s; what grows is told at the last."""
+    values, courses = dict(setting.values), []
+    for course in setting.courses:
+        if course.grows:
+            ((own,), (name,)) = course.periods, course.names()
+            course = course.since(own.since, time)
+            values[name] *= (course.periods[0].until - own.since) / (own.until - own.since)
+        else:
+            course = course.at_times(time)
+        courses.append(course)
+    return replace(setting, values=values, courses=tuple(courses))
 
 
 def _at_means(trial: InitialCandidate, times: Array) -> Found | None:
     """A fault that comes and goes at means; None where these miss one of its degrees."""
     assert trial.course is not None
     amplitude = next(u for u in trial.candidate.unknowns if u.null is not None)
-    course = at_times(trial.course, times)
+    course = trial.course.at_times(times)
     if not set(range(course.levels)) <= set(course.segment.tolist()):
         return None
     column = Column(
@@ -173,17 +220,6 @@ def _at_means(trial: InitialCandidate, times: Array) -> Found | None:
         course=course,
     )
     return Found(trial.gain, ((column, 0.0),))
-
-
-def at_times(course: Course, time: Array) -> Course:
-    """The same periods at other points; what lasts to the end does so there too."""
-    segment = np.full(len(time), -1)
-    for span in course.periods:
-        segment[(time >= span.since) & (time <= span.until)] = span.level
-    last = course.periods[-1]
-    if course.segment[-1] >= 0:
-        segment[time > last.until] = last.level
-    return replace(course, segment=segment)
 
 
 def scan(
@@ -350,7 +386,6 @@ def joined(system: System, setting: Configuration, begins: Sequence[Start]) -> C
         elif column.since is None:
             setting = setting.joining(candidate, {**column.values, name: value}, column.fixed)
         else:
-            segment: NDArray[np.intp] = np.where(time >= column.since, 0, -1)
-            course = Course(name, segment, (Span(column.since, float(time[-1]), 0),))
+            course = lasting(name, column.since, time, grows=column.grows)
             setting = setting.joining(candidate, {f"{name}#0": value}, column.fixed, course)
     return setting

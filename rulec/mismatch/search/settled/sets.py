@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration, Span
+from rulec.mismatch.evidence.steady.configuration import Configuration, Course
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_references
 from rulec.mismatch.evidence.steady.states import rows_of_states
@@ -25,6 +25,7 @@ from rulec.mismatch.search.settled.scan import (
     columns,
     coming,
     coming_again,
+    id_of,
     joined,
     scan,
 )
@@ -183,6 +184,8 @@ def explain(every: Rows, progress: Progress) -> Posterior:
             _sharpen(search, names)
             _grow(search, names)
             _prune(search, names)
+            _otherwise(search, names)
+    _sharpen_rivals(search)
     _challenge(search)
     return search.posterior()
 
@@ -284,9 +287,22 @@ def _prune(search: Search, names: Names) -> None:
             search.keep(names - {term.name}, search.refit(model.setting, model, own))
 
 
+def _otherwise(search: Search, names: Names) -> None:
+    """Each fault of a set in another course: throughout, since some time, growing since then."""
+    for candidate in search.models[names].setting.joined:
+        rest = without(names, candidate)
+        if candidate.sort != "fault" or rest not in search.models:
+            continue
+        geometry, model = search.geometry, search.models[rest]
+        own = columns(geometry, model, search.alike, {candidate.id})
+        for one in scan(geometry, model, own, search.alike, limits.SETS_REFITTED):
+            if len(one.starts) == 1 and rest | one.names not in search.odds:
+                _join(search, rest, one)
+
+
 def without(names: Names, candidate: Candidate) -> Names:
     """A set less one candidate, however it is there."""
-    return frozenset(n for n in names if n.rstrip("!") != candidate.id)
+    return frozenset(n for n in names if id_of(n) != candidate.id)
 
 
 def _sharpen(search: Search, names: Names) -> None:
@@ -294,7 +310,7 @@ def _sharpen(search: Search, names: Names) -> None:
     were tried lie far apart."""
     time = search.geometry.rows.system.data.time
     setting = search.models[names].setting
-    for course in setting.courses:
+    for course in (c for c in setting.courses if not c.grows):
         again = coming_again(search.every, setting, setting.candidate_of(course), time)
         if again is not None:
             ((column, _),) = again.starts
@@ -303,25 +319,49 @@ def _sharpen(search: Search, names: Names) -> None:
             there = joined(search.geometry.rows.system, bare, again.starts)
             search.keep(names, search.refit(there, model, model.terms))
     for number, course in enumerate(search.models[names].setting.courses):
-        for step in limits.ONSET_STEPS if len(course.periods) == 1 else ():
+        steps = (*limits.ONSET_STEPS, *(limits.GROWING_STEPS if course.grows else ()))
+        for step in steps if len(course.periods) == 1 else ():
             for way in (-step, step):
                 while _moved(search, names, number, way, time):
                     pass
 
 
-def _moved(search: Search, names: Names, number: int, by: int, time: np.ndarray) -> bool:
-    """Is it likelier that a fault began so many points later?"""
+def _sharpen_rivals(search: Search) -> None:
+    """Onsets of other faults in the place of one of the best set, from where its own begins: an
+    onset that was moved for one alone would count for it."""
+    names = search.posterior().best
+    setting = search.models[names].setting
+    for course in setting.courses:
+        own = setting.candidate_of(course)
+        rest = without(names, own)
+        others = [n for n in search.odds if len(n) == len(names) and rest < n and n != names]
+        others = [n for n in others if search.models[n].setting.courses]
+        for other in sorted(others, key=lambda n: -search.odds[n])[: limits.ONSET_RIVALS]:
+            _begin_alike(search, other, course)
+            _sharpen(search, other)
+
+
+def _begin_alike(search: Search, names: Names, course: Course) -> None:
+    """Refit a set with the onset of another fault."""
+    model = search.models[names]
+    own = model.setting.courses
+    if len(course.periods) != 1 or len(own[-1].periods) != 1 or own[-1].grows != course.grows:
+        return
+    courses = (*own[:-1], replace(course, unknown=own[-1].unknown))
+    setting = replace(model.setting, courses=courses)
+    search.keep(names, search.refit(setting, model, model.terms))
+
+
+def _moved(search: Search, names: Names, number: int, by: float, time: np.ndarray) -> bool:
+    """Is it likelier that a fault began so many points later? What grows may begin between two."""
     model = search.models[names]
     course = model.setting.courses[number]
-    span = course.periods[0]
-    at = int(np.searchsorted(time, span.since)) + by
-    if not 0 < at < len(time) or course.segment[-1] < 0:
+    since, points = course.periods[0].since, np.arange(len(time), dtype=float)
+    at = float(np.interp(since, time, points) if course.grows else np.searchsorted(time, since))
+    if not 0 < at + by < len(time) - course.grows or course.segment[-1] < 0:
         return False
-    since = float(time[at])
-    segment = np.where(time >= since, 0, -1)
-    there = replace(course, segment=segment, periods=(Span(since, span.until, span.level),))
     courses = list(model.setting.courses)
-    courses[number] = there
+    courses[number] = course.since(float(np.interp(at + by, points, time)), time)
     before = search.odds[names]
     setting = replace(model.setting, courses=tuple(courses))
     search.keep(names, search.refit(setting, model, model.terms))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration, Course, Span
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspect_at
 from rulec.mismatch.evidence.steady.rows import Rows
@@ -24,8 +22,9 @@ from rulec.mismatch.search.settled.lost import lost_to
 from rulec.mismatch.search.settled.posterior_curve import curve_of, size_of_term
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.resampled import Names
-from rulec.mismatch.search.settled.scan import at_times
+from rulec.mismatch.search.settled.scan import at_points, id_of, name_of
 from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
+from rulec.mismatch.search.settled.sharpened import sharpened
 from rulec.mismatch.search.time_varying import wandering
 
 
@@ -91,16 +90,13 @@ def _on_all_points(rows: Rows, model: Model, told: Names) -> tuple[Fitted, dict[
     """The model with terms as courses and curves; candidates by their names in the set."""
     was = model.setting
     for candidate in was.joined:
-        if not {candidate.id, candidate.id + "!"} & told:
+        if name_of(was, candidate) not in told:
             was = was.leaving(candidate.id)
-    courses = tuple(at_times(course, rows.system.data.time) for course in was.courses)
-    fitted = _with_strength(_fitted(rows, replace(was, courses=courses)))
-    courses = fitted.setting.courses
-    coming = {c.unknown for c in courses}
-    joined = fitted.setting.joined
-    names = {c.id + "!" * any(u.id in coming for u in c.unknowns): c for c in joined}
-    for course in courses:
-        fitted = _sharpened(fitted, course)
+    fitted = _with_strength(_fitted(rows, at_points(was, rows.system.data.time)))
+    setting = fitted.setting
+    names = {name_of(setting, c): c for c in setting.joined}
+    for course in setting.courses:
+        fitted = sharpened(fitted, course.unknown)
     for term in (t for t in model.terms if t.name in told):
         there = _with_term(fitted, term)
         if there is not None:
@@ -142,34 +138,6 @@ def _is_strong(fitted: Fitted, candidate: Candidate) -> bool:
     return any(found)
 
 
-def _sharpened(fitted: Fitted, course: Course) -> Fitted:
-    """The onset of what lasts, among the points between the means beside it."""
-    time = fitted.rows.system.data.time
-    if len(course.periods) != 1 or course.segment[-1] < 0:
-        return fitted
-    span = course.periods[0]
-    near = np.abs(time - span.since)
-    window = np.sort(np.argsort(near)[: 2 * limits.ONSET_POINTS])
-    best = fitted
-    for at in np.unique(np.linspace(window[0], window[-1], limits.ONSET_POINTS).astype(int)):
-        since = float(time[at])
-        there = replace(
-            course,
-            segment=np.where(time >= since, span.level, -1),
-            periods=(Span(since, float(time[-1]), span.level),),
-        )
-        courses = tuple(there if c.unknown == course.unknown else c for c in best.setting.courses)
-        moved = fit(
-            fitted.rows,
-            replace(best.setting, courses=courses),
-            fitted.used,
-            limits.HALF_STEPS,
-            variance_inflation=fitted.variance_inflation,
-        )
-        best = moved if moved.objective < best.objective else best
-    return best
-
-
 def _with_term(fitted: Fitted, term: Term) -> Fitted | None:
     """A term without a name as a course in time, or as a curve over its driver."""
     spot_id, _, driver = term.name.rpartition("~")
@@ -201,12 +169,15 @@ def _place(fitted: Fitted, id_: str) -> Suspect | None:
 
 
 def _alike(posterior: Posterior, name: str) -> frozenset[str]:
-    """A name with all that say the same: terms without a name over one driver, wherever they are.
+    """A name with all that say the same: a fault however it came, terms without a name over one
+    driver, wherever they are.
 
-    Their columns often coincide, and each would have a part of what all of them have.
+    Columns of such terms often coincide, and each would have a part of what all of them have.
     """
     _, mark, driver = name.rpartition("~")
-    if not mark or driver == TIME:
+    if not mark:
+        return frozenset(n for names in posterior.odds for n in names if id_of(n) == id_of(name))
+    if driver == TIME:
         return frozenset({name})
     return frozenset(n for names in posterior.odds for n in names if n.endswith(mark + driver))
 
@@ -243,10 +214,9 @@ def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted
 def _candidates(posterior: Posterior) -> dict[str, Candidate]:
     """All candidates that stand in some set, by their names there."""
     found: dict[str, Candidate] = {}
-    for names, model in posterior.models.items():
+    for model in posterior.models.values():
         for candidate in model.setting.joined:
-            name = candidate.id if candidate.id in names else candidate.id + "!"
-            found[name] = candidate
+            found[name_of(model.setting, candidate)] = candidate
     return found
 
 

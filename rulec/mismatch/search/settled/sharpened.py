@@ -1,0 +1,69 @@
+"""Onsets of faults that last, found among all points: those of means lie far apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.configuration import Course
+from rulec.mismatch.evidence.steady.fit import Fitted, fit
+from rulec.mismatch.evidence.steady.onset import onset_of
+
+
+def sharpened(fitted: Fitted, unknown: str) -> Fitted:
+    """The fit with a better onset of one unknown, where it lasts to the end."""
+    course = _course(fitted, unknown)
+    if len(course.periods) != 1 or course.segment[-1] < 0:
+        return fitted
+    return _where_it_grows(fitted, unknown) if course.grows else _where_it_steps(fitted, course)
+
+
+def _course(fitted: Fitted, unknown: str) -> Course:
+    return next(c for c in fitted.setting.courses if c.unknown == unknown)
+
+
+def _where_it_steps(fitted: Fitted, course: Course) -> Fitted:
+    """Points between the means beside an onset are tried."""
+    time = fitted.rows.system.data.time
+    near = np.abs(time - course.periods[0].since)
+    window = np.sort(np.argsort(near)[: 2 * limits.ONSET_POINTS])
+    best = fitted
+    for at in np.unique(np.linspace(window[0], window[-1], limits.ONSET_POINTS).astype(int)):
+        moved = _since(best, course, float(time[at]))
+        best = moved if moved.objective < best.objective else best
+    return best
+
+
+def _where_it_grows(fitted: Fitted, unknown: str) -> Fitted:
+    """Gauss-Newton steps, each halved until it pays."""
+    time = fitted.rows.system.data.time
+    best = fitted
+    for _ in range(limits.ONSET_POINTS):
+        course = _course(best, unknown)
+        since, step = course.periods[0].since, onset_of(best, course).step
+        moved = None
+        for share in (1.0, 0.5, 0.25):
+            there = float(np.clip(since + share * step, time[0], time[-2]))
+            trial = _since(best, course, there)
+            if trial.objective < best.objective:
+                moved = trial
+                break
+        if moved is None:
+            break
+        best = moved
+    return best
+
+
+def _since(fitted: Fitted, course: Course, begin: float) -> Fitted:
+    """Refitted with another onset, s."""
+    there = course.since(begin, fitted.rows.system.data.time)
+    courses = tuple(there if c.unknown == course.unknown else c for c in fitted.setting.courses)
+    return fit(
+        fitted.rows,
+        replace(fitted.setting, courses=courses),
+        fitted.used,
+        limits.HALF_STEPS,
+        variance_inflation=fitted.variance_inflation,
+    )
