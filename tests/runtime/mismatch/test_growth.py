@@ -135,3 +135,11 @@ def test_an_onset_that_is_off_is_moved_the_right_way() -> None:
 
 def test_a_period_that_does_not_grow_has_no_growth() -> None:
     assert Period(0.0, 1.0, 0.1, 0.01).growth is None
+
+
+def test_a_fault_that_shows_the_other_way_round_does_not_take_its_place() -> None:
+    """Begun when the right one begins, it would be pressed to nothing; it must not be likelier."""
+    given = {**tour(alone()[0], SAMPLES), "A.T": np.full(SAMPLES, USUAL)}
+    begun = {"A.dp.high": {"x": 0.1 * (np.arange(SAMPLES) >= SINCE)}}
+    found = compared(alone(), recorded(alone(), given, begun, seed=4))
+    assert ["A.dp.high"] == [f.id for f in found.findings]

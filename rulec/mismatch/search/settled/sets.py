@@ -349,7 +349,12 @@ def _begin_alike(search: Search, names: Names, course: Course) -> None:
         return
     courses = (*own[:-1], replace(course, unknown=own[-1].unknown))
     setting = replace(model.setting, courses=courses)
-    search.keep(names, search.refit(setting, model, model.terms))
+    there = search.refit(setting, model, model.terms)
+    # One that shows the other way round is pressed to nothing, which its evidence, a linear step,
+    # does not see.
+    values, ends = there.setting.values, there.setting.limits()
+    if all(values[name] not in ends[name] for name in courses[-1].names()):
+        search.keep(names, there)
 
 
 def _moved(search: Search, names: Names, number: int, by: float, time: np.ndarray) -> bool:
