@@ -16,6 +16,7 @@ from functools import cache
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
 
@@ -95,6 +96,7 @@ def refitted(
     fresh = [3 + i for i, name in enumerate(_names(terms)) if name not in own]
     fresh += [0, 1] if near is None else []
     no_more = np.zeros((int(seen.sum()), 0))
+    pressed = np.zeros(n, dtype=bool)
     now = _evaluated(rows, setting, prior, at)
     damping, cost = 1e-3, np.inf
     for step in range(steps):
@@ -115,7 +117,7 @@ def refitted(
         stopped = np.zeros(len(slope), dtype=bool)
         stopped[:n] = (at <= prior.lowest) & (slope[:n] > 0)
         stopped[:n] |= (at >= prior.highest) & (slope[:n] < 0)
-        free = np.flatnonzero(~stopped)
+        free, pressed = np.flatnonzero(~stopped), stopped[:n]
         size = np.sqrt(np.diag(normal))[free]
         scaled = normal[np.ix_(free, free)] / np.outer(size, size)
         gain = -1.0
@@ -135,7 +137,7 @@ def refitted(
             damping = max(damping, 1e-6) * 8.0
         if gain < 1e-2:
             break
-    return _weighed(geometry, known, random, now, (at, forms, sizes, scale))
+    return _weighed(geometry, known, random, now, (at, forms, sizes, scale), pressed)
 
 
 def _names(terms: Sequence[Term]) -> list[str]:
@@ -178,16 +180,20 @@ def _choose(
     begin: Begin,
     more: Array,
     fresh: Collection[int],
+    pressed: NDArray[np.bool_] | None = None,
 ) -> _Chosen:
     """Sizes of random columns and noise under which the recording is most probable.
 
     `more` are columns of errors of the effects' own forms; `fresh` axes whose sizes are not known
-    from a model that is much alike: these are tried throughout, the others climbed.
+    from a model that is much alike: these are tried throughout, the others climbed. Values that are
+    `pressed` to an end of their range stay there.
     """
     at, forms, sizes, noise = begin
     n = len(at)
     jacobian = now.jacobian[geometry.seen]
     off = at - known.prior.mean
+    if pressed is not None:
+        jacobian, off = jacobian * ~pressed, off * ~pressed
     left = now.residual[geometry.seen] - jacobian @ off
     table = np.concatenate([jacobian, random.columns, more], axis=1)
     precision = _joint(known.density(at)[1], random.count, more.shape[1])
@@ -271,12 +277,19 @@ def _joint(values: Array, forms: int, more: int) -> Array:
     return joint
 
 
-def _weighed(geometry: Geometry, known: Prior, random: Random, now: Fitted, begin: Begin) -> Model:
+def _weighed(
+    geometry: Geometry,
+    known: Prior,
+    random: Random,
+    now: Fitted,
+    begin: Begin,
+    pressed: NDArray[np.bool_],
+) -> Model:
     at = begin[0]
     more = forms_of_effects(geometry, now)
-    found = _choose(geometry, known, random, now, begin, more, ())
+    found = _choose(geometry, known, random, now, begin, more, (), pressed)
     density, tangent = known.density(at)
-    off = at - known.prior.mean
+    off = (at - known.prior.mean) * ~pressed
     jacobian = now.jacobian[geometry.seen]
     # The normal density of the linear solution gives way to that of the Student distribution.
     evidence = found.score + density + 0.5 * float(off @ tangent @ off)
