@@ -75,10 +75,14 @@ def _parts(geometry: Geometry) -> Sequence[NDArray[np.intp]]:
 
 
 def _changes(geometry: Geometry, model: Model, draws: Array) -> Array:
-    """By how much the log evidence of a model changes in each draw, nats, shape (draws,)."""
+    """By how much the log evidence of a model changes in each draw, nats, shape (draws,).
+
+    Less their mean: what counts more than once shows its noise as if it were a law, and the more
+    freely a model errs, the more it gains by that.
+    """
     table, precision = _without_what_is_not_seen(model)
-    usual = _score(geometry, model, table, precision, np.ones(draws.shape[1]))
-    return np.array([_score(geometry, model, table, precision, d) for d in draws]) - usual
+    found: Array = np.array([_score(geometry, model, table, precision, d) for d in draws])
+    return found - float(found.mean())
 
 
 def _without_what_is_not_seen(model: Model) -> tuple[Array, Array]:
