@@ -57,3 +57,10 @@ def test_shares_are_those_of_the_odds_where_models_err_alike(tmp_path: Path) -> 
     share = shares(found.geometry, models, {BETTER: 0.0, WORSE: -2.0})
     assert abs(share[WORSE] / share[BETTER] - np.exp(-2.0)) < 1e-9
     assert abs(sum(share.values()) - 1.0) < 1e-9
+
+
+def test_a_set_far_behind_stays_there(tmp_path: Path) -> None:
+    """What all sets gain or lose in a draw is no doubt of the best one."""
+    found = asked(("slip-warm",), tmp_path)
+    assert found.odds[found.best] - found.odds[BETTER] > limits.RESAMPLED_NATS
+    assert found.sets[BETTER] < 1e-6

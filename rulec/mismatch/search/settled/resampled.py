@@ -32,7 +32,7 @@ def shares(
 ) -> dict[Names, float]:
     """Probability of each set, by its log odds, nats, on the recording as it is.
 
-    Sets too far behind to lead in any draw keep their odds in all.
+    Sets too far behind to lead in any draw are as far behind the likeliest one in all.
     """
     most = max(odds.values())
     moving = [n for n in odds if odds[n] > most - limits.RESAMPLED_NATS]
@@ -40,8 +40,9 @@ def shares(
     draws = _draws(geometry)
     every = np.repeat(np.array(list(odds.values()))[:, None], len(draws), axis=1)
     row = {names: i for i, names in enumerate(odds)}
-    for names in moving:
-        every[row[names]] += _changes(geometry, models[names], draws)
+    changes = {names: _changes(geometry, models[names], draws) for names in moving}
+    for names in odds:
+        every[row[names]] += changes.get(names, changes[moving[0]])
     weight = np.exp(every - every.max(axis=0))
     share = (weight / weight.sum(axis=0)).mean(axis=1)
     return dict(zip(odds, share.tolist(), strict=True))
