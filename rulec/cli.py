@@ -29,6 +29,7 @@ _COMMANDS = {
     "diagnose": "judge a recording: which fault, how large, and why",
     "simulate": "predict a recording from its inputs, with faults if asked for",
     "mismatch": "tell where simulation and recording differ, and what physics is left out",
+    "experiment": "plan the set points that tell apart what a mismatch leaves open",
     "adopt": "write the plant that a mismatch asks for, with amended module types",
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "prove": "measure on concealed effects how far the answers of mismatch can be trusted",
@@ -41,6 +42,7 @@ _REFUSALS = (
     "SimulationRefused",
     "AdoptRefused",
     "MismatchRefused",
+    "ExperimentRefused",
 )
 """Exceptions whose message is for the user."""
 
@@ -90,6 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
     json_option(made["calibrate"])
     diagnose_options(made["diagnose"], "PLANT_OR_RULESET")
+    _experiment(made["experiment"])
     made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
     made["adopt"].add_argument(
         "-o", "--output", metavar="DIR", required=True, help="new folder, to be used as PLANT"
@@ -104,6 +107,20 @@ def _parser() -> argparse.ArgumentParser:
     _study(made["study"])
     prove_options(made["prove"])
     return parser
+
+
+def _experiment(experiment: argparse.ArgumentParser) -> None:
+    experiment.add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
+    experiment.add_argument(
+        "-o", "--output", metavar="INPUTS.csv", help="inputs of the experiment, for rulec simulate"
+    )
+    experiment.add_argument(
+        "--hours", type=float, default=8.0, help="longest experiment (default 8 hours)"
+    )
+    experiment.add_argument(
+        "--steps", metavar="N", type=int, default=6, help="most steps (default 6)"
+    )
+    json_option(experiment)
 
 
 def _simulate(simulate: argparse.ArgumentParser) -> None:

@@ -123,6 +123,7 @@ def analyse(
         refused=refused,
         checks=checks,
         misread=structure.misread_of(taken),
+        standing=found.standing,
     )
 
 

@@ -859,6 +859,31 @@ RESAMPLED_NATS = 40.0
 RESAMPLED_SETS = 60
 """Sets that are weighed in each draw. Origin: numerical."""
 
+PLACES_DOUBLED = 7
+"""Doublings of the number of operating points that are tried. Origin: numerical."""
+
+SHORTEST_STEP = 60.0
+"""How long a step lasts where a recording does not tell, s. Origin: assumed."""
+
+WORTH_A_STEP = 0.002
+"""By how much a step must raise the probability of the truth. Origin: numerical."""
+
+TOLD_APART = 3.0
+"""Expected log Bayes factor from which on two explanations are told apart, nats: 20 to 1. Origin:
+source (Kass and Raftery 1995, strong evidence)."""
+
+READINGS_TOLD = 2
+"""Readings that are told of each step of an experiment. Origin: assumed."""
+
+FORETELL_STEPS = 8
+"""Steps in which readings are found that obey a model. Origin: numerical."""
+
+FORETELL_STEP = 0.5
+"""Largest share by which a reading moves in a step. Origin: numerical."""
+
+SETS_STANDING = 6
+"""Sets of explanations that an experiment is planned for. Origin: numerical."""
+
 LEAST_GAIN = 0.01
 """Gain of what is told although a set without it is as likely, nats: shares need a number above
 nothing. Origin: numerical."""

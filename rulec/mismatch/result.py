@@ -230,6 +230,38 @@ class Misread:
 
 
 @dataclass(frozen=True)
+class Presence:
+    """When something is there: of an unknown the periods, s, each with the number of its level, and
+    whether it grows from nothing in the last one."""
+
+    unknown: str
+    spans: tuple[tuple[float, float, int], ...]
+    grows: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A set of explanations that is still possible.
+
+    `names` are those of the search, `titles` the same in words; without any nothing is left out.
+    The rest is where it was fitted, SI: ids of what is `joined`, `values` and `fixed` numbers by
+    id, `periods`, modules whose calibration was `released` or whose data sheet `trusted`, and per
+    term without a name its name and the share of its driver's range over which it is alike.
+    """
+
+    names: tuple[str, ...]
+    titles: tuple[str, ...]
+    probability: float
+    joined: tuple[str, ...]
+    values: Mapping[str, float]
+    fixed: Mapping[str, float]
+    periods: tuple[Presence, ...]
+    released: tuple[str, ...]
+    trusted: tuple[str, ...]
+    terms: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
 class Confounded:
     """Two parameters that the recording does not tell apart."""
 
@@ -360,3 +392,4 @@ class Mismatch:
     series: Series | None = None
     evidence: tuple[Evidence, ...] = ()
     misread: tuple[Misread, ...] = ()
+    standing: tuple[Standing, ...] = ()

@@ -37,6 +37,7 @@ from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
+from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
 
@@ -93,6 +94,7 @@ def _explained(recording: Recording, found: Search) -> Explanation:
         untimed="operating points" if of_rows else "files, each with a clock of its own,",
         fitted=fitted,
         latent=latent,
+        standing=standing_of(found.posterior),
     )
 
 

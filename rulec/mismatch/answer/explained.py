@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.samples import Samples
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair
+from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair, Standing
 from rulec.mismatch.search.accepted import Accepted
 
 F = TypeVar("F")
@@ -63,7 +63,8 @@ class Explained(ABC, Generic[F]):
     """A recording explained as far as the search goes.
 
     `places` have no name for what is wrong there; `failing` are sensors that fail to read. `noise`
-    says how large noise is, `untimed` what has no common time, where that is so.
+    says how large noise is, `untimed` what has no common time, where that is so. `standing` are
+    the sets of explanations that are still possible, the likeliest first.
     """
 
     recording: Recording
@@ -75,6 +76,7 @@ class Explained(ABC, Generic[F]):
     tried: int
     noise: str
     untimed: str
+    standing: tuple[Standing, ...] = ()
 
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:

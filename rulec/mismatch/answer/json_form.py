@@ -50,6 +50,10 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
         "evidence": [vars(part) for part in mismatch.evidence],
         "noise": mismatch.noise,
         "tried": mismatch.tried,
+        "standing": [
+            {**vars(one), "periods": [vars(period) for period in one.periods]}
+            for one in mismatch.standing
+        ],
         "notes": list(mismatch.notes),
         "repair": _repair(mismatch, plant_file),
         "seconds": mismatch.seconds,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
@@ -23,7 +24,7 @@ def curve_of(geometry: Geometry, model: Model, term: Term) -> CurveFound:
     """
     solution = solved(model)[0]
     covariance = solved(replace(model, weights=model.weights * min(model.scale, 1.0) ** 2))[1]
-    own = _columns_of(geometry, model, term)
+    own = columns_of(model, term)
     size = size_of_term(model, term)
     driver = driver_of(geometry.rows.system, term.driver)
     read = driver[np.unique(geometry.point)]
@@ -59,11 +60,10 @@ def solved(model: Model) -> tuple[Array, Array]:
     return -inverse @ (table.T @ (model.left * weights)), inverse
 
 
-def _columns_of(geometry: Geometry, model: Model, term: Term) -> Array:
-    """Places of a term's functions among all numbers of its model, in the order of `Random`."""
-    before = len(model.at)
-    before += sum(part.shape[1] for part in (geometry.forms, geometry.moving, geometry.held))
-    for other in model.terms[: model.terms.index(term)]:
-        before += other.columns.shape[1]
-    places: Array = np.arange(before, before + term.columns.shape[1])
-    return places
+def columns_of(model: Model, term: Term) -> NDArray[np.intp]:
+    """Places of a term's functions among all numbers of its model: behind values and errors of
+    form and sensors, in the order of `Random`."""
+    before = len(model.at) + len(model.forms)
+    for other in model.terms[model.terms.index(term) :]:
+        before -= other.columns.shape[1]
+    return np.arange(before, before + term.columns.shape[1])

@@ -196,7 +196,7 @@ def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted
     best, sets = posterior.best, posterior.sets
     alike = _alike(posterior, name)
     own = sum(p for names, p in sets.items() if names & alike)
-    known = _candidates(posterior)
+    known = candidates_of(posterior)
     others: dict[str, float] = {}
     for names, probability in sets.items():
         if names & alike:
@@ -211,7 +211,7 @@ def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted
     return Accepted(candidate, gain, odds, tuple(_rivals(posterior, name)), unnamed)
 
 
-def _candidates(posterior: Posterior) -> dict[str, Candidate]:
+def candidates_of(posterior: Posterior) -> dict[str, Candidate]:
     """All candidates that stand in some set, by their names there."""
     found: dict[str, Candidate] = {}
     for model in posterior.models.values():
@@ -232,7 +232,7 @@ def _beside(posterior: Posterior, best: Names, name: str) -> float:
     return max(odds for names, odds in posterior.odds.items() if names <= rest)
 
 
-def _titled(candidate: Candidate) -> str:
+def titled_with_module(candidate: Candidate) -> str:
     """A title with its module, once."""
     title, module = candidate.title, candidate.module
     return title if f"{module}." in title else f"{title} in {module}"
@@ -257,6 +257,6 @@ def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
         names = max(there, key=lambda n: there[n])
         title = "a term without a name in its place"
         if term:
-            known = _candidates(posterior)
-            title = " and ".join(sorted(_titled(known[n]) for n in names - rest))
+            known = candidates_of(posterior)
+            title = " and ".join(sorted(titled_with_module(known[n]) for n in names - rest))
         yield Rival(title, there[names] - beside)

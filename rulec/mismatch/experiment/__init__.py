@@ -1,0 +1,1 @@
+"""The next experiment: which set points tell the explanations apart that still stand."""

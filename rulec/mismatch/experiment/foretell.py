@@ -1,0 +1,151 @@
+"""What each explanation foretells of readings at operating points that nobody has recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.stationary import Stretches
+
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
+from rulec.mismatch.evidence.steady.locate import spot_column
+from rulec.mismatch.evidence.steady.prepare import Data
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.nameless import driver_of
+from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
+from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.settled.scan import at_points
+
+
+@dataclass(frozen=True)
+class Places:
+    """Operating points that could be run, n of them.
+
+    `inputs` are values of what is set, SI, shape (n,) each; all else that is given from outside is
+    as at the recorded point `near`, shape (n,). `time`, s on the clock of the recording, is when.
+    """
+
+    inputs: Mapping[str, Array]
+    near: NDArray[np.intp]
+    time: Array
+
+    def __len__(self) -> int:
+        return len(self.near)
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """Readings if one explanation is true, and how far off every explanation would find them.
+
+    `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,).
+    For each explanation in turn `off`, shape (rows,), is what its best values leave, in units of
+    the noise, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
+    """
+
+    readings: Mapping[str, Array]
+    point: NDArray[np.intp]
+    off: tuple[Array, ...]
+    covariance: tuple[Array, ...]
+
+
+def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Foretold:
+    """What would be read if one of some models were true."""
+    data = data_at(geometry.rows.system.data, places)
+    system = replace(geometry.rows.system, data=data)
+    model = models[true]
+    for _ in range(limits.FORETELL_STEPS):
+        rows = rows_of(system, Configuration())
+        fitted = _evaluated(rows, model)
+        system = replace(system, data=_moved(rows, fitted))
+    rows = rows_of(system, Configuration())
+    there = Geometry(rows)
+    views = [_seen_by(there, own) for own in models]
+    outputs = {name for cell in rows.cells for name in cell.outputs}
+    readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
+    off, covariance = zip(*views, strict=True)
+    return Foretold(readings, there.point, off, covariance)
+
+
+def data_at(data: Data, places: Places) -> Data:
+    """Points as if they had been recorded; readings are those of the recorded point nearest."""
+    near, n = places.near, len(places)
+
+    def taken(values: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: np.asarray(column)[near] for name, column in values.items()}
+
+    values = {**taken(data.points.values), **places.inputs}
+    nothing = np.zeros(n, dtype=bool)
+    points = replace(
+        data.points,
+        values=values,
+        u=taken(data.points.u),
+        systematic=taken(data.points.systematic),
+        bad=dict.fromkeys(data.points.bad, nothing),
+        time=places.time,
+    )
+    return replace(
+        data,
+        points=points,
+        time=places.time,
+        noise=taken(data.noise),
+        block=np.zeros(n, dtype=np.intp),
+        part=np.zeros(n, dtype=np.intp),
+        moving={},
+        stretches=Stretches(np.arange(n), np.arange(n) + 1),
+    )
+
+
+def _evaluated(rows: Rows, model: Model) -> Fitted:
+    setting = at_points(model.setting, rows.system.data.time)
+    return evaluated(rows, setting, model.prior, model.at, rows.system.data.open)
+
+
+def _moved(rows: Rows, fitted: Fitted) -> Data:
+    """The data with each output where a model says that it would be."""
+    data = rows.system.data
+    values = dict(data.points.values)
+    for cell in rows.cells:
+        off = np.linalg.solve(cell.whitener, cell.table(fitted.residual).T[:, :, None])[:, :, 0]
+        for name, errors in zip(cell.outputs, off.T, strict=True):
+            moved = values[name].copy()
+            step = limits.FORETELL_STEP * np.maximum(np.abs(moved[cell.points]), 1e-12)
+            moved[cell.points] -= np.clip(np.nan_to_num(errors), -step, step)
+            values[name] = moved
+    return replace(data, points=replace(data.points, values=values))
+
+
+def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
+    """How far off a model finds readings, shape (rows,), and the covariance of that, shape (rows,
+    rows): of noise, its values, terms without a name, and errors of form."""
+    fitted = _evaluated(there.rows, model)
+    solution, known = solved(model)
+    off = fitted.residual[there.seen]
+    table, numbers = [fitted.jacobian[there.seen]], list(range(len(model.at)))
+    for term in model.terms:
+        own = columns_of(model, term)
+        columns = _columns(there, model, fitted, term)
+        off = off + columns @ solution[own]
+        table.append(columns)
+        numbers += own.tolist()
+    slopes = np.concatenate(table, axis=1)
+    forms = model.sizes.form * there.forms
+    covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
+    covariance[np.diag_indices(len(covariance))] += model.scale**2
+    return off, covariance
+
+
+def _columns(there: Geometry, model: Model, fitted: Fitted, term: Term) -> Array:
+    """Functions of a term as they show, each of unit size before, shape (rows, functions)."""
+    slopes = spot_column(fitted, term.changed)
+    driver = driver_of(there.rows.system, term.driver)[there.point]
+    basis = term.basis.at(driver)
+    if slopes is None:
+        return np.zeros_like(basis)
+    columns: Array = size_of_term(model, term) * slopes[there.seen, None] * basis
+    return columns

@@ -1,0 +1,166 @@
+"""An experiment as a recipe: words and a table for the terminal, JSON data, and an input file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.csv_cell import row_of
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.report.text import counted, number, percent
+
+from rulec.mismatch import limits
+from rulec.mismatch.experiment.plan import Experiment, Reading, Step
+from rulec.mismatch.result import Standing
+
+FEWEST_DIGITS, MOST_DIGITS = 3, 7
+"""Digits of what is read."""
+
+ROWS = 10
+"""Rows of the input file for each step."""
+
+
+def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
+    """The finding, the explanations, the steps, and what they leave open."""
+    out.print()
+    out.print(styled("[bold]{}[/]", headline(found)))
+    out.print()
+    for place, one in enumerate(found.standing, start=1):
+        out.print(styled("  {}  {} ({})", place, in_words(one), percent(one.probability)))
+    if found.steps:
+        out.print()
+        out.print(_table(found, ruleset))
+    for line in _remarks(found, ruleset):
+        out.print(styled("{}", line))
+
+
+def headline(found: Experiment) -> str:
+    """What the experiment is worth, in one sentence."""
+    if not found.steps:
+        return (
+            "No set points within what was recorded tell these explanations apart. Record wider "
+            "ranges, or read another quantity."
+        )
+    before, after = found.certainty[0], found.certainty[-1]
+    steps = counted(len(found.steps), "step")
+    return (
+        f"{steps} in {_duration(found.steps[-1].until)}: the true explanation can be expected to "
+        f"be {percent(after)} sure, {percent(before)} without."
+    )
+
+
+def in_words(one: Standing) -> str:
+    """What a set of explanations says."""
+    return " and ".join(one.titles) or "nothing is missing"
+
+
+def _table(found: Experiment, ruleset: Ruleset) -> Table:
+    signals = ruleset.signal_by_id
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in ("step", "hold", "set"):
+        table.add_column(title)
+    table.add_column("read")
+    for place in range(1, len(found.standing) + 1):
+        table.add_column(f"if {place}", justify="right")
+    table.add_column("sure", justify="right")
+    for place, step in enumerate(found.steps, start=1):
+        told = step.readings[: limits.READINGS_TOLD]
+        table.add_row(
+            str(place),
+            _duration(step.until - step.since),
+            "\n".join(_shown(signals[name], value) for name, value in step.inputs.items()),
+            "\n".join(f"{r.signal} [{signals[r.signal].unit}]" for r in told),
+            *(
+                "\n".join(_read(signals[r.signal], r, i) for r in told)
+                for i in range(len(found.standing))
+            ),
+            percent(found.certainty[place]),
+        )
+    return table
+
+
+def _read(signal: SignalSpec, reading: Reading, place: int) -> str:
+    """What is read if one explanation is true, to as many digits as tell it from the others."""
+    value = reading.values[place]
+    apart = max(reading.values) - min(reading.values)
+    noise = apart / reading.apart if reading.apart > 0.0 else abs(value)
+    digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
+    return f"{signal.shown(value):.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+
+
+def _shown(signal: SignalSpec, value: float) -> str:
+    return f"{signal.id} {number(signal.shown(value))} {signal.unit}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{number(seconds)} s"
+    return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
+
+
+def _remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
+    for first, second in found.alike if found.steps else ():
+        yield (
+            f"{first + 1} and {second + 1} are not told apart by this: no set points within these "
+            "ranges make them differ by enough."
+        )
+    ranges = [
+        f"{name} {number(signal.shown(low))} to {number(signal.shown(high))} {signal.unit}"
+        for name, (low, high) in found.set_by.items()
+        for signal in [ruleset.signal_by_id[name]]
+    ]
+    yield f"Set points were chosen within what was recorded: {', '.join(ranges)}."
+
+
+def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
+    """The experiment as JSON data; values in the units of the signals, times in s."""
+    signals = ruleset.signal_by_id
+    return {
+        "headline": headline(found),
+        "explanations": [
+            {"names": list(one.names), "title": in_words(one), "probability": one.probability}
+            for one in found.standing
+        ],
+        "certainty": list(found.certainty),
+        "factors": found.factors.tolist(),
+        "alike": [list(pair) for pair in found.alike],
+        "steps": [_step(step, signals) for step in found.steps],
+    }
+
+
+def _step(step: Step, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
+    return {
+        "from": step.since,
+        "until": step.until,
+        "inputs": {
+            name: {"value": signals[name].shown(value), "unit": signals[name].unit}
+            for name, value in step.inputs.items()
+        },
+        "readings": [
+            {
+                "signal": r.signal,
+                "unit": signals[r.signal].unit,
+                "values": [signals[r.signal].shown(value) for value in r.values],
+                "apart": r.apart,
+            }
+            for r in step.readings
+        ],
+    }
+
+
+def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
+    """A recording of what is set, for `rulec simulate`; what nobody sets is as it was recorded."""
+    signals = ruleset.signal_by_id
+    names = sorted({name for step in found.steps for name in (*step.inputs, *step.given)})
+    lines = [row_of(("time [s]", *(f"{name} [{signals[name].unit}]" for name in names)))]
+    for step in found.steps:
+        values = {**step.given, **step.inputs}
+        shown = [f"{signals[name].shown(values[name]):.8g}" for name in names]
+        for part in range(ROWS):
+            time = step.since + (step.until - step.since) * part / ROWS
+            lines.append(row_of((f"{time:.10g}", *shown)))
+    return "\n".join(lines) + "\n"
