@@ -154,7 +154,13 @@ def _simulate(simulate: argparse.ArgumentParser) -> None:
 
 def _mismatch(mismatch: argparse.ArgumentParser) -> None:
     mismatch.add_argument("plant", metavar="PLANT")
-    mismatch.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    mismatch.add_argument(
+        "recording",
+        metavar="RECORDING",
+        nargs="+",
+        help="CSV file, or a folder of them; several of one plant are judged together, and count "
+        "in the order given where their files have no dates",
+    )
     mismatch.add_argument(
         "--heldout",
         action="append",

@@ -27,6 +27,7 @@ class Calls:
     def __init__(self) -> None:
         self.found: Mismatch = NAMED
         self.heldout: tuple[tuple[float, float], ...] | None = None
+        self.sources: tuple[str, ...] = ()
 
     def analyse(
         self,
@@ -38,6 +39,7 @@ class Calls:
         progress: Callable[[str], None] | None = None,
     ) -> Mismatch:
         assert len(recording) > 0
+        self.sources = recording.sources
         assert "builder" == builder
         self.heldout = heldout
         if progress is not None:
@@ -52,7 +54,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     opened = (compiled("abc"), "builder")
     monkeypatch.setattr(command, "analyse", replaced.analyse)
     monkeypatch.setattr(command, "open_builder", lambda path: opened)
-    monkeypatch.setattr(command, "basis_of", lambda builder, recording: {})
+    monkeypatch.setattr(command, "basis_of", lambda builder, recordings: {})
     return replaced
 
 
@@ -203,3 +205,37 @@ def test_progress_is_told_where_somebody_watches(
 def test_periods_are_read_as_numbers() -> None:
     """Spaces and exponents do no harm; a negative time is a time."""
     assert ((-5.0, 0.0), (100.0, 2e3)) == periods_of(["-5:0", "1e2: 2e3"])
+
+
+def test_several_recordings_reach_the_analysis_as_one(
+    calls: Calls, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the order given; the story and the JSON name all."""
+    other = str(PLANT / "examples" / "swapped.csv")
+    assert 0 == call(other, "--json", str(tmp_path / "m.json"))
+    assert ("healthy.csv", "swapped.csv") == calls.sources
+    data = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))
+    assert "healthy.csv and swapped.csv" == data["recording"]
+    assert "healthy.csv and swapped.csv" in capsys.readouterr().out
+
+
+def test_a_recording_given_twice_is_refused(
+    calls: Calls, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 1, which file, and what to do."""
+    assert 1 == call(str(RECORDING))
+    shown = capsys.readouterr().err
+    assert "healthy.csv: this is the same file, given twice" in shown
+    assert "Give each recording once" in shown
+
+
+def test_several_recordings_of_a_plant_that_stores_are_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With the way out."""
+    plant = ROOT / "plants" / "cascaded-tanks"
+    inputs = str(plant / "examples" / "inputs.csv")
+    assert 1 == main(["mismatch", str(plant), inputs, inputs])
+    shown = capsys.readouterr().err
+    assert "this plant stores" in shown
+    assert "Judge each recording alone" in shown

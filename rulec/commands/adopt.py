@@ -11,7 +11,7 @@ from rich.console import Console
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.recordings.mending import mended
-from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.recordings.together import read_recordings
 from rulec_runtime.report.text import number
 
 from rulec.commands.made_from import AGAIN, check_unchanged
@@ -48,17 +48,17 @@ def run(options: argparse.Namespace) -> int:
         )
     _, builder = open_builder(repair.plant)
     assert builder.sources is not None
-    recording = check_unchanged(proven.basis, builder.sources)
+    recordings = check_unchanged(proven.basis, builder.sources)
     adoption = adoption_of(builder, repair)
     with put_in_place(target) as folder:
         write_plant(folder, builder.sources, adoption, repair)
-        try_out(folder, recording, proven)
+        try_out(folder, recordings, proven)
     _tell(out, target, adoption, proven)
     return 0
 
 
-def try_out(plant: Path, recording: Path, proven: Proven) -> None:
-    """Compile a plant, simulate the recording, and compare with the errors reported.
+def try_out(plant: Path, recordings: Sequence[Path], proven: Proven) -> None:
+    """Compile a plant, simulate the recordings, and compare with the errors reported.
 
     Raises `AdoptRefused` where it does not hold.
     """
@@ -68,7 +68,7 @@ def try_out(plant: Path, recording: Path, proven: Proven) -> None:
         raise AdoptRefused(f"what was to be written does not compile: {error}") from None
     if not proven.checks:
         return
-    readings = read_recording(recording, ruleset)
+    readings = read_recordings(recordings, ruleset)
     lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
     if lacking:
         raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")

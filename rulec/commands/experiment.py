@@ -11,7 +11,7 @@ from rulec_runtime.output.json_file import Damaged, read_json
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.mending import mended
-from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.recordings.together import read_recordings
 
 from rulec.commands.made_from import AGAIN, check_unchanged
 from rulec.effects.model_builder import open_builder
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
         raise ExperimentRefused(f"{file}: it does not say which files it was made from; {AGAIN}")
     ruleset, builder = open_builder(read_repair(file, recalibrated=True).plant)
     assert builder.sources is not None
-    recording = read_recording(check_unchanged(proven.basis, builder.sources), ruleset)
+    recording = read_recordings(check_unchanged(proven.basis, builder.sources), ruleset)
     found = planned(
         mended(recording, proven.misread),
         ruleset,

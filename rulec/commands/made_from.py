@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from rulec.knowledge.read import Sources, yaml_files_in
 AGAIN = "run rulec mismatch again"
 
 
-def basis_of(builder: ModelBuilder, recording: Path) -> dict[str, Any]:
+def basis_of(builder: ModelBuilder, recordings: Sequence[Path]) -> dict[str, Any]:
     """Hashes of the plant's files, of the whole knowledge base, and of the recordings, by path.
 
     Paths are absolute, so that `rulec adopt` finds them wherever it is called.
@@ -24,22 +24,28 @@ def basis_of(builder: ModelBuilder, recording: Path) -> dict[str, Any]:
     assert builder.sources is not None
     return {
         "plant": _hashes(_plant_files(builder.sources)),
-        "recording": recording.resolve().as_posix(),
-        "recordings": _hashes(files_of(recording)),
+        "given": [recording.resolve().as_posix() for recording in recordings],
+        "recordings": _hashes(_files(recordings)),
     }
 
 
-def check_unchanged(basis: Basis, sources: Sources) -> Path:
-    """The recording, where nothing has changed since the analysis; else raises `AdoptRefused`."""
+def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
+    """The recordings in the order given, where nothing has changed since the analysis; else raises
+    `AdoptRefused`."""
     _compare("plant", basis.plant, _hashes(_plant_files(sources)))
-    recording = Path(basis.recording)
-    if not recording.exists():
-        raise AdoptRefused(
-            f"the recording '{recording}' is not there any more, and what is adopted is tried on "
-            f"it; put it back, or {AGAIN}"
-        )
-    _compare("recording", basis.recordings, _hashes(files_of(recording)))
-    return recording
+    recordings = [Path(recording) for recording in basis.given]
+    for recording in recordings:
+        if not recording.exists():
+            raise AdoptRefused(
+                f"the recording '{recording}' is not there any more, and what is adopted is tried "
+                f"on it; put it back, or {AGAIN}"
+            )
+    _compare("recording", basis.recordings, _hashes(_files(recordings)))
+    return recordings
+
+
+def _files(recordings: Iterable[Path]) -> list[Path]:
+    return [file for recording in recordings for file in files_of(recording)]
 
 
 def _compare(what: str, then: Mapping[str, str], now: Mapping[str, str]) -> None:

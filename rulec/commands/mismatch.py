@@ -15,7 +15,9 @@ from rich.text import Text
 from rulec_runtime.commands.destinations import console, without_folder, write_json
 from rulec_runtime.output.terminal import one_line, say_aside, styled
 from rulec_runtime.output.write_file import write_text
-from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.together import names_of, read_recordings
+from rulec_runtime.report.text import listed
 
 from rulec.commands.made_from import basis_of
 from rulec.effects.model_builder import open_builder
@@ -25,6 +27,12 @@ from rulec.mismatch.answer.page import report
 from rulec.mismatch.answer.terminal_story import tell
 from rulec.mismatch.inference.series import series_csv
 from rulec.mismatch.result import Mismatch, MismatchRefused
+
+STORES_ALONE = (
+    "this plant stores: what a recording began with belongs to it alone, and several cannot be "
+    "judged together. Judge each recording alone, or record the experiment as one"
+)
+"""Why several recordings of a plant that stores are refused."""
 
 Periods = tuple[tuple[float, float], ...]
 
@@ -99,12 +107,15 @@ def _compare(
     with _progress(out) as progress:
         progress("reading the plant")
         ruleset, builder = open_builder(Path(options.plant))
-        basis = basis_of(builder, Path(options.recording))
-        progress("reading the recording")
-        recording = read_recording(Path(options.recording), ruleset)
+        paths = [Path(path) for path in options.recording]
+        if len(paths) > 1 and ruleset.dynamics is not None:
+            raise MismatchRefused(STORES_ALONE)
+        basis = basis_of(builder, paths)
+        progress("reading the recording" if len(paths) == 1 else "reading the recordings")
+        recording = read_recordings(paths, ruleset)
         check_heldout(recording, heldout)
         found = analyse(recording, ruleset, builder, heldout=heldout, progress=progress)
-    name = Path(options.recording).resolve().name
+    name = listed(names_of(paths))
     notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
     return replace(found, recording=name, notes=notes), basis
 

@@ -20,10 +20,11 @@ class AdoptRefused(Exception):
 
 @dataclass(frozen=True)
 class Basis:
-    """What an analysis was made from: hashes by path, of the plant's files and of recordings."""
+    """What an analysis was made from: hashes by path, of the plant's files and of recordings, which
+    were `given` in this order."""
 
     plant: Mapping[str, str]
-    recording: str
+    given: tuple[str, ...]
     recordings: Mapping[str, str]
 
 
@@ -136,7 +137,7 @@ def _mending(data: Mapping[str, Any]) -> Mending:
 def _basis(data: Mapping[str, Any]) -> Basis:
     return Basis(
         {str(k): str(v) for k, v in data["plant"].items()},
-        str(data["recording"]),
+        tuple(str(path) for path in data["given"]),
         {str(k): str(v) for k, v in data["recordings"].items()},
     )
 

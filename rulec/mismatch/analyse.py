@@ -124,6 +124,8 @@ def analyse(
         checks=checks,
         misread=structure.misread_of(taken),
         standing=found.standing,
+        recordings=found.recordings,
+        changed=found.changed,
     )
 
 

@@ -673,6 +673,10 @@ FORM_KNOWN = 3.0
 FORM_RANK = 1e-2
 """Share of the largest variance below which a smooth course is left out. Origin: numerical."""
 
+OWN_ERROR = 0.5
+"""Share of the variance of a sensor's class that each of several recordings has as its own: its
+zero may have been set in between, its slope and curvature hardly. Origin: assumed."""
+
 MOVING_SHARES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 """How far errors of sensors move within their class while a recording runs, as share of their
 standard uncertainty, that are tried. Origin: numerical."""

@@ -222,6 +222,51 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Likely:
+    """An explanation and its probability."""
+
+    id: str
+    title: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class OfRecording:
+    """One of several recordings that were judged together.
+
+    `rows` are those of it, of which `used` served for something. `verdict` is what it says alone,
+    `alone` are the explanations that may be right by it, the likeliest first.
+    """
+
+    name: str
+    rows: int
+    used: int
+    verdict: str
+    alone: tuple[Likely, ...]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """An explanation with its probability before and after a further recording; `before` is None
+    where the recordings before it could not be judged."""
+
+    id: str
+    title: str
+    before: float | None
+    after: float
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a further recording, by its name, changed of the probabilities before it, in words too;
+    those first that are likeliest, before or after."""
+
+    recording: str
+    text: str
+    moved: tuple[Moved, ...]
+
+
+@dataclass(frozen=True)
 class Misread:
     """A column that is not what its header says, by kind, and how to read it."""
 
@@ -361,7 +406,9 @@ class Mismatch:
     written, empty where it may be. `checks` are for whoever writes a plant. `series` holds the
     courses of all `fits`; None where nothing was split. `evidence` counts every row of the
     recording once. `misread` are columns that were read otherwise than their header says: all that
-    is told holds for the recording read so. `seconds` is how long it took.
+    is told holds for the recording read so. Where several recordings were judged together,
+    `recordings` has each, and `changed` what each further one changed. `seconds` is how long it
+    took.
     """
 
     plant: str
@@ -393,3 +440,5 @@ class Mismatch:
     evidence: tuple[Evidence, ...] = ()
     misread: tuple[Misread, ...] = ()
     standing: tuple[Standing, ...] = ()
+    recordings: tuple[OfRecording, ...] = ()
+    changed: tuple[Update, ...] = ()

@@ -19,10 +19,11 @@ from rulec.mismatch import limits
 from rulec.mismatch.answer.explained import Blind, Explained, Reading, Refits
 from rulec.mismatch.answer.public import Plants, file_of
 from rulec.mismatch.answer.tell import location_of_spot, shares_of
+from rulec.mismatch.answer.together import of_recordings, updates_of
 from rulec.mismatch.answer.verdict import TO_RECORD
 from rulec.mismatch.evidence.failing_sensors import impossible, stuck
 from rulec.mismatch.evidence.samples import HELDOUT
-from rulec.mismatch.evidence.steady.configuration import ERROR, HIDDEN, Configuration
+from rulec.mismatch.evidence.steady.configuration import HIDDEN, Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import alike, noise_scale, suspects
 from rulec.mismatch.evidence.steady.model import SteadyModel, model_of
@@ -37,6 +38,7 @@ from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
+from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
 from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
@@ -71,11 +73,13 @@ def explain(
             samples=data,
             evidence=evidence_of(recording, data, rows),
         )
-    return _explained(recording, search(rows, tell))
+    found = search(rows, tell)
+    by = by_recording(recording, rows.system, heldout, found.posterior, tell)
+    return _explained(recording, found, by)
 
 
-def _explained(recording: Recording, found: Search) -> Explanation:
-    """What a search found."""
+def _explained(recording: Recording, found: Search, by: ByRecording | None) -> Explanation:
+    """What a search found, and what each of several recordings says."""
     fitted, accepted = found.fitted, found.accepted
     system = fitted.rows.system
     of_rows = system.data.of_rows
@@ -95,6 +99,8 @@ def _explained(recording: Recording, found: Search) -> Explanation:
         fitted=fitted,
         latent=latent,
         standing=standing_of(found.posterior),
+        recordings=of_recordings(recording, fitted.rows, by) if by else (),
+        changed=updates_of(recording.sources, by) if by else (),
     )
 
 
@@ -423,7 +429,7 @@ def _faulty(rows: Rows, repaired: Fitted) -> np.ndarray:
 
 def _refitted(settled: Fitted, starts: Sequence[Configuration], used: np.ndarray) -> Fitted:
     rows: Rows = settled.rows
-    none = {ERROR + name: 0.0 for name in rows.system.shared}
+    none = dict.fromkeys(rows.system.errors, 0.0)
     found = [
         fit(rows, s, used, held=none, variance_inflation=settled.variance_inflation) for s in starts
     ]

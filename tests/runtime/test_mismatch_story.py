@@ -15,6 +15,7 @@ from rulec.mismatch.answer.json_form import hidden_csv, mismatch_form
 from rulec.mismatch.answer.page import report
 from rulec.mismatch.answer.sparkline import sparkline
 from rulec.mismatch.answer.terminal_story import tell
+from rulec.mismatch.answer.together import told as updated
 from rulec.mismatch.answer.wording import (
     evidence_rows,
     explained_words,
@@ -26,10 +27,14 @@ from rulec.mismatch.result import (
     Errors,
     Evidence,
     Fit,
+    Likely,
     Mismatch,
+    Moved,
+    OfRecording,
     Period,
     Region,
     Rival,
+    Update,
 )
 from tests.runtime.mismatches import (
     ALL,
@@ -429,3 +434,36 @@ def test_what_no_model_may_hold_is_told_apart() -> None:
     )
     words = explained_words(told)
     assert f"With what no model may hold ({found.title} in A) the analysis reaches 0.25" in words
+
+
+def test_several_recordings_are_told_with_what_each_changed() -> None:
+    """In the terminal, the machine form and the report."""
+    slip, speed = "slip by temperature", "slip by speed"
+    alone = (Likely("a", slip, 0.68), Likely("b", speed, 0.29))
+    moved = (Moved("a", slip, 0.68, 0.97), Moved("b", speed, 0.29, 0.02))
+    several = dataclasses.replace(
+        NAMED,
+        recordings=(
+            OfRecording("one.csv", 144, 133, "ambiguous", alone),
+            OfRecording("two.csv", 144, 131, "none", ()),
+        ),
+        changed=(Update("two.csv", updated("two.csv", moved), moved),),
+    )
+    told = words(several)
+    assert (
+        "one.csv 133 of 144 rows used; alone: a mismatch; several explanations fit about as well "
+        "(slip by temperature 68 %; slip by speed 29 %)"
+    ) in told
+    assert "two.csv 131 of 144 rows used; alone: no mismatch" in told
+    sentence = "With two.csv: slip by temperature 68 % -> 97 %; slip by speed 29 % -> 2 %"
+    assert f"changed {sentence}" in told
+    page = report(several).replace("\xa0", " ").replace("&gt;", ">")
+    assert sentence in page
+    assert "133 of 144 rows used" in page
+    form = json.loads(json.dumps(mismatch_form(several, "plant.yaml")))
+    assert ["one.csv", "two.csv"] == [part["name"] for part in form["recordings"]]
+    assert {"id": "a", "title": slip, "probability": 0.68} == form["recordings"][0]["alone"][0]
+    assert {"id": "b", "title": speed, "before": 0.29, "after": 0.02} == form["changed"][0][
+        "moved"
+    ][1]
+    assert "Recordings" not in words(NAMED)

@@ -17,7 +17,17 @@ from rulec.mismatch.evidence.model import Model
 from rulec.mismatch.evidence.samples import Samples
 from rulec.mismatch.inference.prove import Proof
 from rulec.mismatch.inference.series import Predicted
-from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location, Repair, Standing
+from rulec.mismatch.result import (
+    Evidence,
+    Finding,
+    Fit,
+    HiddenDriver,
+    Location,
+    OfRecording,
+    Repair,
+    Standing,
+    Update,
+)
 from rulec.mismatch.search.accepted import Accepted
 
 F = TypeVar("F")
@@ -64,7 +74,8 @@ class Explained(ABC, Generic[F]):
 
     `places` have no name for what is wrong there; `failing` are sensors that fail to read. `noise`
     says how large noise is, `untimed` what has no common time, where that is so. `standing` are
-    the sets of explanations that are still possible, the likeliest first.
+    the sets of explanations that are still possible, the likeliest first. Of several recordings
+    `recordings` has each, and `changed` what each further one changed.
     """
 
     recording: Recording
@@ -77,6 +88,8 @@ class Explained(ABC, Generic[F]):
     noise: str
     untimed: str
     standing: tuple[Standing, ...] = ()
+    recordings: tuple[OfRecording, ...] = ()
+    changed: tuple[Update, ...] = ()
 
     @abstractmethod
     def proofs(self, findings: Sequence[Finding]) -> list[Proof]:

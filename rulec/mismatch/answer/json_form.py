@@ -32,6 +32,14 @@ def mismatch_form(mismatch: Mismatch, plant_file: str, series: str | None = None
     form: dict[str, Any] = {
         "plant": mismatch.plant,
         "recording": mismatch.recording,
+        "recordings": [
+            {**vars(part), "alone": [vars(likely) for likely in part.alone]}
+            for part in mismatch.recordings
+        ],
+        "changed": [
+            {**vars(update), "moved": [vars(moved) for moved in update.moved]}
+            for update in mismatch.changed
+        ],
         "verdict": mismatch.verdict,
         "headline": mismatch.headline,
         "locations": [_location(location) for location in mismatch.locations],

@@ -15,12 +15,16 @@ from rulec.mismatch.answer.tables import (
     rivals,
     rows_used,
 )
+from rulec.mismatch.answer.wording import of_recordings_words
 from rulec.mismatch.result import Mismatch
 
 
 def report(mismatch: Mismatch) -> str:
     """Write a report; the same comparison gives the same text."""
     sections = [told_first(mismatch)]
+    if mismatch.recordings:
+        told = facts([(term, [text]) for term, text in of_recordings_words(mismatch)])
+        sections.append(section("Recordings", f'<div class="facts">{told}</div>'))
     if mismatch.fit is not None:
         proof = proof_table(mismatch, mismatch.fit) + other_readings(mismatch) + rivals(mismatch)
         sections.append(section("Proof", proof))

@@ -30,6 +30,7 @@ from rulec.mismatch.answer.wording import (
     labelled,
     letter,
     meaning,
+    of_recordings_words,
     other_fits,
     place_facts,
     proof,
@@ -58,6 +59,9 @@ def tell(out: Console, mismatch: Mismatch) -> None:
     if mismatch.headline:
         _heading(out, mismatch.headline)
     _facts(out, _findings(mismatch))
+    if mismatch.recordings:
+        _heading(out, "Recordings")
+        _facts(out, of_recordings_words(mismatch))
     if mismatch.hidden is not None:
         _heading(out, "What drives it is not recorded")
         _facts(out, hidden_facts(mismatch.hidden, tuple(_drawn(mismatch.hidden))))

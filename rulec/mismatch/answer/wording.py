@@ -69,6 +69,17 @@ def meaning(mismatch: Mismatch) -> str:
     return words[:1].upper() + words[1:]
 
 
+def of_recordings_words(mismatch: Mismatch) -> Iterator[tuple[str, str]]:
+    """Each of several recordings with what it says alone, then what each further one changed."""
+    for part in mismatch.recordings:
+        said = VERDICTS.get(part.verdict, ("", part.verdict))[1]
+        likely = "; ".join(f"{likely.title} {percent(likely.probability)}" for likely in part.alone)
+        used = f"{part.used} of {counted(part.rows, 'row')} used"
+        yield part.name, f"{used}; alone: {said}" + (f" ({likely})" if likely else "")
+    for update in mismatch.changed:
+        yield "changed", update.text
+
+
 def value_and_u(estimate: Estimate) -> tuple[str, str]:
     """Value and standard uncertainty, both to two digits of the latter; a dash without one.
 

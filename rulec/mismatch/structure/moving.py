@@ -100,6 +100,11 @@ def moving_of(
         moving={},
         stretches=Stretches(chosen, chosen + 1),
         sample=np.zeros(0, dtype=np.intp),
+        source=np.zeros(len(chosen), np.intp)
+        if recording.source is None
+        else recording.source[chosen],
+        sources=recording.sources,
+        clock=recording.time[chosen] - recording.time[0],
         timed=True,
     )
     rows = rows_of(System(system.ruleset, system.builder, samples), setting)

@@ -41,6 +41,11 @@ class Recording:
     unfit : per signal why readings were taken out; None before anybody looked.
     scales : per signal how the numbers of its column were read: SI = number * factor + offset.
     calendar : the date of time 0, where the file has dates.
+    sources : names of the recordings that it was put together from, in the order given; none where
+        it is one.
+    source : shape (n,), the number of its recording for each row; None where it is one.
+    origin : shape (n,), s; when the clock of each row's recording begins; None where all are on one
+        clock.
     """
 
     time: Array
@@ -54,6 +59,9 @@ class Recording:
     unfit: Mapping[str, str] | None = None
     scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     calendar: Calendar | None = None
+    sources: tuple[str, ...] = ()
+    source: NDArray[np.intp] | None = None
+    origin: Array | None = None
 
     def __len__(self) -> int:
         return len(self.time)

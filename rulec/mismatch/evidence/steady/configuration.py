@@ -13,6 +13,24 @@ from rulec.effects.candidate import Candidate
 ERROR = "error:"
 """Mark before a signal's id: its systematic error, in standard uncertainties of its class."""
 
+OF_RECORDING = "|"
+"""Mark behind the name of an error, before the number of the recording that has it as its own."""
+
+
+def own_error(signal: str, number: int) -> str:
+    """Name of the part of a sensor's error that one of several recordings has as its own."""
+    return f"{ERROR}{signal}{OF_RECORDING}{number}"
+
+
+def reading_and_recording(error: str) -> tuple[str, int | None]:
+    """The signal of an error, and the number of the recording that has it as its own.
+
+    >>> reading_and_recording("error:A.dp"), reading_and_recording("error:A.dp|1")
+    (('A.dp', None), ('A.dp', 1))
+    """
+    signal, mark, number = error.removeprefix(ERROR).partition(OF_RECORDING)
+    return signal, int(number) if mark else None
+
 
 HIDDEN = "hidden"
 """Sort of what stands for a driver that is not recorded: an error at a place, free in time."""

@@ -18,7 +18,11 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.configuration import (
+    ERROR,
+    Configuration,
+    reading_and_recording,
+)
 from rulec.mismatch.evidence.steady.rows import Maps, Rows
 from rulec.mismatch.evidence.steady.system import System
 
@@ -61,7 +65,7 @@ def prior_of(
             u[at] = stated_u if module in setting.trusted else max(stated_u, u[at])
         elif free:
             u[at] = limits.RELEASE * u[at]
-    errors = [ERROR + name for name in system.shared]
+    errors = list(system.errors)
     unknowns = setting.free_unknowns()
     size = len(names) + len(errors) + len(unknowns)
     mean, scale = np.zeros(size), np.ones(size)
@@ -78,8 +82,11 @@ def prior_of(
         inverse = np.linalg.inv(correlation + 1e-9 * np.eye(k))
         precision[:k, :k] = inverse / np.outer(u[base], u[base])
     adrift = _adrift(setting)
+    several = bool(system.data.sources)
     for i, name in enumerate(errors, start=k):
-        precision[i, i] = limits.DRIFTED**-2 if name in adrift else 1.0
+        own = reading_and_recording(name)[1] is not None
+        share = limits.OWN_ERROR if own else 1.0 - limits.OWN_ERROR if several else 1.0
+        precision[i, i] = limits.DRIFTED**-2 if name in adrift else 1.0 / share
     lowest, highest = np.full(size, -np.inf), np.full(size, np.inf)
     bounds = setting.limits()
     for i, name in enumerate(unknowns, start=k + len(errors)):

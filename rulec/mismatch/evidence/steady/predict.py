@@ -15,7 +15,7 @@ from rulec_runtime.recordings.reading_unit import parse_unit
 
 from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.system import System
 from rulec.simulation.shut_off import is_flow
 
@@ -58,7 +58,7 @@ class Predictor:
         """The residual and its slope by the reading."""
         system = self.system
         inputs = system.corrected(setting)
-        error = setting.values.get(ERROR + self.signal.id, 0.0)
+        error = system.error_at(self.signal.id, setting)
         inputs[self.signal.id] = at - error * system.shared.get(self.signal.id, np.zeros(1))
         value, slope = np.zeros(len(at)), np.zeros(len(at))
         for term in self.residual.terms:

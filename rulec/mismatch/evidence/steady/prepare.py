@@ -46,7 +46,9 @@ class Data(Samples):
     `of_rows` tells that each row of the recording is a settled point of its own, `stretches` which
     rows are behind each point. `moving` are flags per module, shape (n,): while one ramps, the
     others may be judged. `sample`, shape (samples,), has the number of the point of each sample of
-    the recording, or `UNSETTLED` or `SPARED`.
+    the recording, or `UNSETTLED` or `SPARED`. `source`, shape (n,), is the number of the recording
+    of each point, `sources` are their names; none where there is one. `clock`, s, shape (n,), is
+    the time since the recording of each began, or since the first where all are on one clock.
     """
 
     points: Points
@@ -56,6 +58,9 @@ class Data(Samples):
     moving: Mapping[str, np.ndarray]
     stretches: Stretches
     sample: NDArray[np.intp]
+    source: NDArray[np.intp]
+    sources: tuple[str, ...]
+    clock: Array
 
     def __len__(self) -> int:
         return len(self.time)
@@ -97,7 +102,10 @@ def prepare(
             # A reading that is constant by quantisation or filtering is not therefore exact.
             smallest = floor if of_rows else limits.FLOOR_SHARE * floor / np.sqrt(stretches.lengths)
             statistical[signal.id] = np.maximum(own, smallest)
-    block, part = _split(time, heldout)
+    first = stretches.first
+    source = np.zeros(len(time), np.intp) if recording.source is None else recording.source[first]
+    clock = time - (time[0] if recording.origin is None else recording.origin[first])
+    block, part = _split(time, source, heldout)
     text = _told(time, part, block, heldout)
     sample = _points_of_samples(stretches, rests)
     timed = recording.one_clock and (not of_rows or follows_a_course(recording, ruleset))
@@ -113,6 +121,9 @@ def prepare(
         moving=moving,
         stretches=stretches,
         sample=sample,
+        source=source,
+        sources=recording.sources,
+        clock=clock,
         timed=timed,
     )
 
@@ -184,9 +195,22 @@ def _pieces(stretches: Stretches, observers: int) -> Stretches:
 
 
 def _split(
+    time: Array, source: NDArray[np.intp], heldout: Sequence[tuple[float, float]]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Number of the block of each point, and what it serves for: of each recording its share."""
+    block, part = np.zeros(len(time), np.intp), np.zeros(len(time), np.intp)
+    behind = 0
+    for own in np.unique(source):
+        here = source == own
+        inner, part[here] = _split_of_one(time[here], heldout)
+        block[here] = behind + inner
+        behind += int(inner.max()) + 1
+    return block, part
+
+
+def _split_of_one(
     time: Array, heldout: Sequence[tuple[float, float]]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Number of the block of each point, and what it serves for."""
     n = len(time)
     blocks = int(np.clip(n // limits.BLOCK_POINTS, 1, limits.BLOCKS))
     block = np.minimum(np.arange(n) * blocks // max(n, 1), blocks - 1)

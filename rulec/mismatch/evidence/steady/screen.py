@@ -315,6 +315,6 @@ def _readings(system: System, unknown: Unknown, quantiles: Sequence[float] = MED
     """Quantiles of the readings of a parameter's driver."""
     data = system.data
     assert unknown.driver is not None
-    values = data.time - data.time[0] if unknown.driver == TIME else data.values[unknown.driver]
+    values = data.clock if unknown.driver == TIME else data.values[unknown.driver]
     values = values[data.open & np.isfinite(values)]
     return [float(v) for v in np.quantile(values, quantiles)] if len(values) else []

@@ -12,7 +12,7 @@ from rulec_runtime.limits import NORMAL_SPREAD
 
 from rulec.knowledge.fluid import reading_of
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
+from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.result import Changed, Repair
 
@@ -26,7 +26,7 @@ def with_sensors_as_they_are(fitted: Fitted, setting: Configuration | None = Non
     for candidate in setting.joined:
         if candidate.sort == "free":
             setting = setting.leaving(candidate.id)
-    none = {ERROR + name: 0.0 for name in fitted.rows.system.shared}
+    none = dict.fromkeys(fitted.rows.system.errors, 0.0)
     return fit(
         fitted.rows, setting, fitted.used, held=none, variance_inflation=fitted.variance_inflation
     )

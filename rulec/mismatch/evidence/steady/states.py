@@ -148,6 +148,8 @@ def averaged(system: System, cuts: Array) -> Data:
         part=data.part[first],
         moving=_at(data.moving, first),
         stretches=stretches,
+        source=data.source[first],
+        clock=mean(data.clock),
     )
 
 
@@ -160,6 +162,7 @@ def _with_held_inputs(system: System) -> tuple[Data, frozenset[str]]:
     data, state = system.data, states_of(system)
     new = np.diff(state, prepend=-1) != 0
     new |= np.diff(data.part, prepend=-1) != 0
+    new |= np.diff(data.source, prepend=-1) != 0
     visit = np.cumsum(new) - 1
     count = np.bincount(visit).astype(float)[visit]
     values, noises, held = dict(data.points.values), dict(data.noise), set()

@@ -14,7 +14,13 @@ from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec.algebra.tangent import run_with_slopes
 from rulec.effects.candidate import TIME, Candidate
 from rulec.effects.model_builder import ModelBuilder
-from rulec.mismatch.evidence.steady.configuration import CHANGE, ERROR, Configuration
+from rulec.mismatch.evidence.steady.configuration import (
+    CHANGE,
+    ERROR,
+    Configuration,
+    own_error,
+    reading_and_recording,
+)
 from rulec.mismatch.evidence.steady.prepare import Data
 
 Slopes = dict[str, dict[int, Array]]
@@ -107,14 +113,31 @@ class System:
     @cached_property
     def inputs(self) -> dict[str, Array | float]:
         """Readings as recorded and the clock, shape (n,), and constants; SI."""
-        clock = self.data.time - self.data.time[0]
-        return {**self.data.values, TIME: clock, **self.builder.parameters.constants}
+        return {**self.data.values, TIME: self.data.clock, **self.builder.parameters.constants}
 
     @cached_property
     def shared(self) -> Mapping[str, Array]:
         """Systematic standard uncertainty of each reading, shape (n,)."""
         used = {s for o in self.observers for s in o.signals}
         return {name: u for name, u in self.data.points.systematic.items() if name in used}
+
+    @cached_property
+    def errors(self) -> tuple[str, ...]:
+        """Names of the errors of sensors: what stays, and per recording what was set anew."""
+        numbers = np.unique(self.data.source).tolist() if self.data.sources else []
+        own = [own_error(name, number) for number in numbers for name in self.shared]
+        return (*(ERROR + name for name in self.shared), *own)
+
+    def error_at(self, name: str, setting: Configuration) -> Array | float:
+        """The error of a reading in uncertainties of its class, shape (n,) where it differs from
+        recording to recording."""
+        values, stays = setting.values, setting.values.get(ERROR + name, 0.0)
+        if not self.data.sources:
+            return stays
+        count = len(self.data.sources)
+        own = np.array([values.get(own_error(name, number), 0.0) for number in range(count)])
+        error: Array = stays + own[self.data.source]
+        return error
 
     def corrected(
         self, setting: Configuration, at: Mapping[str, Array] | None = None
@@ -128,8 +151,8 @@ class System:
             degrees, name = course.degrees(setting.values), course.unknown.removesuffix(CHANGE)
             inputs[name] = degrees if name == course.unknown else inputs[name] + degrees
         for name, u in self.shared.items():
-            error = setting.values.get(ERROR + name, 0.0)
-            if error:
+            error = self.error_at(name, setting)
+            if np.any(error):
                 inputs[name] = inputs[name] - error * u
         return inputs
 
@@ -187,11 +210,13 @@ class System:
         """Slopes by free values; those by sensor errors follow from the readings they act on."""
         result: Slopes = {}
         for name in by:
-            signal = name.removeprefix(ERROR)
-            if signal == name:
+            if not name.startswith(ERROR):
                 result[name] = raw.get(name.removesuffix(CHANGE), {})
             else:
+                signal, number = reading_and_recording(name)
                 u = self.shared[signal]
+                if number is not None:
+                    u = u * (self.data.source == number)
                 result[name] = {i: -s * u for i, s in by_reading.get(signal, {}).items()}
         return result
 

@@ -42,11 +42,19 @@ def _smooth_over(alike: Array) -> Array:
     return smooth
 
 
-def _smooth_in_time(time: Array) -> Array:
-    """Independent smooth courses whose sum has unit variance, shape (n, courses)."""
-    phase = (time - time[0]) / max(float(np.ptp(time)), 1e-300)
-    alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / limits.FORM_LENGTH) ** 2)
-    return _smooth_over(alike)
+def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
+    """Independent smooth courses whose sum has unit variance, shape (n, courses): of each recording
+    its own."""
+    found = []
+    for own in np.unique(source):
+        here = np.flatnonzero(source == own)
+        phase = (time[here] - time[here[0]]) / max(float(np.ptp(time[here])), 1e-300)
+        alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / limits.FORM_LENGTH) ** 2)
+        smooth = _smooth_over(alike)
+        whole = np.zeros((len(time), smooth.shape[1]))
+        whole[here] = smooth
+        found.append(whole)
+    return np.concatenate(found, axis=1)
 
 
 @dataclass(frozen=True)
@@ -211,11 +219,12 @@ class Geometry:
     def _moving(self, plain: Fitted) -> Array:
         """Rows of errors of sensors that move slowly within their class, shape (rows, errors)."""
         system, names = self.rows.system, plain.prior.names
+        stays = {ERROR + name for name in system.shared}
         none = np.zeros((int(self.seen.sum()), 0))
         if not system.data.timed:
             return none
-        course = _smooth_in_time(system.data.time)[self.point]
-        errors = [i for i, name in enumerate(names) if name.startswith(ERROR)]
+        course = _smooth_in_time(system.data.time, system.data.source)[self.point]
+        errors = [i for i, name in enumerate(names) if name in stays]
         tables = [plain.jacobian[self.seen][:, [i]] * course for i in errors]
         if not tables:
             return none

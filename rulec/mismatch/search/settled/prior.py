@@ -71,8 +71,7 @@ def _range_of(rows: Rows, unknown: Unknown, start: float) -> tuple[float, float]
     """Middle and width of the range in which a shape lies."""
     data = rows.system.data
     if unknown.driver is not None:
-        clock = data.time - data.time[0]
-        values = clock if unknown.driver == TIME else data.values[unknown.driver]
+        values = data.clock if unknown.driver == TIME else data.values[unknown.driver]
         low, high = np.nanquantile(values, [0.02, 0.98])
         return float(low + high) / 2, max(float(high - low), 1e-12)
     if unknown.offset:

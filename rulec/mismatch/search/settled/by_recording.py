@@ -1,0 +1,173 @@
+"""What each of several recordings says alone, and what each further one changed.
+
+The search is made again on the rows of some recordings. To weigh there the sets that all rows
+brought up would be cheaper and wrong: what the further recording refutes is refitted to its rows
+too, with noise and errors of form as large as it needs for them, and looks refuted before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.together import part_of
+from rulec_runtime.report.text import listed
+
+from rulec.effects.candidate import TIME, Candidate
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.prepare import prepare
+from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.system import System, system_of
+from rulec.mismatch.result import Likely, Moved
+from rulec.mismatch.search.settled.resampled import Names
+from rulec.mismatch.search.settled.scan import id_of, name_of
+from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
+
+NOTHING = "nothing"
+"""Id of the set in which nothing is left out."""
+
+TERM = "~"
+"""Mark in the name of what has none, before its driver."""
+
+SORTED = {"physics": "named", "ageing": "named", "fault": "fault", "sensor": "sensor"}
+"""Verdict by the sort of the one explanation that is certain."""
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What one recording, by its number, says alone."""
+
+    number: int
+    verdict: str
+    likely: tuple[Likely, ...]
+
+
+@dataclass(frozen=True)
+class ByRecording:
+    """What each recording says alone, and how the second and each later one, by its number, moved
+    probabilities."""
+
+    alone: tuple[Alone, ...]
+    moved: Mapping[int, tuple[Moved, ...]]
+
+
+def by_recording(
+    recording: Recording,
+    system: System,
+    heldout: Sequence[tuple[float, float]],
+    posterior: Posterior,
+    progress: Progress,
+) -> ByRecording | None:
+    """Explain each recording alone, and the first few together; None of one.
+
+    `posterior` is what all say together.
+    """
+    count = len(recording.sources)
+    if count < 2:
+        return None
+    every = frozenset(range(count))
+    known = {every: posterior}
+
+    def on(numbers: Collection[int]) -> Posterior | None:
+        chosen = frozenset(numbers)
+        if chosen not in known:
+            names = listed([recording.sources[i] for i in sorted(chosen)])
+            progress(f"searching {names} alone")
+            rows = _rows_of(part_of(recording, chosen), system, heldout)
+            found = explain(rows, lambda text: None) if rows is not None else None
+            if found is None:
+                return None
+            known[chosen] = found
+        return known[chosen]
+
+    alone = tuple(Alone(number, *_said(on({number}))) for number in range(count))
+    moved = {n: _moved(on(range(n)), on(range(n + 1))) for n in range(1, count)}
+    return ByRecording(alone, moved)
+
+
+def _rows_of(
+    recording: Recording, system: System, heldout: Sequence[tuple[float, float]]
+) -> Rows | None:
+    """Rows of some recordings; None where they are too few."""
+    data = prepare(recording, system.ruleset, heldout)
+    if data is None or int(data.open.sum()) < limits.FEWEST_POINTS:
+        return None
+    rows = rows_of(system_of(system.ruleset, system.builder, data), Configuration())
+    return rows if rows.groups >= limits.FEWEST_POINTS else None
+
+
+def _said(found: Posterior | None) -> tuple[str, tuple[Likely, ...]]:
+    """The verdict that probabilities alone give, and what may be right, the likeliest first."""
+    if found is None:
+        return "cannot judge", ()
+    every, (titles, sorts) = _by_id(found.sets), _titles(found)
+    return _verdict(every, sorts), _likely(every, titles)
+
+
+def _key(name: str) -> str:
+    """A fault however it came, terms without a name over one driver wherever they are."""
+    _, mark, driver = name.rpartition(TERM)
+    return TERM + driver if mark else id_of(name)
+
+
+def _by_id(sets: Mapping[Names, float]) -> dict[str, float]:
+    """Probability that an explanation is there, by its id."""
+    found = {NOTHING: sets.get(frozenset(), 0.0)}
+    for names, probability in sets.items():
+        for key in {_key(name) for name in names}:
+            found[key] = found.get(key, 0.0) + probability
+    return found
+
+
+def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
+    """Titles and sorts of all explanations by their ids."""
+    titles = {NOTHING: "nothing left out"}
+    sorts = {NOTHING: "none"}
+    for names, model in posterior.models.items():
+        for candidate in model.setting.joined:
+            key = _key(name_of(model.setting, candidate))
+            titles[key], sorts[key] = _titled(candidate), candidate.sort
+        for key in (_key(name) for name in names if TERM in name):
+            driver = key.removeprefix(TERM)
+            follows = "time" if driver == TIME else driver
+            titles[key], sorts[key] = f"something without a name over {follows}", "free"
+    return titles, sorts
+
+
+def _titled(candidate: Candidate) -> str:
+    title, module = candidate.title, candidate.module
+    title = title if f"{module}." in title else f"{title} in {module}"
+    return title[:1].lower() + title[1:] if title[1:2].islower() else title
+
+
+def _verdict(found: Mapping[str, float], sorts: Mapping[str, str]) -> str:
+    """The verdict that probabilities alone give."""
+    if found[NOTHING] >= limits.LIKELIER:
+        return "none"
+    best = max(found.keys() - {NOTHING}, key=lambda key: (found[key], key))
+    sort = SORTED.get(sorts[best], "unnamed")
+    return "ambiguous" if sort != "unnamed" and found[best] < limits.CERTAIN else sort
+
+
+def _likely(found: Mapping[str, float], titles: Mapping[str, str]) -> tuple[Likely, ...]:
+    """What may be right, the likeliest first."""
+    kept = sorted((k for k, p in found.items() if p >= limits.MENTIONED), key=lambda k: -found[k])
+    return tuple(Likely(key, titles[key], found[key]) for key in kept)
+
+
+def _moved(before: Posterior | None, after: Posterior | None) -> tuple[Moved, ...]:
+    """Probabilities before and after of what is likely at one of the two; before a recording that
+    could be judged, none is known."""
+    titles: dict[str, str] = {}
+    shares: list[dict[str, float]] = []
+    for found in (before, after):
+        shares.append({} if found is None else _by_id(found.sets))
+        titles |= {} if found is None else _titles(found)[0]
+    first, last = shares
+    every = {k: (first.get(k, 0.0 if first else None), last.get(k, 0.0)) for k in first | last}
+    largest = {key: max(old or 0.0, new) for key, (old, new) in every.items()}
+    kept = [key for key, share in largest.items() if share >= limits.MENTIONED]
+    kept.sort(key=lambda key: (-largest[key], key))
+    return tuple(Moved(key, titles[key], *every[key]) for key in kept)

@@ -1,0 +1,188 @@
+"""Several recordings of one plant as one, each with a clock of its own.
+
+Recordings with dates stand on one axis of time. Without dates nobody knows how long the pauses
+between them were: they stand one behind the other in the order given, and the clock of each begins
+anew. Each keeps its number, so that what belongs to a recording, such as the zero of a sensor that
+was set in between, can be its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.point_table import is_point_table
+from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording_file import files_of
+from rulec_runtime.recordings.wall_clock import Calendar
+
+OWN_CLOCKS = (
+    "the files have no dates, so nobody knows the pauses between the recordings: what follows time "
+    "begins anew in each, and a fault that began lasts through those behind it"
+)
+"""What is said where recordings have no dates."""
+
+
+def read_recordings(paths: Sequence[Path], ruleset: Ruleset) -> Recording:
+    """Read one recording, or several of one plant as one.
+
+    Raises `RecordingRefused` where they cannot be judged together.
+    """
+    if len(paths) == 1:
+        return read_recording(paths[0], ruleset)
+    check_different(paths)
+    return together(paths, [read_recording(path, ruleset) for path in paths], ruleset)
+
+
+def check_different(paths: Sequence[Path]) -> None:
+    """Refuse a file that is given twice, by its content."""
+    known: dict[str, Path] = {}
+    for path in paths:
+        for file in files_of(path):
+            digest = hashlib.sha256(file.read_bytes()).hexdigest()
+            if digest in known:
+                other = known[digest]
+                what = "the same file" if file == other else f"a copy of {other}"
+                raise RecordingRefused(
+                    f"{file}: this is {what}, given twice; what it shows would count twice. Give "
+                    "each recording once"
+                )
+            known[digest] = file
+
+
+def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset) -> Recording:
+    """Recordings that were read, as one; `paths` are theirs."""
+    names = names_of(paths)
+    _check_alike(names, parts, ruleset)
+    dated = [part.calendar for part in parts if part.calendar is not None]
+    one_axis = len(dated) == len(parts)
+    starts = _dated_starts(names, parts, dated) if one_axis else _one_behind_the_other(parts)
+    order = sorted(range(len(parts)), key=lambda i: starts[i])
+    counts = [len(parts[i]) for i in order]
+    behind = np.cumsum([0, *(int(p.segment.max(initial=0)) + 1 for p in parts)]).tolist()
+    signals = sorted({name for part in parts for name in part.values})
+    time = np.concatenate([parts[i].time + starts[i] for i in order])
+    begin = [starts[i] + float(parts[i].time[0]) for i in order]
+    notes = [_where(names, starts, parts), *(() if one_axis else (OWN_CLOCKS,))]
+    if dated and not one_axis:
+        notes.append("some recordings have dates, others none: the dates are not used")
+    notes += [
+        f"{name}: {note}" for name, part in zip(names, parts, strict=True) for note in part.notes
+    ]
+    return Recording(
+        time=time,
+        values={
+            name: np.concatenate(
+                [parts[i].values.get(name, np.full(len(parts[i]), np.nan)) for i in order]
+            )
+            for name in signals
+        },
+        segment=np.concatenate([parts[i].segment + behind[i] for i in order]),
+        missing=parts[0].missing,
+        notes=tuple(dict.fromkeys(notes)),
+        left_out=tuple(entry for part in parts for entry in part.left_out),
+        one_clock=all(part.one_clock for part in parts),
+        clock=tuple(replace(c, time=c.time + starts[i]) for i in order for c in parts[i].clock),
+        scales={name: scale for part in parts for name, scale in part.scales.items()},
+        calendar=min(dated, key=lambda c: c.start) if one_axis else None,
+        sources=names,
+        source=np.repeat(np.array(order, dtype=np.intp), counts),
+        origin=None if one_axis else np.repeat(begin, counts),
+    )
+
+
+def part_of(recording: Recording, numbers: Collection[int]) -> Recording:
+    """Some of the recordings that were put together, by their numbers, where and when they were."""
+    assert recording.source is not None
+    rows = np.isin(recording.source, list(numbers))
+    several = len(numbers) > 1
+    new = np.cumsum([number in numbers for number in range(len(recording.sources))]) - 1
+    source = new[recording.source[rows]]
+    return replace(
+        recording,
+        time=recording.time[rows],
+        values={name: values[rows] for name, values in recording.values.items()},
+        segment=recording.segment[rows],
+        sources=tuple(recording.sources[i] for i in sorted(numbers)) if several else (),
+        source=source if several else None,
+        origin=None if recording.origin is None else recording.origin[rows],
+    )
+
+
+def names_of(paths: Sequence[Path]) -> tuple[str, ...]:
+    """What each recording is called: its file, with its folder where two are called alike."""
+    names = [path.resolve().name for path in paths]
+    return tuple(
+        name if names.count(name) == 1 else f"{path.resolve().parent.name}/{name}"
+        for name, path in zip(names, paths, strict=True)
+    )
+
+
+def _check_alike(names: Sequence[str], parts: Sequence[Recording], ruleset: Ruleset) -> None:
+    """Refuse recordings that do not show one plant in one way."""
+    first, known = parts[0], parts[0].values.keys()
+    kinds = [is_point_table(part, ruleset) for part in parts]
+    for name, part, kind in zip(names[1:], parts[1:], kinds[1:], strict=True):
+        lacking, more = sorted(known - part.values.keys()), sorted(part.values.keys() - known)
+        if lacking or more:
+            has, lacks = (names[0], name) if lacking else (name, names[0])
+            raise RecordingRefused(
+                f"{lacks} has no column {(lacking or more)[0]}, and {has} has one: are both of "
+                "this plant, with the same sensors? Give both the same columns, or judge each alone"
+            )
+        if kind != kinds[0]:
+            table, course = (names[0], name) if kinds[0] else (name, names[0])
+            raise RecordingRefused(
+                f"{table} is a table of operating points, {course} a course in time; judge each "
+                "alone"
+            )
+        for signal in sorted(first.scales.keys() & part.scales.keys()):
+            if first.scales[signal] != part.scales[signal]:
+                raise RecordingRefused(
+                    f"{name}: the column of {signal} is in another unit than in {names[0]}; write "
+                    "both in one unit, or judge each alone"
+                )
+
+
+def _dated_starts(
+    names: Sequence[str], parts: Sequence[Recording], calendars: Sequence[Calendar]
+) -> list[float]:
+    """When time 0 of each recording is on the axis of all, s; refuses those that overlap."""
+    zero = min(calendar.start for calendar in calendars)
+    starts = [calendar.start - zero for calendar in calendars]
+    order = sorted(range(len(parts)), key=lambda i: starts[i])
+    for i, j in pairwise(order):
+        if parts[i].time[-1] + starts[i] >= parts[j].time[0] + starts[j]:
+            raise RecordingRefused(
+                f"{names[i]} and {names[j]} were recorded at the same time; what happened once "
+                "would count twice. Put columns of one time into one file"
+            )
+    return starts
+
+
+def _one_behind_the_other(parts: Sequence[Recording]) -> list[float]:
+    """What is added to the times of each recording, s, so that one follows the other."""
+    starts: list[float] = []
+    end = 0.0
+    for number, part in enumerate(parts):
+        step = float(np.median(np.diff(part.time))) if len(part) > 1 else 1.0
+        begin = end + step if number else float(part.time[0])
+        starts.append(begin - float(part.time[0]))
+        end = starts[-1] + float(part.time[-1])
+    return starts
+
+
+def _where(names: Sequence[str], starts: Sequence[float], parts: Sequence[Recording]) -> str:
+    """A remark on where recordings stand on the axis of time."""
+    shown = [
+        f"{name} from {start + float(part.time[0]):g} s"
+        for name, start, part in zip(names, starts, parts, strict=True)
+    ]
+    return f"times of all recordings stand on one axis: {', '.join(shown)}"
