@@ -84,6 +84,33 @@ def test_with_dates_they_stand_on_one_axis(tmp_path: Path, abc: Ruleset) -> None
     assert found.calendar is not None
     assert "2024-03-02T12:00:00" == found.calendar.iso(0.0)
     assert OWN_CLOCKS not in found.notes
+    zero = [note for note in found.notes if "time 0 s is" in note]
+    assert ["time 0 s is 2024-03-02 12:00:00 (the recording names no zone)"] == zero
+
+
+def test_zones_of_all_recordings_count(tmp_path: Path, abc: Ruleset) -> None:
+    """Each at its own time; where one file names none, nobody knows which was first."""
+    winter = [f"{stamp}+01:00" for stamp in stamps(2)]
+    summer = [f"2024-06-02T12:{i:02d}:00+02:00" for i in range(30)]
+    late = written(tmp_path / "late.csv", 900, stamps=summer)
+    early = written(tmp_path / "early.csv", 700, stamps=winter)
+    found = read_recordings([late, early], abc)
+    assert found.calendar is not None
+    assert "2024-03-02T12:00:00+01:00" == found.calendar.iso(0.0)
+    assert "2024-06-02T12:00:00+02:00" == found.calendar.iso(float(found.time[30]))
+    none = written(tmp_path / "none.csv", 900, stamps=stamps(9))
+    with pytest.raises(RecordingRefused, match=r"early\.csv name a zone, those of none\.csv none"):
+        read_recordings([early, none], abc)
+
+
+def test_dates_of_some_are_not_used(tmp_path: Path, abc: Ruleset) -> None:
+    """They count one behind the other, and the answer says so."""
+    dated = written(tmp_path / "dated.csv", 900, stamps=stamps(9))
+    plain = written(tmp_path / "plain.csv", 700)
+    found = read_recordings([plain, dated], abc)
+    assert found.calendar is None
+    assert found.origin is not None
+    assert "some recordings have dates, others none: the dates are not used" in found.notes
 
 
 def test_a_part_is_what_was_read(tmp_path: Path, abc: Ruleset) -> None:

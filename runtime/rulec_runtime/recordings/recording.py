@@ -107,7 +107,7 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     parts, one_clock = _one_behind_the_other(path, parts, notes)
     calendar = _calendar(start, parts)
     if calendar is not None:
-        notes.append(f"time 0 s is {calendar.clock(0.0)} ({calendar.zone()})")
+        notes.append(calendar.zero())
     missing = tuple(s.id for s in ruleset.signals if s.id in used and s.id not in signals)
     notes += _strangers(strangers, missing, ruleset)
     return Recording(

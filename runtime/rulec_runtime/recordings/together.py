@@ -73,9 +73,11 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
     notes = [_where(names, starts, parts), *(() if one_axis else (OWN_CLOCKS,))]
     if dated and not one_axis:
         notes.append("some recordings have dates, others none: the dates are not used")
-    notes += [
-        f"{name}: {note}" for name, part in zip(names, parts, strict=True) for note in part.notes
-    ]
+    calendar = _calendar(starts, dated) if one_axis else None
+    notes += [calendar.zero()] if calendar is not None else []
+    for name, part in zip(names, parts, strict=True):
+        own = part.calendar.zero() if part.calendar is not None else ""
+        notes += [f"{name}: {note}" for note in part.notes if note != own]
     return Recording(
         time=time,
         values={
@@ -91,7 +93,7 @@ def together(paths: Sequence[Path], parts: Sequence[Recording], ruleset: Ruleset
         one_clock=all(part.one_clock for part in parts),
         clock=tuple(replace(c, time=c.time + starts[i]) for i in order for c in parts[i].clock),
         scales={name: scale for part in parts for name, scale in part.scales.items()},
-        calendar=min(dated, key=lambda c: c.start) if one_axis else None,
+        calendar=calendar,
         sources=names,
         source=np.repeat(np.array(order, dtype=np.intp), counts),
         origin=None if one_axis else np.repeat(begin, counts),
@@ -155,6 +157,13 @@ def _dated_starts(
     names: Sequence[str], parts: Sequence[Recording], calendars: Sequence[Calendar]
 ) -> list[float]:
     """When time 0 of each recording is on the axis of all, s; refuses those that overlap."""
+    zones = [bool(calendar.offsets) for calendar in calendars]
+    if any(zones) and not all(zones):
+        raise RecordingRefused(
+            f"the dates of {names[zones.index(True)]} name a zone, those of "
+            f"{names[zones.index(False)]} none: nobody knows which was first. Write the zone into "
+            "all, or into none"
+        )
     zero = min(calendar.start for calendar in calendars)
     starts = [calendar.start - zero for calendar in calendars]
     order = sorted(range(len(parts)), key=lambda i: starts[i])
@@ -165,6 +174,16 @@ def _dated_starts(
                 "would count twice. Put columns of one time into one file"
             )
     return starts
+
+
+def _calendar(starts: Sequence[float], calendars: Sequence[Calendar]) -> Calendar:
+    """Dates of the axis of all."""
+    offsets = [
+        (since + start, seconds)
+        for start, calendar in zip(starts, calendars, strict=True)
+        for since, seconds in calendar.offsets
+    ]
+    return Calendar(min(calendar.start for calendar in calendars), tuple(sorted(offsets)))
 
 
 def _one_behind_the_other(parts: Sequence[Recording]) -> list[float]:

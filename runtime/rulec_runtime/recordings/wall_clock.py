@@ -48,6 +48,10 @@ class Calendar:
         names = dict.fromkeys(_offset(seconds) for _, seconds in self.offsets)
         return " and ".join(names)
 
+    def zero(self) -> str:
+        """What time 0 is, for people."""
+        return f"time 0 s is {self.clock(0.0)} ({self.zone()})"
+
     def clock(self, time: float, before: float | None = None) -> str:
         """Date and time of day; of a date that `before` has named already the time alone."""
         date = self.at(time)
