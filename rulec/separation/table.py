@@ -48,7 +48,7 @@ def _far(sigma: Sequence[float]) -> str:
 
 def _step(ruleset: Ruleset, pair: Separated) -> str:
     if not pair.proposal.changes:
-        return "none within the limits separates them"
+        return "none within the limits does"
     text = set_points(ruleset, _reference(ruleset), pair.proposal) + costs_in_words(pair.proposal)
     return text if pair.is_split else f"{text}; not enough at every degree"
 
