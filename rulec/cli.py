@@ -84,6 +84,12 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
     )
     made["matrix"].add_argument("plant", metavar="PLANT")
+    made["matrix"].add_argument(
+        "--separate",
+        action="store_true",
+        help="show per pair of faults that are alike the set points that tell them apart best",
+    )
+    _limits(made["matrix"])
     json_option(made["matrix"])
     made["show"].add_argument("step", metavar="PASS", help="name of a pass, or 'passes' for a list")
     made["show"].add_argument("plant", metavar="PLANT")
@@ -92,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
     json_option(made["calibrate"])
     diagnose_options(made["diagnose"], "PLANT_OR_RULESET")
+    _limits(made["diagnose"])
     _experiment(made["experiment"])
     made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
     made["adopt"].add_argument(
@@ -121,6 +128,14 @@ def _experiment(experiment: argparse.ArgumentParser) -> None:
         "--steps", metavar="N", type=int, default=6, help="most steps (default 6)"
     )
     json_option(experiment)
+
+
+def _limits(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--limits",
+        metavar="LIMITS.yaml",
+        help="how far, how fast and at what cost set points may be changed to tell faults apart",
+    )
 
 
 def _simulate(simulate: argparse.ArgumentParser) -> None:

@@ -18,6 +18,7 @@ from rulec.commands.check import collect
 from rulec.language.diagnostics import Refused, render_all
 from rulec.limits import MAX_FILE_BYTES
 from rulec.passes.pipeline import compile_plant
+from rulec.separation.limits_file import read_limits
 from tests.conftest import ROOT
 
 ERRORS = Path("tests/errors")
@@ -86,13 +87,19 @@ def _input(name: str) -> Iterator[None]:
 
 
 def _text_of(folder: Path) -> str:
-    """What `rulec check` prints, or `rulec compile` where only that finds the mistake."""
+    """What `rulec check` prints, or `rulec compile` or a file of limits where only that finds the
+    mistake."""
     found = collect([folder])
     if not found:
         with pytest.raises(Refused) as refused:
-            compile_plant(folder)
+            _compile_or_read_limits(folder)
         found = list(refused.value.diagnostics)
     return render_all(found) + "\n"
+
+
+def _compile_or_read_limits(folder: Path) -> None:
+    ruleset = compile_plant(folder)
+    read_limits(folder / "limits.yaml", ruleset)
 
 
 def test_every_code_has_an_example_and_a_meaning() -> None:

@@ -40,6 +40,7 @@ ROOMS = (
     "rulec.effects",
     "rulec.calibration",
     "rulec.study",
+    "rulec.separation",
     "rulec.mismatch.limits",
     "rulec.mismatch.result",
     "rulec.mismatch.evidence",

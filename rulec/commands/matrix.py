@@ -13,9 +13,14 @@ from rich.text import Text
 from rulec_runtime.commands.destinations import console, write_json
 from rulec_runtime.contract.degree import smallest_degree
 from rulec_runtime.contract.ruleset import Cell, FaultSpec, Ruleset
-from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.terminal import say_aside, styled
 
 from rulec.passes.pipeline import compile_plant
+from rulec.separation.allowed import allowed_of
+from rulec.separation.limits_file import read_limits
+from rulec.separation.pairs import Separated, separate_pairs
+from rulec.separation.table import separated_form, show_separated
+from rulec.simulation.equations import SimulationRefused
 
 if TYPE_CHECKING:
     from rulec.simulation.signature import Signature
@@ -26,11 +31,29 @@ NARROW = 7
 
 def run(options: argparse.Namespace) -> int:
     """Show the matrix of a plant."""
+    if options.limits is not None and not options.separate:
+        say_aside("rulec matrix: --limits are limits of --separate; give both")
+        return 2
     ruleset = compile_plant(Path(options.plant))
+    pairs = separated(ruleset, options.limits) if options.separate else None
     if options.json != "-":
-        show(console(options), ruleset)
-    write_json(options, json_form(ruleset))
+        if pairs is None:
+            show(console(options), ruleset)
+        else:
+            show_separated(console(options), ruleset, pairs)
+    more = {} if pairs is None else {"separate": separated_form(ruleset, pairs)}
+    write_json(options, {**json_form(ruleset), **more})
     return 0
+
+
+def separated(ruleset: Ruleset, limits: str | None) -> list[Separated]:
+    """Pairs that are alike, each with the step that separates it best."""
+    if ruleset.dynamics is not None:
+        raise SimulationRefused(
+            f"{ruleset.plant} stores; only plants that settle at once have points to compare"
+        )
+    given = None if limits is None else read_limits(Path(limits), ruleset)
+    return list(separate_pairs(ruleset, allowed_of(ruleset, given)))
 
 
 def json_form(ruleset: Ruleset) -> dict[str, Any]:

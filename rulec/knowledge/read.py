@@ -145,6 +145,20 @@ def read_files(paths: Iterable[Path]) -> tuple[Sources | None, list[Document], l
     return Sources(kb=kb, units=units[0], by_kind=merged), given["plant"], found
 
 
+def read_alone(path: Path, kind: str) -> tuple[Document, Document]:
+    """Read a file that no plant names, and the units around it.
+
+    Raises `Refused` with every mistake of form.
+    """
+    found: list[Diagnostic] = []
+    document = _read(path, kind, found)
+    kb = find_kb(path.parent)
+    units = _read(kb / "units.yaml", "units", found) if not found else None
+    if document is None or units is None:
+        raise Refused(found)
+    return document, units
+
+
 def _no_units(kb: Path) -> Diagnostic:
     message = "this knowledge base has no list of units"
     hint = "it needs a units.yaml; is RULEC_KB right?"

@@ -17,7 +17,8 @@ from rulec.language.document import Document, Path_
 from rulec.limits import MAX_UNKNOWN_KEYS
 
 KINDS = (
-    "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "units",
+    "module", "fault", "effect", "sensor", "fluid", "plant", "columns", "calibration", "limits",
+    "units",
 )  # fmt: skip
 
 _IN_A_PLANT = {"columns": str, "calibration": list}

@@ -13,7 +13,7 @@ from rich.console import Console
 from rulec_runtime.commands.destinations import console, write_json
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
-from rulec_runtime.diagnosis.diagnose import diagnose
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
@@ -24,10 +24,15 @@ from rulec_runtime.report.terminal_story import explain
 from rulec_runtime.report.truth import read_truth
 
 
-def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
+def run(
+    options: argparse.Namespace,
+    load: Callable[[Path], Ruleset] = read_ruleset,
+    complete: Callable[[Diagnosis], Diagnosis] | None = None,
+) -> int:
     """Diagnose a recording; findings are a result, so the exit code is 0 either way.
 
     `load` makes a ruleset of what was named: where there is a compiler, of a plant as well.
+    `complete` adds what only a simulation can say.
     """
     out = console(options)
     ruleset = load(Path(options.plant))
@@ -35,6 +40,8 @@ def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_rule
         recording = read_recording(Path(options.recording), ruleset)
         truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
         diagnosis = diagnose(recording, ruleset, options.mode)
+        if complete is not None:
+            diagnosis = complete(diagnosis)
     explain(out, diagnosis)
     if options.trace or options.report:
         with _waiting(out, "judging every sample"):

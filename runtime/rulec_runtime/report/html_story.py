@@ -137,6 +137,8 @@ def _card(diagnosis: Diagnosis, finding: Finding) -> str:
         ]
         rows.append(("Could also be", safe(listed(others))))
         apart = "; ".join(advice(ruleset, finding))
+        if finding.step is not None:
+            rows.append(("Next step", safe(finding.step.text)))
         rows.append(("To tell them apart", safe(apart or "no single reading is known to do so")))
     if finding.remote:
         rows.append(("Less likely", safe(causes(finding.remote))))

@@ -7,7 +7,7 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.steady.findings import Finding, Period, Step
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.recordings.wall_clock import Calendar
@@ -86,6 +86,7 @@ def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
         "alternatives": [{"fault": name, "probability": p} for name, p in finding.alternatives],
         "remote": [{"fault": name, "probability": p} for name, p in finding.remote],
         "together": list(finding.together),
+        **({"step": _step(finding.step)} if finding.step is not None else {}),
         "evidence": [
             {
                 "residual": e.residual,
@@ -100,6 +101,18 @@ def _finding(finding: Finding, calendar: Calendar | None) -> dict[str, Any]:
         ],
         "text": finding.text,
         "action": finding.fault.action,
+    }
+
+
+def _step(step: Step) -> dict[str, Any]:
+    """Values of inputs in SI, distances in standard deviations, times in s."""
+    return {
+        "changes": [{"input": name, "from": a, "to": b} for name, a, b in step.changes],
+        "apart": [{"fault": name, "now": now, "then": then} for name, now, then in step.apart],
+        "ramp": step.ramp,
+        "hold": step.hold,
+        "costs_product": list(step.costs),
+        "text": step.text,
     }
 
 

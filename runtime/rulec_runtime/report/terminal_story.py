@@ -114,6 +114,8 @@ def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     tree.add(f"do: {actions(ruleset, finding)}")
+    if finding.step is not None:
+        tree.add(f"to tell them apart: {finding.step.text}")
     unit = flow_unit(ruleset)
     flow = "" if ruleset.dynamics is not None else f" ({unit.name})"
     why = tree.add(f"because {ground(ruleset)}{flow}")

@@ -40,6 +40,24 @@ class Evidence:
     expected: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """A change of inputs that tells a finding from its alternatives, proposed by who can simulate.
+
+    `changes` per input: signal, from, to, SI; empty where none that is allowed would help. `apart`
+    per alternative: its name, how far it is from the finding now and with the change, standard
+    deviations. The way there takes `ramp` seconds at least, and then it is held for `hold` seconds.
+    `costs` names inputs and modules that cost product.
+    """
+
+    changes: tuple[tuple[str, float, float], ...]
+    apart: tuple[tuple[str, float, float], ...]
+    ramp: float
+    hold: float
+    costs: tuple[str, ...]
+    text: str
+
+
 @dataclass(frozen=True)
 class Finding:
     """A fault that fits, over a period; times in s.
@@ -47,7 +65,7 @@ class Finding:
     `alternatives` fit about as well, `remote` ones hardly; `together` are faults found at the same
     time, without which this one does not explain the readings. `baseline` is the number of
     fault-free stretches of the recording that the residuals are compared with. `behind` says what
-    follows it: see `rulec_runtime.recordings.when`.
+    follows it: see `rulec_runtime.recordings.when`. `step` would tell it from its alternatives.
     """
 
     fault: FaultSpec
@@ -66,6 +84,7 @@ class Finding:
     baseline: int
     text: str
     behind: str | None = OVER
+    step: Step | None = None
 
     @property
     def active(self) -> bool:

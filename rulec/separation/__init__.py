@@ -1,0 +1,1 @@
+"""Active diagnosis: the change of set points that tells faults apart."""

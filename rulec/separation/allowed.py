@@ -1,0 +1,133 @@
+"""What an operator may do with the inputs of a plant: how far, how fast, for how long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+
+from rulec import limits
+from rulec.study.points import range_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputLimits:
+    """Of one input, as its sensor shows it: lowest, highest, largest rate per second; seconds for
+    which it is held at least; whether to change it costs product."""
+
+    lowest: float
+    highest: float
+    rate: float
+    hold: float
+    costs: bool
+
+
+@dataclass(frozen=True)
+class PlantLimits:
+    """Inputs that may be moved, and modules whose change of flow costs product."""
+
+    inputs: Mapping[str, InputLimits]
+    costly: frozenset[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """How an input may be moved: between two values as its sensor shows them, at `rate` per second
+    at most, and for `hold` seconds at least."""
+
+    signal: SignalSpec
+    lowest: float
+    highest: float
+    rate: float = math.inf
+    hold: float = limits.STEP_SECONDS
+    costs: bool = False
+
+    def levels(self, count: int) -> Array:
+        """Values spread over the range, as its sensor shows them, that are easy to set.
+
+        They are multiples of a power of ten, and none lies outside.
+        """
+        span = self.highest - self.lowest
+        if not span > 0:
+            return np.zeros(0)
+        unit = 10.0 ** math.floor(math.log10(span / limits.STEPS_OF_A_RANGE))
+        first, last = math.ceil(self.lowest / unit), math.floor(self.highest / unit)
+        ticks = np.unique(np.round(np.linspace(first, last, count)))
+        # Written as a decimal number, 0.3 and not 0.30000000000000004.
+        digits = max(0, -round(math.log10(unit)))
+        shown = np.array([round(tick * unit, digits) for tick in ticks.tolist()])
+        inside: Array = shown[(shown >= self.lowest) & (shown <= self.highest)]
+        return inside
+
+    def si(self, shown: float) -> float:
+        """A value that the sensor shows, SI."""
+        return shown * self.signal.factor + self.signal.offset
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """Inputs that may be moved, and modules whose flow must not change for free."""
+
+    inputs: Mapping[str, Range]
+    costly: frozenset[str] = field(default_factory=frozenset)
+
+
+def allowed_of(ruleset: Ruleset, given: PlantLimits | None = None) -> Allowed:
+    """Ranges of the inputs: of their sensors, calibrated, and as a file of limits has them.
+
+    Where there is a file, what it does not name stays as it is. Where there is none, an input that
+    was not calibrated stays near its reference.
+    """
+    named = {} if given is None else given.inputs
+    inputs = {
+        signal.id: made
+        for signal, part in _movable(ruleset, given is not None, named)
+        if (made := _range(signal, part)) is not None
+    }
+    return Allowed(inputs, frozenset() if given is None else given.costly)
+
+
+def _movable(
+    ruleset: Ruleset, by_file: bool, named: Mapping[str, InputLimits]
+) -> Iterator[tuple[SignalSpec, InputLimits | None]]:
+    for name in ruleset.simulation.given:
+        signal = ruleset.signal_by_id[name]
+        if signal.is_input and (not by_file or name in named):
+            yield signal, named.get(name)
+
+
+def _range(signal: SignalSpec, part: InputLimits | None) -> Range | None:
+    """None where nothing is left of the range."""
+    low, high = _of_plant(signal, part is not None)
+    if not high > low:
+        return None
+    # A negative factor would turn the ends round.
+    lowest, highest = sorted((signal.shown(low), signal.shown(high)))
+    if part is not None:
+        lowest, highest = max(lowest, part.lowest), min(highest, part.highest)
+    if not highest > lowest:
+        return None
+    if part is None:
+        return Range(signal=signal, lowest=lowest, highest=highest)
+    return Range(
+        signal=signal,
+        lowest=lowest,
+        highest=highest,
+        rate=part.rate,
+        hold=max(part.hold, limits.STEP_SECONDS),
+        costs=part.costs,
+    )
+
+
+def _of_plant(signal: SignalSpec, by_file: bool) -> tuple[float, float]:
+    """From and to by the plant alone, SI."""
+    low, high = signal.ends
+    calibrated = signal.valid_from is not None and signal.valid_to is not None
+    if calibrated or not by_file:
+        own = range_of(signal)
+        return max(low, own[0]), min(high, own[1])
+    return max(low, -math.inf if signal.minimum is None else signal.minimum), high

@@ -1,0 +1,164 @@
+"""How far one fault at some operating points lies from what another could do there.
+
+The readings of a plant with the one fault are simulated, without errors of sensors. The other fault
+is then undone in them as in a diagnosis, at the degree that fits all points together best. The
+chi-square that is left counts noise, lasting errors of sensors, the calibration and the tolerance
+of the law. Its root is the distance in standard deviations; half of it is the expected logarithm of
+the Bayes factor between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import FaultSpec
+from rulec_runtime.diagnosis.steady.combine import stacked_covariance
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome
+from rulec_runtime.diagnosis.steady.observe import Observed, Points, observe
+from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.limits import BELOW_HIGHEST, BEYOND_CALIBRATED, STATISTICAL_SHARE
+from rulec_runtime.recordings.stationary import systematic_u
+
+from rulec.limits import STEP_SECONDS
+from rulec.separation.propose import Looked, Point
+from rulec.simulation.equations import Equations
+from rulec.simulation.simulate import simulate_with
+
+SOUND, PRESENT = 0, 1
+"""The first two of all points: the present one without a fault, and with it."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault that is there with a degree, and one that it may be taken for."""
+
+    fault: FaultSpec
+    degree: float
+    other: FaultSpec
+
+
+@dataclass(frozen=True)
+class Faulty:
+    """A plant with one fault at n operating points.
+
+    `possible`, shape (n,): it runs there, and no reading leaves its range. `flows` per module,
+    shape (n,), m3/s.
+    """
+
+    observed: Observed
+    possible: np.ndarray
+    flows: Mapping[str, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultMeasure:
+    """Measures how far faults are apart at some point and the present one together.
+
+    `present` per signal that no equation determines its reading, SI. Each of `rows` holds the cases
+    of which the least far counts. With `baseline` the present point was also seen without a fault.
+    """
+
+    equations: Equations
+    present: Mapping[str, float]
+    rows: Sequence[Sequence[Case]]
+    baseline: bool = False
+
+    def __call__(self, points: Sequence[Point]) -> Looked:
+        apart = np.full((len(self.rows), len(points)), np.inf)
+        flows: Mapping[str, Array] = {}
+        for row, cases in zip(apart, self.rows, strict=True):
+            for case in cases:
+                truth = self._faulty(points, case.fault, case.degree)
+                flows = flows or {name: v[2:] for name, v in truth.flows.items()}
+                own = [self._apart(truth, case.other, i, p) for i, p in enumerate(points)]
+                row[:] = np.minimum(row, own)
+        return Looked(np.where(np.isfinite(apart), apart, np.nan), flows)
+
+    def degree_of(self, other: FaultSpec, fault: FaultSpec, degree: float) -> float:
+        """The degree at which another fault looks most like one at the present point."""
+        fitted = self._undone(self._faulty([{}], fault, degree), other, [PRESENT])
+        return 0.0 if fitted is None else _legal(other, float(fitted.degree[0, 0]))
+
+    def _apart(self, truth: Faulty, other: FaultSpec, place: int, point: Point) -> float:
+        there = [PRESENT, 2 + place] if point else [PRESENT]
+        # The present point is what it is, even where readings leave their ranges.
+        if not truth.possible[there[1:]].all():
+            return float("nan")
+        fitted = self._undone(truth, other, there)
+        if fitted is None:
+            return float("nan")
+        # Of a perfect fit rounding may leave less than nothing.
+        return float(np.sqrt(np.maximum(fitted.distance[0], 0.0)))
+
+    def _faulty(self, points: Sequence[Point], fault: FaultSpec, degree: float) -> Faulty:
+        """Readings at the present point, without the fault and with it, and at others with it."""
+        n = 2 + len(points)
+        given = {name: np.full(n, value) for name, value in self.present.items()}
+        for i, point in enumerate(points, 2):
+            for name, shown in point.items():
+                signal = self.equations.ruleset.signal_by_id[name]
+                given[name][i] = shown * signal.factor + signal.offset
+        degrees = np.full(n, _legal(fault, degree))
+        degrees[SOUND] = 0.0
+        return faulty(self.equations, given, fault, degrees)
+
+    def _undone(self, truth: Faulty, other: FaultSpec, points: list[int]) -> Outcome | None:
+        """None where no estimate that can be used at all points shows the fault."""
+        members = np.array([SOUND, *points] if self.baseline else points)
+        ruleset, observed = self.equations.ruleset, truth.observed
+        valid = np.asarray(observed.valid[:, members].all(axis=1))
+        basis = residual_basis(ruleset, valid)
+        if not len(basis):
+            return None
+        return HypothesisTest(
+            ruleset=ruleset,
+            observed=observed,
+            valid=valid,
+            basis=basis,
+            members=members,
+            spread=partial(stacked_covariance, observed, valid, basis, members),
+            present=(members != SOUND).astype(float),
+        ).run((other,))
+
+
+def faulty(
+    equations: Equations, given: Mapping[str, Array], fault: FaultSpec, degrees: Array
+) -> Faulty:
+    """Readings with a fault, as means over the time for which a set point is held.
+
+    `given` per signal that no equation determines an array, shape (n,), SI; degrees, shape (n,).
+    """
+    simulated = simulate_with(equations, given, {fault.id: degrees})
+    possible = simulated.solved.copy()
+    n = len(possible)
+    values, u, systematic = {}, {}, {}
+    for signal in equations.ruleset.signals:
+        if signal.id not in simulated.values:
+            continue
+        shown = np.broadcast_to(simulated.values[signal.id], (n,))
+        values[signal.id] = shown
+        systematic[signal.id] = systematic_u(signal, shown) + np.zeros(n)
+        noise = STATISTICAL_SHARE * systematic[signal.id] / np.sqrt(STEP_SECONDS)
+        u[signal.id] = np.hypot(systematic[signal.id], noise)
+        ranges = [signal.ends]
+        if signal.minimum is not None:
+            ranges.append((signal.minimum, np.inf))
+        low, high = signal.valid_from, signal.valid_to
+        # A fault may move what it scales out of the calibrated range, as in a diagnosis.
+        if low is not None and high is not None and signal.id not in fault.scales:
+            slack = BEYOND_CALIBRATED * (high - low)
+            ranges.append((low - slack, high + slack))
+        with np.errstate(invalid="ignore"):
+            for least, most in ranges:
+                possible &= (shown >= least) & (shown <= most)
+    bad = {name: np.zeros(n, dtype=bool) for name in values}
+    points = Points(values, u, systematic, bad, {}, np.zeros(n))
+    return Faulty(observe(equations.ruleset, points), possible, simulated.flows)
+
+
+def _legal(fault: FaultSpec, degree: float) -> float:
+    return float(np.clip(degree, fault.lowest, fault.highest * (1.0 - BELOW_HIGHEST)))

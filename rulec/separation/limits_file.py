@@ -1,0 +1,94 @@
+"""The file of limits: read, and checked against the plant that it is for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+
+from rulec.knowledge.read import read_alone
+from rulec.language.diagnostics import Refused, did_you_mean
+from rulec.language.reader import Reader
+from rulec.language.units import UNKNOWN, unit_table
+from rulec.separation.allowed import InputLimits, PlantLimits
+
+
+def read_limits(path: Path, ruleset: Ruleset) -> PlantLimits:
+    """Read the limits of a plant; raises `Refused` with every mistake in the file."""
+    document, units = read_alone(path, "limits")
+    reader = Reader(document, unit_table(units.data), [])
+    if document.data["limits"] != ruleset.plant:
+        message = f"these are limits of '{document.data['limits']}', not of '{ruleset.plant}'"
+        reader.report(("limits",), "KB130", message, "name the plant that is asked about")
+        raise Refused(reader.found)
+    inputs = _inputs(reader, ruleset)
+    modules = document.data.get("modules", {})
+    for name in modules:
+        if name not in ruleset.modules:
+            message, hint = (
+                f"this plant has no module '{name}'",
+                did_you_mean(name, ruleset.modules),
+            )
+            reader.report_key(("modules", name), "KB132", message, hint)
+    if reader.found:
+        raise Refused(reader.found)
+    return PlantLimits(inputs, frozenset(modules))
+
+
+def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, InputLimits]:
+    known = {s.id: s for s in ruleset.signals if s.is_input and s.id in ruleset.simulation.given}
+    read = {}
+    for name, part in reader.document.data["inputs"].items():
+        path = ("inputs", name)
+        if name not in known:
+            reading = name in ruleset.signal_by_id
+            message = f"'{name}' is no input" if reading else f"this plant has no input '{name}'"
+            reader.report_key(path, "KB131", message, did_you_mean(name, known))
+            continue
+        found = _one(reader, path, part, known[name])
+        if found is not None:
+            read[name] = found
+    return read
+
+
+def _one(
+    reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
+) -> InputLimits | None:
+    """The limits of an input in the unit that its sensor shows; None where they are wrong."""
+    unit, own = reader.unit(*path, "unit"), reader.units.parse(signal.unit)
+    if unit.dimension == UNKNOWN:
+        return None
+    if not unit.dimension.fits(own.dimension):
+        message = f"'{path[-1]}' is in {own.text}; '{unit.text}' does not fit"
+        reader.report((*path, "unit"), "KB073", message)
+        return None
+    if not part["lowest"] < part["highest"]:
+        message = f"'lowest' {part['lowest']:g} is not below 'highest' {part['highest']:g}"
+        reader.report((*path, "lowest"), "KB055", message)
+        return None
+    lowest, highest = (signal.shown(unit.to_si(part[key])) for key in ("lowest", "highest"))
+    for bound in (signal.valid_to, signal.highest):
+        if bound is not None and lowest > signal.shown(bound):
+            _outside(reader, path, signal, "ends", bound)
+            return None
+    for bound in (signal.valid_from, signal.lowest, signal.minimum):
+        if bound is not None and highest < signal.shown(bound):
+            _outside(reader, path, signal, "begins", bound)
+            return None
+    return InputLimits(
+        lowest=lowest,
+        highest=highest,
+        rate=part.get("rate", math.inf) * unit.factor / signal.factor,
+        hold=part.get("hold", 0.0),
+        costs="costs" in part,
+    )
+
+
+def _outside(
+    reader: Reader, path: tuple[str, str], signal: SignalSpec, does: str, bound: float
+) -> None:
+    message = f"the range of '{path[-1]}' {does} at {signal.shown(bound):.4g} {signal.unit}"
+    reader.report_key(path, "KB133", message, "limits narrow the range of the plant")

@@ -1,0 +1,66 @@
+"""Pairs of faults that are hard to tell apart at the reference point, and the step that does."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+
+from rulec.limits import SEPARATED, STEP_DEGREES
+from rulec.separation.allowed import Allowed
+from rulec.separation.distance import Case, FaultMeasure
+from rulec.separation.propose import Proposal, propose
+from rulec.simulation.equations import Equations, equations_of
+
+
+@dataclass(frozen=True)
+class Separated:
+    """Two faults, how they are alike (as in the matrix), and the step that separates them best.
+
+    The proposal has a row for each of STEP_DEGREES.
+    """
+
+    faults: tuple[str, str]
+    kind: str
+    proposal: Proposal
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the reference point alone tells them apart at every degree."""
+        return min(self.proposal.here) >= SEPARATED
+
+    @property
+    def is_split(self) -> bool:
+        """Whether the step tells them apart at every degree."""
+        return min(self.proposal.apart) >= SEPARATED
+
+
+def separate_pairs(ruleset: Ruleset, allowed: Allowed) -> Iterator[Separated]:
+    """All pairs that the matrix calls alike, in its order.
+
+    Raises `SimulationRefused` where the plant cannot be simulated.
+    """
+    equations = equations_of(ruleset)
+    known: set[frozenset[str]] = set()
+    for group in ruleset.ambiguous:
+        for pair in itertools.combinations(group.faults, 2):
+            if frozenset(pair) not in known:
+                known.add(frozenset(pair))
+                yield Separated(pair, group.kind, _proposed(equations, allowed, pair))
+
+
+def _proposed(equations: Equations, allowed: Allowed, pair: tuple[str, str]) -> Proposal:
+    a, b = (equations.ruleset.fault_by_id[name] for name in pair)
+    signals = equations.given_signals
+    measure = FaultMeasure(
+        equations=equations,
+        present={s.id: s.reference for s in signals},
+        rows=[[_case(a, b, degree), _case(b, a, degree)] for degree in STEP_DEGREES],
+    )
+    return propose(allowed, {s.id: s.shown(s.reference) for s in signals}, measure)
+
+
+def _case(fault: FaultSpec, other: FaultSpec, degree: float) -> Case:
+    return Case(fault, degree * fault.scale, other)

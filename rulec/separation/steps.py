@@ -1,0 +1,71 @@
+"""A step for each finding that may be something else: the change of inputs that tells which."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.findings import Finding, Step
+from rulec_runtime.report.wording import worst_first
+
+from rulec.separation.allowed import Allowed
+from rulec.separation.distance import Case, FaultMeasure
+from rulec.separation.propose import propose
+from rulec.separation.words import step_in_words
+from rulec.simulation.equations import Equations, SimulationRefused, equations_of
+
+
+def add_steps(diagnosis: Diagnosis, allowed: Allowed) -> Diagnosis:
+    """The same diagnosis with steps, for the largest finding of each fault.
+
+    Two faults at once and plants that store get none; where the plant cannot be simulated, a note
+    says so.
+    """
+    unclear = [f for f in worst_first(diagnosis.findings) if f.alternatives and not f.together]
+    if not unclear:
+        return diagnosis
+    if diagnosis.ruleset.dynamics is not None:
+        note = "no step is proposed that tells faults apart: this plant stores"
+        return replace(diagnosis, notes=(*diagnosis.notes, note))
+    try:
+        equations = equations_of(diagnosis.ruleset)
+    except SimulationRefused as refused:
+        note = f"no step is proposed that tells faults apart: {refused}"
+        return replace(diagnosis, notes=(*diagnosis.notes, note))
+    steps = {id(f): step_of(equations, allowed, f) for f in unclear}
+    found = tuple(replace(f, step=steps.get(id(f))) for f in diagnosis.findings)
+    return replace(diagnosis, findings=found)
+
+
+def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
+    """The change that tells a finding from its alternatives, from the point where it shows most."""
+    ruleset, readings = equations.ruleset, dict(finding.readings)
+    signals = equations.given_signals
+    measure = FaultMeasure(
+        equations=equations,
+        present={s.id: readings.get(s.id, s.reference) for s in signals},
+        rows=(),
+        baseline=finding.baseline > 0,
+    )
+    names = [name for name, _ in finding.alternatives]
+    rows = []
+    for name in names:
+        other = ruleset.fault_by_id[name]
+        degree = measure.degree_of(other, finding.fault, finding.degree)
+        row = [Case(finding.fault, finding.degree, other)]
+        # What cannot look like the finding here has no degree from which to look back.
+        rows.append(row + ([Case(other, degree, finding.fault)] if degree > 0.0 else []))
+    present = {s.id: s.shown(measure.present[s.id]) for s in signals}
+    proposal = propose(allowed, present, replace(measure, rows=rows))
+    changes = tuple(
+        (name, measure.present[name], allowed.inputs[name].si(shown))
+        for name, shown in proposal.changes.items()
+    )
+    return Step(
+        changes=changes,
+        apart=tuple(zip(names, proposal.here, proposal.apart, strict=True)),
+        ramp=proposal.ramp,
+        hold=proposal.hold,
+        costs=proposal.costs,
+        text=step_in_words(ruleset, allowed, present, finding.fault.id, names, proposal),
+    )

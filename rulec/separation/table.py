@@ -1,0 +1,83 @@
+"""Pairs of faults and the steps that tell them apart: for the terminal, and as JSON data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import styled
+
+from rulec.limits import SEPARATED, STEP_DEGREES
+from rulec.separation.pairs import Separated
+from rulec.separation.words import costs_in_words, set_points
+
+
+def show_separated(out: Console, ruleset: Ruleset, pairs: Sequence[Separated]) -> None:
+    """What one step can do first, then pair by pair."""
+    close = [p for p in pairs if not p.is_apart]
+    split = sum(p.is_split for p in close)
+    degrees = " and ".join(f"{d:g}" for d in STEP_DEGREES)
+    out.print(styled("\n[bold]One change of set points[/] at degrees {}\n", degrees))
+    out.print(
+        f"{len(pairs)} pairs of faults are alike; {len(pairs) - len(close)} of them are told apart "
+        f"at the reference point ({SEPARATED:g} sigma), and of the other {len(close)} one step "
+        f"tells {split} apart",
+        soft_wrap=True,
+    )
+    if not close:
+        return
+    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    for title in ("faults", "sigma now", "then", "step from the reference point"):
+        table.add_column(title, no_wrap=title != "step from the reference point")
+    for pair in close:
+        changes = _step(ruleset, pair)
+        table.add_row(", ".join(pair.faults), _far(pair.proposal.here), _far(_then(pair)), changes)
+    out.print(table)
+
+
+def _then(pair: Separated) -> tuple[float, ...]:
+    return pair.proposal.apart if pair.proposal.changes else ()
+
+
+def _far(sigma: Sequence[float]) -> str:
+    return " / ".join(f"{v:.1f}" for v in sigma) or "–"
+
+
+def _step(ruleset: Ruleset, pair: Separated) -> str:
+    if not pair.proposal.changes:
+        return "none within the limits does"
+    text = set_points(ruleset, _reference(ruleset), pair.proposal) + costs_in_words(pair.proposal)
+    return text if pair.is_split else f"{text}; not enough at every degree"
+
+
+def _reference(ruleset: Ruleset) -> dict[str, float]:
+    return {s.id: s.shown(s.reference) for s in ruleset.signals}
+
+
+def separated_form(ruleset: Ruleset, pairs: Sequence[Separated]) -> list[dict[str, Any]]:
+    """One entry per pair; set points in the unit of the sensor, times in s."""
+    return [
+        {
+            "faults": list(pair.faults),
+            "kind": pair.kind,
+            "sigma": [
+                {"degree": degree, "now": now, "then": then}
+                for degree, now, then in zip(
+                    STEP_DEGREES, pair.proposal.here, pair.proposal.apart, strict=True
+                )
+            ],
+            "changes": [
+                {"input": name, "to": value, "unit": ruleset.signal_by_id[name].unit}
+                for name, value in pair.proposal.changes.items()
+            ],
+            "ramp": pair.proposal.ramp,
+            "hold": pair.proposal.hold,
+            "costs_product": list(pair.proposal.costs),
+            "apart_already": pair.is_apart,
+            "split": pair.is_split,
+        }
+        for pair in pairs
+    ]

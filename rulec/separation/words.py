@@ -1,0 +1,52 @@
+"""A step in words: what to set, for how long, what is known then, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.limits import SEPARATED
+from rulec.separation.allowed import Allowed
+from rulec.separation.propose import Proposal
+
+
+def step_in_words(
+    ruleset: Ruleset,
+    allowed: Allowed,
+    present: Mapping[str, float],
+    fault: str,
+    others: Sequence[str],
+    proposal: Proposal,
+) -> str:
+    """One sentence; `present` are the inputs as their sensors show them."""
+    if not proposal.changes:
+        which = f"{fault} from {' or '.join(others)}"
+        if not allowed.inputs:
+            return f"no set point may be changed, so nothing tells {which}"
+        most = ", ".join(f"{v:.1f}" for v in proposal.apart)
+        return f"no change of set points within the limits tells {which} better ({most} sigma)"
+    far = zip(others, proposal.here, proposal.apart, strict=True)
+    apart = ", ".join(_told(fault, *part) for part in far)
+    return f"{set_points(ruleset, present, proposal)}: {apart}{costs_in_words(proposal)}"
+
+
+def _told(fault: str, other: str, here: float, there: float) -> str:
+    enough = "" if there >= SEPARATED else f"; it takes {SEPARATED:g} to be sure"
+    return f"{fault} and {other} then differ by {there:.1f} sigma (now {here:.1f}{enough})"
+
+
+def set_points(ruleset: Ruleset, present: Mapping[str, float], proposal: Proposal) -> str:
+    """What to set, how slowly, and for how long."""
+    parts = []
+    for name, value in proposal.changes.items():
+        does = "raise" if value > present[name] else "lower"
+        unit = ruleset.signal_by_id[name].unit
+        parts.append(f"{does} {name} from {present[name]:.4g} to {value:g} {unit}")
+    slowly = f", taking {proposal.ramp:.3g} s at least" if proposal.ramp else ""
+    return f"{' and '.join(parts)}{slowly}, and hold it for {proposal.hold:g} s"
+
+
+def costs_in_words(proposal: Proposal) -> str:
+    """Empty where nothing is lost."""
+    return f"; this costs product ({', '.join(proposal.costs)})" if proposal.costs else ""
