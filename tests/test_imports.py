@@ -50,6 +50,7 @@ ROOMS = (
     "rulec.mismatch.search",
     "rulec.mismatch.search.settled",
     "rulec.mismatch.search.stores",
+    "rulec.mismatch.experiment",
     "rulec.mismatch.inference",
     "rulec.mismatch.answer",
     "rulec.mismatch",
