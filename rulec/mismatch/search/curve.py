@@ -13,9 +13,12 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted
 
 
-def curve_at(fitted: Fitted, spot: Spot, name: str) -> Candidate | None:
-    """A piecewise linear curve over a reading; None where its readings are too near each other."""
-    parts = pieces_over(fitted, name)
+def curve_at(
+    fitted: Fitted, spot: Spot, name: str, most: int = limits.BANDS[0]
+) -> Candidate | None:
+    """A piecewise linear curve of so many pieces at most over a reading; None where its readings
+    are too near each other."""
+    parts = pieces_over(fitted, name, most)
     # All of them together are a constant, which base values may hold.
     pieces = [i for i in range(parts + 1) if i != parts // 2]
     features = tuple(f"{name}~{i}/{parts}" for i in pieces)
@@ -28,12 +31,14 @@ def _knots(fitted: Fitted, name: str, parts: int) -> Array:
     return knots
 
 
-def pieces_over(fitted: Fitted, name: str) -> int:
-    """Pieces of a curve over a reading; 0 where its readings are too near each other.
+def pieces_over(fitted: Fitted, name: str, most: int = limits.BANDS[0]) -> int:
+    """Pieces of a curve over a reading, so many at most; 0 where its readings are too near each
+    other.
 
     Bands within the noise of a reading, as at a few operating points, would sort that noise.
     """
     data = fitted.rows.system.data
     least = limits.BAND_WIDTH * float(np.nanmedian(data.noise[name][data.open]))
-    apart = (n for n in limits.BANDS if float(np.min(np.diff(_knots(fitted, name, n)))) >= least)
+    few = [n for n in limits.BANDS if n <= most]
+    apart = (n for n in few if float(np.min(np.diff(_knots(fitted, name, n)))) >= least)
     return next(apart, 0)

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME, Candidate
+from rulec.language.expression import Rejected
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit, variance_inflation_of
 from rulec.mismatch.evidence.steady.locate import Suspect, spot_column, suspect_at
 from rulec.mismatch.evidence.steady.rows import Rows
-from rulec.mismatch.evidence.steady.screen import screen
+from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve import curve_at
@@ -145,14 +146,20 @@ def _with_term(fitted: Fitted, term: Term) -> Fitted | None:
     if place is None:
         return None
     if driver == TIME:
-        trial = free_course(fitted, place)
-    else:
-        spot = place.spot
-        curve = curve_at(fitted, spot, driver)
-        found = screen(fitted, [curve]) if curve is not None else []
-        if not found:
-            return None
-        trial = found[0]
+        return _with_trial(fitted, free_course(fitted, place))
+    for most in limits.BANDS:
+        curve = curve_at(fitted, place.spot, driver, most)
+        try:
+            found = screen(fitted, [curve]) if curve is not None else []
+            if found:
+                return _with_trial(fitted, found[0])
+        except Rejected:
+            # Beside another curve its equation is too long: fewer pieces make a shorter one.
+            continue
+    return None
+
+
+def _with_trial(fitted: Fitted, trial: InitialCandidate) -> Fitted:
     setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed, trial.course)
     return _fitted(fitted.rows, setting)
 
