@@ -974,4 +974,5 @@ average. Origin: numerical."""
 CLOCK_LEAVES = 0.25
 """Share of the disagreement around changes, in logs of its size, that a shift may leave. Right ones
 left 0.08 at most in simulated plants that settle; those of another time, where states do not last
-as long as a column is late, 0.45 and more. Origin: measured by tests of clocks."""
+as long as a column is late, 0.45 and more. Origin: measured by `pytest
+tests/runtime/mismatch/test_clock_shift.py`."""

@@ -168,6 +168,7 @@ def degree_words(periods: Sequence[Period]) -> Iterator[str]:
 def growth_words(period: Period) -> str:
     """Since when, from nothing to what, and how fast, in a time that is told well.
 
+    >>> from rulec.mismatch.result import Growth
     >>> growth = Growth(rate=0.03, u=0.001, lower=0.028, upper=0.032, u_since=60.0)
     >>> growth_words(Period(0.0, 18000.0, 0.15, 0.004, growth=growth))
     'grows since 0\xa0s, from 0 to 0.150 ± 0.004 at 18\u202f000\xa0s (0.0300 ± 0.0010 per hour)'
