@@ -43,6 +43,8 @@ def run(options: argparse.Namespace) -> int:
     if options.output and found.steps:
         write_text(Path(options.output), inputs_csv(found, ruleset))
         out.print(styled("[dim]inputs for rulec simulate: {}[/]", options.output))
+    elif options.output:
+        out.print(styled("[dim]{} is not written: there is no step[/]", options.output))
     write_json(options, experiment_form(found, ruleset))
     return 0
 

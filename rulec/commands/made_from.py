@@ -37,8 +37,8 @@ def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
     for recording in recordings:
         if not recording.exists():
             raise AdoptRefused(
-                f"the recording '{recording}' is not there any more, and what is adopted is tried "
-                f"on it; put it back, or {AGAIN}"
+                f"the recording '{recording}' is not there any more, and it must be read again; "
+                f"put it back, or {AGAIN}"
             )
     _compare("recording", basis.recordings, _hashes(_files(recordings)))
     return recordings

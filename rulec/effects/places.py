@@ -122,9 +122,10 @@ class _Surveyor:
         # Where recordings did not tell parameters apart, a calibration may turn a law round: what
         # the law is, its own parameters tell.
         stated = {parameter_id(module, p.name): p.value for p in module.stated.values()}
-        own = _reference_of(around, module, {**around.inputs, **stated})
-        if _is_turned(self._slopes, own[1]):
-            self._values, self._slopes = own
+        if any(around.inputs[name] != value for name, value in stated.items()):
+            own = _reference_of(around, module, {**around.inputs, **stated})
+            if _is_turned(self._slopes, own[1]):
+                self._values, self._slopes = own
 
     def sites(self) -> Iterator[Site]:
         kind = self._kind

@@ -863,6 +863,9 @@ RESAMPLED_NATS = 40.0
 RESAMPLED_SETS = 60
 """Sets that are weighed in each draw. Origin: numerical."""
 
+CORNERED = 4
+"""Inputs of which the ends are combined in all ways. Origin: numerical."""
+
 PLACES_DOUBLED = 7
 """Doublings of the number of operating points that are tried. Origin: numerical."""
 
@@ -974,5 +977,4 @@ average. Origin: numerical."""
 CLOCK_LEAVES = 0.25
 """Share of the disagreement around changes, in logs of its size, that a shift may leave. Right ones
 left 0.08 at most in simulated plants that settle; those of another time, where states do not last
-as long as a column is late, 0.45 and more. Origin: measured by `pytest
-tests/runtime/mismatch/test_clock_shift.py`."""
+as long as a column is late, 0.45 and more. Origin: assumed, between the two."""

@@ -98,6 +98,9 @@ def data_at(data: Data, places: Places) -> Data:
         part=np.zeros(n, dtype=np.intp),
         moving={},
         stretches=Stretches(np.arange(n), np.arange(n) + 1),
+        source=data.source[near],
+        # As long after the nearest point on its own clock as on that of the recording.
+        clock=data.clock[near] + places.time - data.time[near],
     )
 
 

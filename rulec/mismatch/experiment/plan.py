@@ -86,6 +86,8 @@ def planned(
     """
     if len(standing) < 2:
         raise ExperimentRefused("one explanation stands alone: there is nothing to tell apart")
+    if most < 1:
+        raise ExperimentRefused(f"--steps {most}: an experiment has one step at least")
     data = prepare(recording, ruleset)
     assert data is not None
     every = rows_of(system_of(ruleset, builder, data), Configuration())
@@ -102,11 +104,15 @@ def planned(
         raise ExperimentRefused(
             "no input was changed in the recording, so how far one may be changed is not known"
         )
+    if not seconds >= reach.step:
+        raise ExperimentRefused(
+            f"--hours {seconds / 3600.0:g}: one step takes {reach.step / 3600.0:.3g} hours, the usual "
+            "time from one settled mean of the recording to the next"
+        )
     places = places_in(system, reach)
     told = [foretold(geometry, again.models, i, places) for i in range(len(standing))]
     odds = np.array([one.probability for one in standing])
-    count = min(most, int(seconds // reach.step))
-    choice = chosen(told, odds / odds.sum(), count)
+    choice = chosen(told, odds / odds.sum(), int(min(most, seconds // reach.step)))
     return Experiment(
         standing=tuple(standing),
         steps=_steps(choice, told, places, system.data.noise, system.data.values, reach.step),

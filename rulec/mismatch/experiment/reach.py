@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -41,18 +42,18 @@ def _usual_step(time: Array) -> float:
     return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
 
 
+def _corners(inputs: int) -> Array:
+    """Shares of the ranges at their ends, shape (corners, inputs); half where inputs are many."""
+    ways = [(0.0, 1.0) if i < limits.CORNERED else (0.5,) for i in range(inputs)]
+    return np.array(list(product(*ways)))
+
+
 def places_in(system: System, reach: Reach) -> Places:
     """Points that fill what may be set evenly, its corners among them."""
     names = sorted(reach.ranges)
     low, high = (np.array([reach.ranges[name][end] for name in names]) for end in (0, 1))
-    corners = np.array(np.meshgrid(*[(0.0, 1.0)] * min(len(names), 4))).reshape(
-        min(len(names), 4), -1
-    )
-    corners = np.concatenate(
-        [corners.T, np.full((corners.shape[1], len(names) - len(corners)), 0.5)], axis=1
-    )
     between = qmc.Sobol(len(names), scramble=False).random_base2(limits.PLACES_DOUBLED)
-    table = low + np.concatenate([corners, between]) * (high - low)
+    table = low + np.concatenate([_corners(len(names)), between]) * (high - low)
     data = system.data
     usable = np.flatnonzero(np.all([np.isfinite(v) for v in data.values.values()], axis=0))
     recorded = np.stack([data.values[name][usable] for name in names], axis=1)

@@ -5,16 +5,22 @@ from __future__ import annotations
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
+from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.choose import certain, chosen, factors_of
-from rulec.mismatch.experiment.foretell import Foretold
+from rulec.mismatch.experiment.foretell import Foretold, foretold
+from rulec.mismatch.experiment.reach import places_in, usual_reach
+from rulec.mismatch.search.settled.sets import explain
 from rulec.prove.truth.settled.plan import Planned
+from tests.runtime.mismatch.made import rows_at
 
 HALVES = np.array([0.5, 0.5])
 
@@ -94,10 +100,51 @@ def columns(file: Path) -> dict[str, np.ndarray]:
     return {title.partition(" [")[0]: table[:, i] for i, title in enumerate(head)}
 
 
-def test_fewer_hours_allow_fewer_steps(ambiguous: Path, tmp_path: Path) -> None:
-    form = tmp_path / "e.json"
-    main(["experiment", str(ambiguous / "m.json"), "--hours", "0", "--json", str(form)])
-    assert json.loads(form.read_text(encoding="utf-8"))["steps"] == []
+def test_fewer_steps_are_the_first_ones(ambiguous: Path, tmp_path: Path) -> None:
+    """Each step is the best one beside those before it."""
+    every, first = tmp_path / "every.json", tmp_path / "first.json"
+    file = str(ambiguous / "m.json")
+    assert main(["experiment", file, "--json", str(every)]) == 0
+    assert main(["experiment", file, "--steps", "1", "--json", str(first)]) == 0
+    steps = [json.loads(form.read_text(encoding="utf-8"))["steps"] for form in (every, first)]
+    assert len(steps[0]) > len(steps[1]) == 1
+    assert steps[0][:1] == steps[1]
+
+
+@pytest.mark.parametrize(
+    ("flag", "value", "words"),
+    [
+        ("--hours", "0", "one step takes"),
+        ("--hours", "nan", "one step takes"),
+        ("--steps", "0", "has one step at least"),
+    ],
+)
+def test_no_time_for_a_step_is_said(
+    ambiguous: Path, capsys: pytest.CaptureFixture[str], flag: str, value: str, words: str
+) -> None:
+    """It must not look as if no set points helped."""
+    assert main(["experiment", str(ambiguous / "m.json"), flag, value]) == 1
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_what_follows_time_is_foretold_for_later(tmp_path: Path) -> None:
+    """A drift goes on while the experiment runs."""
+    case = Planned("a case", "single", "dosing", "steps", ("wear",), aim=3000.0, small=True)
+    case.make().write(tmp_path)
+    opened = open_builder(tmp_path / "plant")
+    rows = rows_at(opened, read_recording(tmp_path / "recording.csv", opened[0]))
+    found = explain(rows, lambda text: None)
+    worn = next(n for n in found.models if any(".wear-slip@" in name for name in n))
+    models = [found.models[worn], found.models[frozenset()]]
+    system = found.geometry.rows.system
+    soon = places_in(system, usual_reach(system))
+    late = replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
+    apart = []
+    for places in (soon, late):
+        there = foretold(found.geometry, models, 0, places)
+        assert np.abs(there.off[0]).max() < 1e-6
+        apart.append(float(np.abs(there.off[1]).max()))
+    assert apart[1] > 2.0 * apart[0]
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from rulec.mismatch.result import Likely, Moved
 from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.scan import id_of, name_of
 from rulec.mismatch.search.settled.sets import Posterior, Progress, explain
+from rulec.mismatch.search.settled.told import titled_with_module
 
 NOTHING = "nothing"
 """Id of the set in which nothing is left out."""
@@ -137,8 +138,7 @@ def _titles(posterior: Posterior) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def _titled(candidate: Candidate) -> str:
-    title, module = candidate.title, candidate.module
-    title = title if f"{module}." in title else f"{title} in {module}"
+    title = titled_with_module(candidate)
     return title[:1].lower() + title[1:] if title[1:2].islower() else title
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -99,7 +100,7 @@ def _on_all_points(rows: Rows, model: Model, told: Names) -> tuple[Fitted, dict[
     for course in setting.courses:
         fitted = sharpened(fitted, course.unknown)
     for term in (t for t in model.terms if t.name in told):
-        there = _with_term(fitted, term)
+        there = with_term(fitted, term)
         if there is not None:
             fitted = there
             names[term.name] = fitted.setting.joined[-1]
@@ -139,7 +140,7 @@ def _is_strong(fitted: Fitted, candidate: Candidate) -> bool:
     return any(found)
 
 
-def _with_term(fitted: Fitted, term: Term) -> Fitted | None:
+def with_term(fitted: Fitted, term: Term) -> Fitted | None:
     """A term without a name as a course in time, or as a curve over its driver."""
     spot_id, _, driver = term.name.rpartition("~")
     place = _place(fitted, spot_id)
@@ -148,14 +149,11 @@ def _with_term(fitted: Fitted, term: Term) -> Fitted | None:
     if driver == TIME:
         return _with_trial(fitted, free_course(fitted, place))
     for most in limits.BANDS:
-        curve = curve_at(fitted, place.spot, driver, most)
-        try:
+        # Beside another curve its equation may be too long: fewer pieces make a shorter one.
+        with contextlib.suppress(Rejected):
+            curve = curve_at(fitted, place.spot, driver, most)
             found = screen(fitted, [curve]) if curve is not None else []
-            if found:
-                return _with_trial(fitted, found[0])
-        except Rejected:
-            # Beside another curve its equation is too long: fewer pieces make a shorter one.
-            continue
+            return _with_trial(fitted, found[0]) if found else None
     return None
 
 
