@@ -106,8 +106,8 @@ def planned(
         )
     if not seconds >= reach.step:
         raise ExperimentRefused(
-            f"--hours {seconds / 3600.0:g}: one step takes {reach.step / 3600.0:.3g} hours, the usual "
-            "time from one settled mean of the recording to the next"
+            f"--hours {seconds / 3600.0:g}: one step takes {reach.step / 3600.0:.3g} hours, the "
+            "usual time from one settled mean of the recording to the next"
         )
     places = places_in(system, reach)
     told = [foretold(geometry, again.models, i, places) for i in range(len(standing))]
