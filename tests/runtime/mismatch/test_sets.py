@@ -10,6 +10,7 @@ from rulec_runtime.recordings.recording import read_recording
 from rulec.effects.model_builder import open_builder
 from rulec.language import expression
 from rulec.limits import MAX_EQUATION_LENGTH
+from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.settled.nameless import terms
@@ -35,12 +36,24 @@ def test_nothing_is_named_in_a_clean_recording(tmp_path: Path) -> None:
     assert found.nothing > 0.9
 
 
-def test_what_was_left_out_is_named(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def left_out(tmp_path_factory: pytest.TempPathFactory) -> Posterior:
+    """A recording of a pump whose slip follows the temperature."""
+    return asked(("slip-warm",), tmp_path_factory.mktemp("warm"))
+
+
+def test_what_was_left_out_is_named(left_out: Posterior) -> None:
     """Probabilities of sets add up to those of names."""
-    found = asked(("slip-warm",), tmp_path)
-    named = max(p for name, p in found.names.items() if ".slip-temperature@" in name)
+    named = max(p for name, p in left_out.names.items() if ".slip-temperature@" in name)
     assert named > 0.9
-    assert abs(sum(found.sets.values()) - 1.0) < 1e-9
+    assert abs(sum(left_out.sets.values()) - 1.0) < 1e-9
+
+
+def test_a_set_far_behind_stays_there(left_out: Posterior) -> None:
+    """What all sets gain or lose by other weights of the recording is no doubt of the best one."""
+    nothing = left_out.odds[frozenset()]
+    assert left_out.odds[left_out.best] - nothing > limits.RESAMPLED_NATS
+    assert left_out.nothing < 1e-6
 
 
 def test_a_curve_has_fewer_pieces_where_its_equation_is_too_long(

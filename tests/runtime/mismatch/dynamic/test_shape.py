@@ -148,6 +148,7 @@ def test_a_right_plain_model_follows_nothing() -> None:
     assert followed(searcher, found) is None
 
 
+@pytest.mark.prove
 def test_the_whole_answer(thin: Path) -> None:
     """Text, page and machine form are those of settled plants."""
     recording = flapping(thin, 2)
