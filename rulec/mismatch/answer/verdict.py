@@ -84,14 +84,19 @@ def headline_of(
         )
     if verdict == "ambiguous":
         return _open(told[0], names[0])
+    sure = [
+        (f.sort, n) for f, n in zip(told, names, strict=True) if f.probability >= limits.CERTAIN
+    ]
     parts = [
-        (lead, [n for f, n in zip(told, names, strict=True) if f.sort in sorts])
+        (lead, [n for sort, n in sure if sort in sorts])
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
     ]
     said = [f"{lead} {_joined(own)}" for lead, own in parts if own]
     if verdict in ("fault", "sensor"):
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
+    open_ = [n for f, n in zip(told, names, strict=True) if f.probability < limits.CERTAIN]
+    said += [f"Not sure: {_joined(open_)}"] if open_ else []
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
 
 

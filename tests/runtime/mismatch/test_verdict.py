@@ -114,6 +114,13 @@ def fit_at(noise: float) -> Fit:
     )
 
 
+def test_what_is_not_sure_is_not_told_as_if_it_were() -> None:
+    """Beside a name that is certain, the others stand apart."""
+    told = headline_of("named", (SURE, replace(FAULT, probability=0.4)), ())
+    assert "the plant has a fault" not in told
+    assert told.endswith("; not sure: flow lost in A.")
+
+
 def test_what_is_left_is_called_noise_only_where_it_is() -> None:
     """Else it may be an error of the law's form, and the sentence says how large it is."""
     assert headline_of("none", (), (), [fit_at(0.3)]).endswith(
