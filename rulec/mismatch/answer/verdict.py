@@ -52,7 +52,7 @@ def verdict_of(findings: Sequence[Finding], left: bool) -> str:
         return "unnamed"
     if not named:
         return "unnamed" if left or findings else "none"
-    physics = [f for f in named if f.sort in ("physics", "ageing")]
+    physics = [f for f in named if f.sort in OF_THE_MODEL]
     deciding = physics or named
     if deciding[0].probability < limits.CERTAIN:
         return "ambiguous"
@@ -82,11 +82,11 @@ def headline_of(
             f"Something is missing at {where} that no known effect, fault or sensor error "
             f"explains.{follows}"
         )
+    pairs = list(zip(told, names, strict=True))
+    sure = [(f.sort, n) for f, n in pairs if f.probability >= limits.CERTAIN]
     if verdict == "ambiguous":
-        return _open(told[0], names[0])
-    sure = [
-        (f.sort, n) for f, n in zip(told, names, strict=True) if f.probability >= limits.CERTAIN
-    ]
+        beside = f" Sure beside that: {_joined([n for _, n in sure])}." if sure else ""
+        return _open(*_deciding(pairs)) + beside
     parts = [
         (lead, [n for sort, n in sure if sort in sorts])
         for sorts, lead in sorted(LEADS.items(), key=lambda entry: verdict not in entry[0])
@@ -95,9 +95,14 @@ def headline_of(
     if verdict in ("fault", "sensor"):
         begin = said[0].replace(LEADS["sensor",], "A sensor is not:")
         said = [f"The model is right; {begin[0].lower()}{begin[1:]}", *said[1:]]
-    open_ = [n for f, n in zip(told, names, strict=True) if f.probability < limits.CERTAIN]
-    said += [f"Not sure: {_joined(open_)}"] if open_ else []
+    doubtful = [n for f, n in pairs if f.probability < limits.CERTAIN]
+    said += [f"Not sure: {_joined(doubtful)}"] if doubtful else []
     return "; ".join([said[0], *(f"{s[0].lower()}{s[1:]}" for s in said[1:])]) + "."
+
+
+def _deciding(pairs: Sequence[tuple[Finding, str]]) -> tuple[Finding, str]:
+    """What the verdict depends on, with its name: physics before faults and sensors."""
+    return next((pair for pair in pairs if pair[0].sort in OF_THE_MODEL), pairs[0])
 
 
 def _open(finding: Finding, name: str) -> str:
@@ -122,8 +127,11 @@ def _with_others(finding: Finding) -> str:
     return " or ".join([name, *others])
 
 
+OF_THE_MODEL = ("physics", "ageing")
+"""Sorts of what a model may leave out; these decide before faults and sensors."""
+
 LEADS = {
-    ("physics", "ageing"): "The model leaves out",
+    OF_THE_MODEL: "The model leaves out",
     ("fault",): "The plant has a fault:",
     ("sensor",): "A sensor is wrong:",
 }

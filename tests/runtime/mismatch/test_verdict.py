@@ -121,6 +121,13 @@ def test_what_is_not_sure_is_not_told_as_if_it_were() -> None:
     assert told.endswith("; not sure: flow lost in A.")
 
 
+def test_what_is_open_is_not_what_is_certain() -> None:
+    """A sensor that is wrong for sure, and physics that is not: each is told as it is."""
+    told = headline_of("ambiguous", (SENSOR, replace(SURE, probability=0.7)), ())
+    assert told.startswith("Not sure enough to be named: gap flow")
+    assert told.endswith("Sure beside that: reading shifted in A.")
+
+
 def test_what_is_left_is_called_noise_only_where_it_is() -> None:
     """Else it may be an error of the law's form, and the sentence says how large it is."""
     assert headline_of("none", (), (), [fit_at(0.3)]).endswith(
