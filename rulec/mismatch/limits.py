@@ -673,6 +673,10 @@ FORM_KNOWN = 3.0
 FORM_RANK = 1e-2
 """Share of the largest variance below which a smooth course is left out. Origin: numerical."""
 
+MOVING_RANK = 1e-6
+"""The same of errors of sensors in time: these may be a thousand times as large as the noise of a
+mean, and what is left out would show. Origin: numerical."""
+
 OWN_ERROR = 0.5
 """Share of the variance of a sensor's class that each of several recordings has as its own: its
 zero may have been set in between, its slope and curvature hardly. Origin: assumed."""
@@ -713,8 +717,8 @@ TERM_FUNCTIONS = 12
 """Smooth functions of a driver that a term without a name may hold. Origin: numerical."""
 
 TERM_LENGTHS = (0.4, 0.1)
-"""Distances, as share of a driver's range, over which a term without a name is alike: all over the
-range, or in a band of it. Origin: assumed."""
+"""Distances, as share of the range of a driver or of time, over which a term without a name is
+alike: all over the range, or in a band of it. Origin: assumed."""
 
 TERM_ODDS = -3.0
 """Log odds of a term without a name against a law: of twenty effects the catalogue has nineteen.
@@ -832,6 +836,10 @@ LARGEST_SET = 5
 
 SETS_REFITTED = 12
 """Sets that are refitted of each that is grown. Origin: numerical."""
+
+SETS_SWITCHED = 3
+"""Best sets in which faults that come and go are compared with what follows the set points. Origin:
+numerical."""
 
 TERMS_REFITTED = 3
 """Terms without a name that are refitted of each set that is grown. Origin: numerical."""

@@ -319,7 +319,8 @@ class Confounded:
 class HiddenDriver:
     """Course of something that drives a mismatch and is not recorded.
 
-    `time` (s) and `course` have shape (n,), `course` in `unit` (of the place that it moves).
+    `time` (s) and `course` have shape (n,), `course` in `unit` (of the place that it moves). One
+    that `switches` does so with what the plant is set to.
     """
 
     module: str
@@ -330,6 +331,7 @@ class HiddenDriver:
     unit: str
     candidates: tuple[str, ...]
     sensor: str
+    switches: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

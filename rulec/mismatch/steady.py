@@ -36,6 +36,7 @@ from rulec.mismatch.evidence.steady.system import System, system_of
 from rulec.mismatch.inference.prove import Proof, fit_of, rms
 from rulec.mismatch.inference.series import Predicted
 from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
+from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
 from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
@@ -92,7 +93,7 @@ def _explained(recording: Recording, found: Search, by: ByRecording | None) -> E
         accepted=accepted,
         failing=(*impossible(recording, system.ruleset), *stuck(recording, system.ruleset)),
         places=tuple(_place(model, own.spot, shares_of(accepted)[own.spot.id]) for own in latent),
-        hidden=_driver(system, latent) if latent else None,
+        hidden=_driver(system, latent, _switching(accepted, latent[0])) if latent else None,
         tried=found.tried,
         noise=_noise_told(fitted),
         untimed="operating points" if of_rows else "files, each with a clock of its own,",
@@ -293,7 +294,13 @@ class Explanation(Explained[Fitted]):
         return (*before, *_moved(self.fitted)), tuple(behind)
 
 
-def _driver(system: System, found: Sequence[Reconstruction]) -> HiddenDriver:
+def _switching(accepted: Sequence[Accepted], first: Reconstruction) -> str:
+    """What switches a place, or empty."""
+    curves = [own.curve for own in accepted if own.candidate.id == first.spot.id]
+    return next((curve.says for curve in curves if curve is not None), "")
+
+
+def _driver(system: System, found: Sequence[Reconstruction], switching: str) -> HiddenDriver:
     hidden, *others = found
     spot = hidden.spot
     lacking = [
@@ -304,6 +311,8 @@ def _driver(system: System, found: Sequence[Reconstruction]) -> HiddenDriver:
         f"what drives {_what(spot)} is not recorded; "
         f"its course: {described(hidden.time, hidden.course)}"
     )
+    if switching:
+        lacking, text = [], f"{_what(spot)} {switching}"
     text += "".join(
         f"; {_what(other.spot)} changes too, and its course correlates with this one by "
         f"{fixed(likeness(hidden, other), 2)}"
@@ -318,6 +327,7 @@ def _driver(system: System, found: Sequence[Reconstruction]) -> HiddenDriver:
         unit=spot.unit,
         candidates=tuple(dict.fromkeys(m.title for m in lacking)),
         sensor=lacking[0].sensor if lacking else "",
+        switches=bool(switching),
     )
 
 

@@ -189,6 +189,11 @@ def next_step(
     locations: Sequence[Location] = (),
 ) -> str:
     """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
+    if hidden is not None and hidden.switches:
+        return (
+            f"Look at what happens at {hidden.module}.{hidden.place} where it changes. Go to the "
+            "same set points from below and from above, and run again."
+        )
     if hidden is not None:
         return (
             f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."

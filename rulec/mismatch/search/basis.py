@@ -24,6 +24,7 @@ class Basis:
     low: float
     high: float
     length: float
+    says: str = ""
 
     def at(self, values: Array) -> Array:
         """Independent functions of unit prior size at values, shape (n, functions)."""

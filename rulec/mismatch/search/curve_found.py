@@ -46,7 +46,7 @@ class CurveFound:
     `means`, shape (m, 3), are driver, value and standard uncertainty of what single means show.
     `branches` is None where nothing tells whether the way there matters. `elsewhere` are
     other places at which a term over this driver explains about as much, `lost` effects that could
-    stand in its place.
+    stand in its place. `says` is what switches a term that comes and goes, or empty.
     """
 
     place: Spot
@@ -58,6 +58,7 @@ class CurveFound:
     branches: Branches | None = None
     elsewhere: tuple[str, ...] = ()
     lost: tuple[Lost, ...] = ()
+    says: str = ""
 
     @property
     def u(self) -> Array:

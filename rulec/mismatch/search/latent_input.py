@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 
 from rulec.effects.candidate import Candidate, Spot, Unknown
@@ -37,6 +38,24 @@ def free_course(fitted: Fitted, suspect: Suspect) -> InitialCandidate:
     course = Course(spot.unknown, segment, tuple(periods), at - segment)
     return InitialCandidate(
         candidate=_candidate(spot), values=values, fixed={}, gain=0.0, course=course
+    )
+
+
+def switched_course(fitted: Fitted, spot: Spot, on: NDArray[np.bool_]) -> InitialCandidate:
+    """An error at a place that is there at some points, flags of shape (n,), and not at others."""
+    time = fitted.rows.system.data.time
+    first = np.flatnonzero(on & ~np.append(False, on[:-1]))
+    last = np.flatnonzero(on & ~np.append(on[1:], False))
+    periods = tuple(
+        Span(float(time[i]), float(time[j]), 0) for i, j in zip(first, last, strict=True)
+    )
+    course = Course(spot.unknown, np.where(on, 0, -1), periods)
+    return InitialCandidate(
+        candidate=_candidate(spot),
+        values={f"{spot.unknown}#0": 0.0},
+        fixed={},
+        gain=0.0,
+        course=course,
     )
 
 

@@ -11,13 +11,13 @@ from rulec.effects.candidate import TIME, Candidate
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.locate import spot_column, suspect_at
-from rulec.mismatch.search.basis import Basis
 from rulec.mismatch.search.branches import gap_between, visits_on_branches, ways_there
 from rulec.mismatch.search.curve_found import Branches, CurveFound
+from rulec.mismatch.search.settled.geometry import Functions
 
 
 def branches_of(
-    fitted: Fitted, candidate: Candidate, curve: CurveFound, basis: Basis, size: float
+    fitted: Fitted, candidate: Candidate, curve: CurveFound, basis: Functions, size: float
 ) -> Branches | None:
     """The gap between both branches of a place over a driver.
 

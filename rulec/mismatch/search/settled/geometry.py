@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
-from rulec.mismatch.search.basis import Basis
 from rulec.mismatch.search.settled.sizes import Size, size_of
 
 
@@ -31,13 +31,14 @@ def number_of_terms(rows: Rows) -> int:
     return count
 
 
-def _smooth_over(alike: Array) -> Array:
-    """Independent functions whose sum has unit variance, shape (n, functions).
+def _smooth_over(alike: Array, least: float) -> Array:
+    """Independent functions whose sum has unit variance, shape (n, functions), but for those with
+    less than a share `least` of the largest variance.
 
     `alike`, shape (n, n), is how alike it is at two points.
     """
     size, ways = np.linalg.eigh(alike)
-    kept = size > limits.FORM_RANK * size.max()
+    kept = size > least * size.max()
     smooth: Array = ways[:, kept] * np.sqrt(size[kept])
     return smooth
 
@@ -50,11 +51,25 @@ def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
         here = np.flatnonzero(source == own)
         phase = (time[here] - time[here[0]]) / max(float(np.ptp(time[here])), 1e-300)
         alike = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / limits.FORM_LENGTH) ** 2)
-        smooth = _smooth_over(alike)
+        smooth = _smooth_over(alike, limits.MOVING_RANK)
         whole = np.zeros((len(time), smooth.shape[1]))
         whole[here] = smooth
         found.append(whole)
     return np.concatenate(found, axis=1)
+
+
+class Functions(Protocol):
+    """Functions of a driver; `length` tells those of one name apart, `says` what they are."""
+
+    @property
+    def length(self) -> float: ...
+
+    @property
+    def says(self) -> str: ...
+
+    def at(self, values: Array) -> Array:
+        """The functions at values of the driver, shape (n, functions)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -64,7 +79,8 @@ class Term:
     `spot` is the id of the place, `changed` that place, or the parameter of its law that changes.
     `slopes`, shape (seen rows,), are those of the residuals by `changed`, SI. `columns`, shape
     (seen rows, functions), are the functions of `basis`, each as it shows, over their `norm`; how
-    large they are is found with the errors of form.
+    large they are is found with the errors of form. `price` is what it takes to tell the functions,
+    nats.
     """
 
     name: str
@@ -72,9 +88,10 @@ class Term:
     changed: Spot
     driver: str
     slopes: Array
-    basis: Basis
+    basis: Functions
     norm: float
     columns: Array
+    price: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,7 +197,9 @@ class Geometry:
             if column is None:
                 continue
             if spot.module not in ways:
-                ways[spot.module] = _smooth_over(likeness(system, flows, spot.module))
+                ways[spot.module] = _smooth_over(
+                    likeness(system, flows, spot.module), limits.FORM_RANK
+                )
             whole = column / self._share_shown(column)
             columns.append(whole[:, None] * ways[spot.module][self.rows.point])
         left, size, _ = np.linalg.svd(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 
-from rulec.effects.candidate import TIME
+from rulec.effects.candidate import TIME, Spot
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted
@@ -16,44 +16,56 @@ from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.basis import basis_over
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.settled.switching import by_the_way
 from rulec.mismatch.search.time_varying import wandering
 
 
 def terms(geometry: Geometry, model: Model) -> list[Term]:
     """A term for each place and each driver that no model predicts."""
-    system, found = geometry.rows.system, []
+    system = geometry.rows.system
+    found: list[Term | None] = []
     for spot in system.builder.spots:
         column = spot_column(model.fitted, spot)
         if column is None:
             continue
-        ways = [(spot, column, name) for name in varying(model.fitted, spot.module)]
+        ways, drivers = [(spot, column)], varying(model.fitted, spot.module)
         if system.data.timed:
-            ways.append((spot, column, TIME))
             # What drives a law seldom adds to it: it changes what stands in it.
-            ways += [(w.spot, w.column, TIME) for w in wandering(model.fitted, spot)]
-        for changed, slopes, name in ways:
-            values = driver_of(system, name)
-            known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
-            own = slopes[geometry.seen]
-            # What happens in a band of a driver may be a resonance; in a band of time, a fault.
-            for length in limits.TERM_LENGTHS[: 1 if name == TIME else None]:
-                basis = basis_over(values, length)
-                table = own[:, None] * basis.at(known)
-                size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-                if size > 0.0 and np.isfinite(table).all():
-                    found.append(
-                        Term(
-                            name=f"{changed.id}~{name}",
-                            spot=spot.id,
-                            changed=changed,
-                            driver=name,
-                            slopes=own,
-                            basis=basis,
-                            norm=size,
-                            columns=table / size,
-                        )
-                    )
-    return found
+            ways += [(w.spot, w.column) for w in wandering(model.fitted, spot)]
+            for changed, slopes in ways:
+                found += _over(geometry, spot.id, changed, slopes, TIME)
+                found += [
+                    by_the_way(geometry, spot.id, changed, slopes[geometry.seen], n)
+                    for n in drivers
+                ]
+        for name in drivers:
+            found += _over(geometry, spot.id, spot, column, name)
+    return [term for term in found if term is not None]
+
+
+def _over(
+    geometry: Geometry, place: str, changed: Spot, slopes: Array, name: str
+) -> Iterator[Term]:
+    """Terms over a driver: what happens in a band of it may be a resonance; what turns in time, a
+    driver that nobody recorded."""
+    values = driver_of(geometry.rows.system, name)
+    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
+    own = slopes[geometry.seen]
+    for length in limits.TERM_LENGTHS:
+        basis = basis_over(values, length)
+        table = own[:, None] * basis.at(known)
+        size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
+        if size > 0.0 and np.isfinite(table).all():
+            yield Term(
+                name=f"{changed.id}~{name}",
+                spot=place,
+                changed=changed,
+                driver=name,
+                slopes=own,
+                basis=basis,
+                norm=size,
+                columns=table / size,
+            )
 
 
 def driver_of(system: System, name: str) -> Array:
@@ -83,7 +95,10 @@ def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float
         ]
         found.append(
             (
-                max(gains) + limits.TERM_ODDS - float(np.log(len(every) * len(limits.TERM_SIZES))),
+                max(gains)
+                + limits.TERM_ODDS
+                - term.price
+                - float(np.log(len(every) * len(limits.TERM_SIZES))),
                 term,
             )
         )

@@ -29,6 +29,7 @@ from rulec.mismatch.search.settled.scan import (
     joined,
     scan,
 )
+from rulec.mismatch.search.settled.switching import with_set_points
 
 Progress = Callable[[str], None]
 
@@ -93,6 +94,7 @@ class Search:
         expected -= ends * float(np.log(limits.ONSETS))
         places = max(self.geometry.terms, 1)
         expected += len(model.terms) * (limits.TERM_ODDS - float(np.log(places)))
+        expected -= sum(term.price for term in model.terms)
         return model.evidence + float(expected)
 
     @property
@@ -186,8 +188,26 @@ def explain(every: Rows, progress: Progress) -> Posterior:
             _prune(search, names)
             _otherwise(search, names)
     _sharpen_rivals(search)
+    _switch(search)
     _challenge(search)
     return search.posterior()
+
+
+def _switch(search: Search) -> None:
+    """In the place of each fault that comes and goes in one of the best sets, a term that does so
+    where set points change."""
+    for names in sorted(search.odds, key=lambda n: -search.odds[n])[: limits.SETS_SWITCHED]:
+        model = search.models[names]
+        for course in model.setting.courses:
+            fault = model.setting.candidate_of(course)
+            rest = without(names, fault)
+            if course.grows or rest not in search.models:
+                continue
+            place = (fault.module, fault.place)
+            near = search.models[rest]
+            for term in with_set_points(search.every, search.geometry, model, course, place):
+                own = (*near.terms, term)
+                search.keep(rest | {term.name}, search.refit(near.setting, near, own))
 
 
 def _challenge(search: Search) -> None:

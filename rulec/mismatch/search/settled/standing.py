@@ -55,6 +55,8 @@ def _standing(posterior: Posterior, names: Names, probability: float) -> Standin
 def _in_words(term: Term) -> str:
     """A term without a name."""
     where = f"{term.changed.module}.{term.changed.place}"
+    if term.basis.says:
+        return f"{where} {term.basis.says}"
     return f"{where} follows {term.driver} in a way without a name"
 
 

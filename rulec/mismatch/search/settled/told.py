@@ -17,7 +17,7 @@ from rulec.mismatch.evidence.steady.screen import InitialCandidate, screen
 from rulec.mismatch.result import Rival
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.curve import curve_at
-from rulec.mismatch.search.latent_input import free_course
+from rulec.mismatch.search.latent_input import free_course, switched_course
 from rulec.mismatch.search.settled.branches import branches_of
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.lost import lost_to
@@ -57,6 +57,7 @@ def search(rows: Rows, progress: Progress) -> Search:
         curve = curve_of(geometry, model, term)
         curves[term.name] = replace(
             curve,
+            says=term.basis.says,
             branches=branches_of(
                 fitted, candidates[term.name], curve, term.basis, size_of_term(model, term)
             ),
@@ -146,6 +147,9 @@ def with_term(fitted: Fitted, term: Term) -> Fitted | None:
     place = _place(fitted, spot_id)
     if place is None:
         return None
+    if term.basis.says:
+        there = term.basis.at(fitted.rows.system.data.time)[:, 0] > 0.0
+        return _with_trial(fitted, switched_course(fitted, place.spot, there))
     if driver == TIME:
         return _with_trial(fitted, free_course(fitted, place))
     for most in limits.BANDS:

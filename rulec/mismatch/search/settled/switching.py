@@ -1,0 +1,132 @@
+"""Terms that switch: by the way an input came, or where set points change.
+
+What comes and goes exactly with what the plant is set to is hardly a fault, which would not know
+the set points: it is a law that the model does not have, such as a valve with play, or a flow that
+changes its pattern.
+
+Source: Mayergoyz 2003 (a law with memory has branches).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rulec_runtime.contract.plan import Array
+from scipy.special import gammaln
+
+from rulec.effects.candidate import TIME, Spot
+from rulec.mismatch.evidence.steady.configuration import Course
+from rulec.mismatch.evidence.steady.locate import spot_column
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.evidence.steady.states import states_of
+from rulec.mismatch.search.branches import ways_there
+from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.refit import Model
+from rulec.mismatch.search.time_varying import wandering
+
+
+@dataclass(frozen=True)
+class Switching:
+    """A function of time, s: `level`, shape (m + 1,), before and after each of `ends`, shape (m,).
+
+    `says` tells what switches it, `price` what its ends cost, nats.
+    """
+
+    ends: Array
+    level: Array
+    says: str
+    price: float
+    length: float = 0.0
+
+    def at(self, time: Array) -> Array:
+        """The function at times, shape (n, 1)."""
+        column: Array = self.level[np.searchsorted(self.ends, time, side="right")][:, None]
+        return column
+
+
+def by_the_way(
+    geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str
+) -> Term | None:
+    """A term that differs by whether an input rose or fell to where it is; None where it did not do
+    both. `slopes`, shape (seen rows,), are those of the residuals by what is `changed`."""
+    data = geometry.rows.system.data
+    side, _ = ways_there(data.values[driver], float(np.nanmedian(data.noise[driver])))
+    ends = np.flatnonzero(np.diff(side) != 0) + 1
+    if not {-1.0, 1.0} <= set(side.tolist()):
+        return None
+    says = f"is not the same after {driver} rose as after it fell: a law with memory, such as play"
+    way = Switching(data.time[ends], side[np.append(0, ends)], says, 0.0)
+    return _term(geometry, place, changed, slopes, way)
+
+
+def with_set_points(
+    every: Rows, geometry: Geometry, model: Model, course: Course, place: tuple[str, str]
+) -> Iterator[Term]:
+    """Terms at a place, its module and name, in the place of a fault that comes and goes: each
+    visit of an operating state has it or has not, as most of its points do.
+
+    `every` has all settled points. Which visits have it costs what it takes to tell them: a fault
+    with few ends is cheaper.
+    """
+    time = every.system.data.time
+    visits, begins = _visits(every)
+    degree = course.at_times(time).degrees(model.setting.values)
+    largest = float(np.max(np.abs(degree), initial=0.0))
+    if largest == 0.0:
+        return
+    here = np.bincount(visits, degree / largest) / np.bincount(visits)
+    there = np.round(here)
+    ends = np.flatnonzero(np.diff(there) != 0) + 1
+    if not len(ends):
+        return
+    way = Switching(
+        time[begins[ends]],
+        there[np.append(0, ends)],
+        "comes and goes only where set points change, which a fault would not know of",
+        _price(len(ends), len(begins) - 1),
+    )
+    for spot in every.system.builder.spots:
+        column = spot_column(model.fitted, spot) if (spot.module, spot.place) == place else None
+        if column is None:
+            continue
+        ways = [(spot, column), *((w.spot, w.column) for w in wandering(model.fitted, spot))]
+        for changed, slopes in ways:
+            term = _term(geometry, spot.id, changed, slopes[geometry.seen], way)
+            if term is not None:
+                yield term
+
+
+def _visits(every: Rows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Number of the visit of each point, and where visits begin."""
+    state = states_of(every.system)
+    new = np.diff(state, prepend=-1) != 0
+    return np.cumsum(new) - 1, np.flatnonzero(new)
+
+
+def _price(ends: int, borders: int) -> float:
+    """What it takes to tell at which of some borders there is an end, nats."""
+    ways = gammaln(borders + 1) - gammaln(ends + 1) - gammaln(borders - ends + 1)
+    return float(ways + np.log(borders + 1))
+
+
+def _term(
+    geometry: Geometry, place: str, changed: Spot, slopes: Array, way: Switching
+) -> Term | None:
+    table = slopes[:, None] * way.at(geometry.rows.system.data.time)[geometry.point]
+    size = float(np.sqrt(np.mean(table**2)))
+    if not (size > 0.0 and np.isfinite(table).all()):
+        return None
+    return Term(
+        name=f"{changed.id}~{TIME}",
+        spot=place,
+        changed=changed,
+        driver=TIME,
+        slopes=slopes,
+        basis=way,
+        norm=size,
+        columns=table / size,
+        price=way.price,
+    )
