@@ -23,24 +23,23 @@ from rulec.mismatch.search.time_varying import wandering
 def terms(geometry: Geometry, model: Model) -> list[Term]:
     """A term for each place and each driver that no model predicts."""
     system = geometry.rows.system
-    found: list[Term | None] = []
+    found: list[Term] = []
     for spot in system.builder.spots:
         column = spot_column(model.fitted, spot)
         if column is None:
             continue
         ways, drivers = [(spot, column)], varying(model.fitted, spot.module)
+        set_ = [name for name in drivers if system.ruleset.signal_by_id[name].is_input]
         if system.data.timed:
             # What drives a law seldom adds to it: it changes what stands in it.
             ways += [(w.spot, w.column) for w in wandering(model.fitted, spot)]
             for changed, slopes in ways:
                 found += _over(geometry, spot.id, changed, slopes, TIME)
-                found += [
-                    by_the_way(geometry, spot.id, changed, slopes[geometry.seen], n)
-                    for n in drivers
-                ]
+                for name in set_:
+                    found += by_the_way(geometry, spot.id, changed, slopes[geometry.seen], name)
         for name in drivers:
             found += _over(geometry, spot.id, spot, column, name)
-    return [term for term in found if term is not None]
+    return found
 
 
 def _over(

@@ -49,17 +49,24 @@ class Switching:
 
 def by_the_way(
     geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str
-) -> Term | None:
-    """A term that differs by whether an input rose or fell to where it is; None where it did not do
-    both. `slopes`, shape (seen rows,), are those of the residuals by what is `changed`."""
+) -> Iterator[Term]:
+    """Terms that differ by whether an input rose or fell to where it is, where it did both.
+
+    How it came to where it was at first is not known. `slopes`, shape (seen rows,), are those of
+    the residuals by what is `changed`.
+    """
     data = geometry.rows.system.data
     side, _ = ways_there(data.values[driver], float(np.nanmedian(data.noise[driver])))
-    ends = np.flatnonzero(np.diff(side) != 0) + 1
     if not {-1.0, 1.0} <= set(side.tolist()):
-        return None
+        return
     says = f"is not the same after {driver} rose as after it fell: a law with memory, such as play"
-    way = Switching(data.time[ends], side[np.append(0, ends)], says, 0.0)
-    return _term(geometry, place, changed, slopes, way)
+    for before in (-1.0, 1.0):
+        came = np.where(side == 0.0, before, side)
+        ends = np.flatnonzero(np.diff(came) != 0) + 1
+        way = Switching(data.time[ends], came[np.append(0, ends)], says, float(np.log(2.0)))
+        term = _term(geometry, place, changed, slopes, way)
+        if term is not None:
+            yield term
 
 
 def with_set_points(
@@ -86,7 +93,7 @@ def with_set_points(
         time[begins[ends]],
         there[np.append(0, ends)],
         "comes and goes only where set points change, which a fault would not know of",
-        _price(len(ends), len(begins) - 1),
+        price(len(ends), len(begins) - 1),
     )
     for spot in every.system.builder.spots:
         column = spot_column(model.fitted, spot) if (spot.module, spot.place) == place else None
@@ -106,7 +113,7 @@ def _visits(every: Rows) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.cumsum(new) - 1, np.flatnonzero(new)
 
 
-def _price(ends: int, borders: int) -> float:
+def price(ends: int, borders: int) -> float:
     """What it takes to tell at which of some borders there is an end, nats."""
     ways = gammaln(borders + 1) - gammaln(ends + 1) - gammaln(borders - ends + 1)
     return float(ways + np.log(borders + 1))

@@ -1,0 +1,80 @@
+"""What comes and goes with the set points, or by the way they came, is no fault."""
+
+from __future__ import annotations
+
+from math import comb
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rulec_runtime.recordings.recording import read_recording
+
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.answer.verdict import next_step
+from rulec.mismatch.evidence.steady.rows import Rows
+from rulec.mismatch.result import HiddenDriver
+from rulec.mismatch.search.settled.sets import Posterior, explain, with_terms
+from rulec.mismatch.search.settled.switching import Switching, price
+from rulec.prove.truth.settled.plan import Planned
+from tests.runtime.mismatch.made import rows_at
+
+
+def rows_of(group: str, effect: str, folder: Path) -> Rows:
+    """A small case with one effect that no entry has, or whose driver is not recorded."""
+    Planned("a case", group, "dosing", "steps", (effect,), 3000.0, small=True).make().write(folder)
+    opened = open_builder(folder / "plant")
+    return rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
+
+
+def share(found: Posterior, mark: str) -> float:
+    """Probability that a set has a name with some mark."""
+    return sum(p for names, p in found.sets.items() if any(mark in name for name in names))
+
+
+def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
+    """Of all terms at the place, the one with memory gains most."""
+    found = with_terms(rows_of("unnamed", "play", tmp_path), {"A.loss"})
+    (term,) = found.models[found.best].terms
+    assert "a law with memory" in term.basis.says
+
+
+def test_a_driver_that_turns_is_told_as_a_course(tmp_path: Path) -> None:
+    found = with_terms(rows_of("unrecorded", "friction-warm", tmp_path), {"A.P_law"})
+    assert share(found, "~time") > 0.9
+
+
+@pytest.mark.prove
+@pytest.mark.parametrize(
+    ("group", "effect"), [("unnamed", "play"), ("unrecorded", "friction-warm")]
+)
+def test_neither_is_told_as_a_fault(group: str, effect: str, tmp_path: Path) -> None:
+    """Faults that come and go are among what is weighed."""
+    found = explain(rows_of(group, effect, tmp_path), lambda text: None)
+    assert share(found, "~time") > 0.9
+    assert share(found, "!") < 0.1
+
+
+def test_which_of_some_borders_are_ends_is_as_dear_as_telling_them() -> None:
+    assert price(4, 10) == pytest.approx(np.log(comb(10, 4) * 11))
+
+
+def test_a_level_lasts_until_the_next_end() -> None:
+    way = Switching(np.array([10.0, 20.0]), np.array([0.0, 1.0, -1.0]), "says", 0.0)
+    assert way.at(np.array([5.0, 10.0, 19.0, 20.0]))[:, 0].tolist() == [0.0, 1.0, 1.0, -1.0]
+
+
+def test_who_reads_it_is_sent_to_the_set_points_not_to_a_sensor() -> None:
+    hidden = HiddenDriver(
+        module="M",
+        place="loss",
+        text="",
+        time=np.zeros(1),
+        course=np.zeros(1),
+        unit="Pa",
+        candidates=(),
+        sensor="",
+        switches=True,
+    )
+    said = next_step("unnamed", (), hidden, ())
+    assert "from below and from above" in said
+    assert "Record what may drive it" not in said
