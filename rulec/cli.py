@@ -127,6 +127,7 @@ def _experiment(experiment: argparse.ArgumentParser) -> None:
     experiment.add_argument(
         "--steps", metavar="N", type=int, default=6, help="most steps (default 6)"
     )
+    _limits(experiment)
     json_option(experiment)
 
 
@@ -134,7 +135,7 @@ def _limits(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--limits",
         metavar="LIMITS.yaml",
-        help="how far, how fast and at what cost set points may be changed to tell faults apart",
+        help="how far, how fast and at what cost set points may be changed to tell things apart",
     )
 
 

@@ -19,6 +19,7 @@ from rulec.effects.repair import read_proven, read_repair
 from rulec.mismatch.experiment.plan import ExperimentRefused, planned
 from rulec.mismatch.experiment.recipe import experiment_form, inputs_csv, tell
 from rulec.mismatch.result import Presence, Standing
+from rulec.separation.limits_file import read_limits
 
 
 def run(options: argparse.Namespace) -> int:
@@ -38,6 +39,7 @@ def run(options: argparse.Namespace) -> int:
         standing,
         options.steps,
         3600.0 * options.hours,
+        given=None if options.limits is None else read_limits(Path(options.limits), ruleset),
     )
     tell(out, found, ruleset)
     if options.output and found.steps:

@@ -896,6 +896,17 @@ FORETELL_STEPS = 8
 FORETELL_STEP = 0.5
 """Largest share by which a reading moves in a step. Origin: numerical."""
 
+FORETOLD_WELL = 0.01
+"""By how much readings that are foretold may miss the model that foretells them, in units of the
+noise. Origin: numerical."""
+
+COVERED = 2.0
+"""Standard deviations of what is foretold that must stay within the limits of a reading. Origin:
+standard (coverage factor of an expanded uncertainty, JCGM 100:2008)."""
+
+WORTH_PRODUCT = 0.01
+"""Probability of the truth that is given up rather than product. Origin: assumed."""
+
 SETS_STANDING = 6
 """Sets of explanations that an experiment is planned for. Origin: numerical."""
 

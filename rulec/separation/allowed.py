@@ -28,10 +28,12 @@ class InputLimits:
 
 @dataclass(frozen=True)
 class PlantLimits:
-    """Inputs that may be moved, and modules whose change of flow costs product."""
+    """Inputs that may be moved, modules whose change of flow costs product, and from where to where
+    readings must stay, SI."""
 
     inputs: Mapping[str, InputLimits]
     costly: frozenset[str]
+    readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,29 +53,47 @@ class Range:
 
         They are multiples of a power of ten, and none lies outside.
         """
-        span = self.highest - self.lowest
-        if not span > 0:
+        if not self.highest > self.lowest:
             return np.zeros(0)
-        unit = 10.0 ** math.floor(math.log10(span / limits.STEPS_OF_A_RANGE))
-        first, last = math.ceil(self.lowest / unit), math.floor(self.highest / unit)
-        ticks = np.unique(np.round(np.linspace(first, last, count)))
-        # Written as a decimal number, 0.3 and not 0.30000000000000004.
-        digits = max(0, -round(math.log10(unit)))
-        shown = np.array([round(tick * unit, digits) for tick in ticks.tolist()])
+        unit, first, last = self._ticks
+        shown = _decimal(np.unique(np.round(np.linspace(first, last, count))), unit)
         inside: Array = shown[(shown >= self.lowest) & (shown <= self.highest)]
         return inside
+
+    def easy(self, values: Array) -> Array:
+        """The values in the range that are easy to set and nearest to some, shape (n,), SI."""
+        unit, first, last = self._ticks
+        shown = (values - self.signal.offset) / self.signal.factor
+        ticks = np.clip(np.round(shown / unit), first, last)
+        easy: Array = _decimal(ticks, unit) * self.signal.factor + self.signal.offset
+        return easy
+
+    @property
+    def _ticks(self) -> tuple[float, int, int]:
+        """A power of ten, and the first and last of its multiples in the range."""
+        span = self.highest - self.lowest
+        unit = 10.0 ** math.floor(math.log10(span / limits.STEPS_OF_A_RANGE))
+        return unit, math.ceil(self.lowest / unit), math.floor(self.highest / unit)
 
     def si(self, shown: float) -> float:
         """A value that the sensor shows, SI."""
         return shown * self.signal.factor + self.signal.offset
 
 
+def _decimal(ticks: Array, unit: float) -> Array:
+    """Multiples of a power of ten as decimal numbers, 0.3 and not 0.30000000000000004."""
+    digits = max(0, -round(math.log10(unit)))
+    return np.array([round(tick * unit, digits) for tick in ticks.tolist()])
+
+
 @dataclass(frozen=True)
 class Allowed:
-    """Inputs that may be moved, and modules whose flow must not change for free."""
+    """Inputs that may be moved, modules whose flow must not change for free, and the ends between
+    which readings must stay, SI."""
 
     inputs: Mapping[str, Range]
     costly: frozenset[str] = field(default_factory=frozenset)
+    readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def allowed_of(ruleset: Ruleset, given: PlantLimits | None = None) -> Allowed:
@@ -88,7 +108,9 @@ def allowed_of(ruleset: Ruleset, given: PlantLimits | None = None) -> Allowed:
         for signal, part in _movable(ruleset, given is not None, named)
         if (made := _range(signal, part)) is not None
     }
-    return Allowed(inputs, frozenset() if given is None else given.costly)
+    if given is None:
+        return Allowed(inputs)
+    return Allowed(inputs, given.costly, given.readings)
 
 
 def _movable(

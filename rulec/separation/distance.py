@@ -10,7 +10,7 @@ the Bayes factor between the two.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -60,12 +60,14 @@ class FaultMeasure:
 
     `present` per signal that no equation determines its reading, SI. Each of `rows` holds the cases
     of which the least far counts. With `baseline` the present point was also seen without a fault.
+    `bounds`, SI, are those within which readings must stay.
     """
 
     equations: Equations
     present: Mapping[str, float]
     rows: Sequence[Sequence[Case]]
     baseline: bool = False
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __call__(self, points: Sequence[Point]) -> Looked:
         apart = np.full((len(self.rows), len(points)), np.inf)
@@ -104,7 +106,7 @@ class FaultMeasure:
                 given[name][i] = shown * signal.factor + signal.offset
         degrees = np.full(n, _legal(fault, degree))
         degrees[SOUND] = 0.0
-        return faulty(self.equations, given, fault, degrees)
+        return faulty(self.equations, given, fault, degrees, self.bounds)
 
     def _undone(self, truth: Faulty, other: FaultSpec, points: list[int]) -> Outcome | None:
         """None where no estimate that can be used at all points shows the fault."""
@@ -126,11 +128,16 @@ class FaultMeasure:
 
 
 def faulty(
-    equations: Equations, given: Mapping[str, Array], fault: FaultSpec, degrees: Array
+    equations: Equations,
+    given: Mapping[str, Array],
+    fault: FaultSpec,
+    degrees: Array,
+    bounds: Mapping[str, tuple[float, float]],
 ) -> Faulty:
     """Readings with a fault, as means over the time for which a set point is held.
 
-    `given` per signal that no equation determines an array, shape (n,), SI; degrees, shape (n,).
+    `given` per signal that no equation determines an array, shape (n,), SI; degrees, shape (n,);
+    `bounds` per reading that must stay within them, SI.
     """
     simulated = simulate_with(equations, given, {fault.id: degrees})
     possible = simulated.solved.copy()
@@ -144,7 +151,7 @@ def faulty(
         systematic[signal.id] = systematic_u(signal, shown) + np.zeros(n)
         noise = STATISTICAL_SHARE * systematic[signal.id] / np.sqrt(STEP_SECONDS)
         u[signal.id] = np.hypot(systematic[signal.id], noise)
-        ranges = [signal.ends]
+        ranges = [signal.ends, *((bounds[signal.id],) if signal.id in bounds else ())]
         if signal.minimum is not None:
             ranges.append((signal.minimum, np.inf))
         low, high = signal.valid_from, signal.valid_to

@@ -12,7 +12,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec.knowledge.read import read_alone
 from rulec.language.diagnostics import Refused, did_you_mean
 from rulec.language.reader import Reader
-from rulec.language.units import UNKNOWN, unit_table
+from rulec.language.units import UNKNOWN, Unit, unit_table
 from rulec.separation.allowed import InputLimits, PlantLimits
 
 
@@ -33,9 +33,10 @@ def read_limits(path: Path, ruleset: Ruleset) -> PlantLimits:
                 did_you_mean(name, ruleset.modules),
             )
             reader.report_key(("modules", name), "KB132", message, hint)
+    readings = _readings(reader, ruleset)
     if reader.found:
         raise Refused(reader.found)
-    return PlantLimits(inputs, frozenset(modules))
+    return PlantLimits(inputs, frozenset(modules), readings)
 
 
 def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, InputLimits]:
@@ -54,16 +55,46 @@ def _inputs(reader: Reader, ruleset: Ruleset) -> dict[str, InputLimits]:
     return read
 
 
-def _one(
-    reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
-) -> InputLimits | None:
-    """The limits of an input in the unit that its sensor shows; None where they are wrong."""
+def _readings(reader: Reader, ruleset: Ruleset) -> dict[str, tuple[float, float]]:
+    """From where to where readings must stay, SI."""
+    known = {s.id: s for s in ruleset.signals if not s.is_input}
+    read = {}
+    for name, part in reader.document.data.get("readings", {}).items():
+        path = ("readings", name)
+        if name not in known:
+            hint = did_you_mean(name, known)
+            if name in ruleset.signal_by_id:
+                hint = "limits of inputs stand under 'inputs'"
+            reader.report_key(path, "KB134", f"'{name}' is no reading of this plant", hint)
+            continue
+        unit = _unit(reader, path, known[name])
+        ends = (part.get("lowest", -math.inf), part.get("highest", math.inf))
+        if not ends[0] < ends[1]:
+            message = f"'lowest' {ends[0]:g} is not below 'highest' {ends[1]:g}"
+            reader.report((*path, "lowest"), "KB055", message)
+        elif unit is not None:
+            read[name] = (unit.to_si(ends[0]), unit.to_si(ends[1]))
+    return read
+
+
+def _unit(reader: Reader, path: tuple[str, str], signal: SignalSpec) -> Unit | None:
+    """The unit of limits; None, and a report, where it does not fit."""
     unit, own = reader.unit(*path, "unit"), reader.units.parse(signal.unit)
     if unit.dimension == UNKNOWN:
         return None
     if not unit.dimension.fits(own.dimension):
         message = f"'{path[-1]}' is in {own.text}; '{unit.text}' does not fit"
         reader.report((*path, "unit"), "KB073", message)
+        return None
+    return unit
+
+
+def _one(
+    reader: Reader, path: tuple[str, str], part: Mapping[str, Any], signal: SignalSpec
+) -> InputLimits | None:
+    """The limits of an input in the unit that its sensor shows; None where they are wrong."""
+    unit = _unit(reader, path, signal)
+    if unit is None:
         return None
     if not part["lowest"] < part["highest"]:
         message = f"'lowest' {part['lowest']:g} is not below 'highest' {part['highest']:g}"

@@ -57,6 +57,7 @@ def _proposed(equations: Equations, allowed: Allowed, pair: tuple[str, str]) -> 
     measure = FaultMeasure(
         equations=equations,
         present={s.id: s.reference for s in signals},
+        bounds=allowed.readings,
         rows=[[_case(a, b, degree), _case(b, a, degree)] for degree in STEP_DEGREES],
     )
     return propose(allowed, {s.id: s.shown(s.reference) for s in signals}, measure)

@@ -46,6 +46,7 @@ def step_of(equations: Equations, allowed: Allowed, finding: Finding) -> Step:
         present={s.id: readings.get(s.id, s.reference) for s in signals},
         rows=(),
         baseline=finding.baseline > 0,
+        bounds=allowed.readings,
     )
     names = [name for name, _ in finding.alternatives]
     rows = []

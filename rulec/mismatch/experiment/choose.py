@@ -10,7 +10,7 @@ Leibler 1951.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,18 +36,32 @@ class Choice:
     factors: Array
 
 
-def chosen(foretold: Sequence[Foretold], odds: Array, most: int) -> Choice:
+def chosen(
+    foretold: Sequence[Foretold],
+    odds: Array,
+    most: int,
+    *,
+    among: NDArray[np.bool_] | None = None,
+    in_time: Callable[[Sequence[int]], bool] = lambda places: True,
+) -> Choice:
     """Up to so many places, each the one that adds most to what is known by then.
 
-    `foretold` has one entry per explanation as the true one, `odds` their probabilities.
+    `foretold` has one entry per explanation as the true one, `odds` their probabilities. `among`,
+    shape (n,), flags places that may be chosen; `in_time` tells whether there is time for some.
     """
     places: list[int] = []
     count = len(odds)
     factors = np.zeros((count, count))
     certainty = [certain(odds, factors)]
     every = sorted(set(foretold[0].point.tolist()).intersection(*(f.point for f in foretold)))
+    if among is not None:
+        every = [place for place in every if among[place]]
     while len(places) < most:
-        trials = [(place, factors_of(foretold, [*places, place])) for place in every]
+        trials = [
+            (place, factors_of(foretold, [*places, place]))
+            for place in every
+            if in_time([*places, place])
+        ]
         best, told = max(trials, key=lambda trial: certain(odds, trial[1]), default=(-1, factors))
         if best < 0 or certain(odds, told) < certainty[-1] + limits.WORTH_A_STEP:
             break

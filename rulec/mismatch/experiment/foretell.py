@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
@@ -46,12 +47,16 @@ class Foretold:
     `readings` per output have shape (n,), SI. `point` has the place of each row, shape (rows,).
     For each explanation in turn `off`, shape (rows,), is what its best values leave, in units of
     the noise, and `covariance`, shape (rows, rows), what noise, values and errors of form may add.
+    `spread` per output, shape (n,), SI, is the standard deviation of a reading if the explanation
+    is true, NaN where nothing is foretold; `flows` per module, shape (n,), m3/s.
     """
 
     readings: Mapping[str, Array]
     point: NDArray[np.intp]
     off: tuple[Array, ...]
     covariance: tuple[Array, ...]
+    spread: Mapping[str, Array] = field(default_factory=dict)
+    flows: Mapping[str, Array] = field(default_factory=dict)
 
 
 def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Places) -> Foretold:
@@ -69,7 +74,33 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
     off, covariance = zip(*views, strict=True)
-    return Foretold(readings, there.point, off, covariance)
+    spread = _spread(rows, there, covariance[true])
+    return Foretold(readings, there.point, off, covariance, spread, _flows(rows.system, model))
+
+
+def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:
+    """Standard deviation of each output, shape (n,), SI; NaN where it is not foretold."""
+    number = np.cumsum(there.seen) - 1
+    spread: dict[str, Array] = {}
+    for cell in rows.cells:
+        own = np.arange(cell.rows.start, cell.rows.stop).reshape(cell.rank, len(cell.points)).T
+        blocks = covariance[number[own][:, :, None], number[own][:, None, :]]
+        back = np.linalg.inv(cell.whitener)
+        variance = np.einsum("nij,njk,nik->ni", back, blocks, back)
+        for name, column in zip(cell.outputs, variance.T, strict=True):
+            whole = spread.setdefault(name, np.full(len(rows.system.data), np.nan))
+            whole[cell.points] = np.sqrt(column)
+    return spread
+
+
+def _flows(system: System, model: Model) -> dict[str, Array]:
+    """Flows of modules by a model, m3/s, shape (n,) each."""
+    setting = at_points(model.setting, system.data.time)
+    values = system.flows(setting).values
+    members: dict[str, list[int]] = {}
+    for i, observer in enumerate(system.observers):
+        members.setdefault(observer.module, []).append(i)
+    return {module: np.mean(values[own], axis=0) for module, own in members.items()}
 
 
 def data_at(data: Data, places: Places) -> Data:

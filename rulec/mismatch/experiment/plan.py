@@ -16,11 +16,18 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
 from rulec.mismatch.evidence.steady.system import system_of
-from rulec.mismatch.experiment.choose import Choice, chosen
-from rulec.mismatch.experiment.foretell import Foretold, Places, foretold
-from rulec.mismatch.experiment.reach import places_in, usual_reach
+from rulec.mismatch.experiment.choose import Choice
+from rulec.mismatch.experiment.foretell import Foretold, foretold
+from rulec.mismatch.experiment.reach import (
+    limited_reach,
+    places_in,
+    present_inputs,
+    usual_reach,
+)
+from rulec.mismatch.experiment.within import Within, best_within, within
 from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.standing import refitted_again
+from rulec.separation.allowed import PlantLimits, allowed_of
 
 
 class ExperimentRefused(Exception):
@@ -29,24 +36,32 @@ class ExperimentRefused(Exception):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a signal shows in a step under each explanation, SI, and how far the explanations are
-    apart, in units of the noise of one mean."""
+    """What a signal shows in a step under each explanation, SI, how far the explanations are apart,
+    in units of the noise of one mean, and the standard deviation of each, SI."""
 
     signal: str
     values: tuple[float, ...]
     apart: float
+    spread: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Step:
     """An operating point to hold: from when until when, s; inputs, SI; what is read, the most
-    telling signal first."""
+    telling signal first.
+
+    The way there takes `ramp`, s, of that time. `costs` names inputs and modules that cost product,
+    `at_end` inputs with the end of what may be set that they are at.
+    """
 
     since: float
     until: float
     inputs: Mapping[str, float]
     given: Mapping[str, float]
     readings: tuple[Reading, ...]
+    ramp: float = 0.0
+    costs: tuple[str, ...] = ()
+    at_end: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +70,10 @@ class Experiment:
 
     `certainty` is the probability that the true explanation can be expected to have before the
     first step and after each; `factors`, shape (explanations, explanations), are expected log Bayes
-    factors of all steps, nats; `set_by` the inputs with the range within which they were chosen.
+    factors of all steps, nats; `set_by` the inputs with the range within which they were chosen,
+    SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
+    which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
+    that no explanation foretells. `time_is_short`: longer experiments tell more.
     """
 
     standing: tuple[Standing, ...]
@@ -63,6 +81,11 @@ class Experiment:
     certainty: tuple[float, ...]
     factors: Array
     set_by: Mapping[str, tuple[float, float]]
+    present: Mapping[str, float]
+    limited: bool
+    hindering: tuple[str, ...]
+    unwatched: tuple[str, ...]
+    time_is_short: bool
 
     @property
     def alike(self) -> tuple[tuple[int, int], ...]:
@@ -79,8 +102,11 @@ def planned(
     standing: Sequence[Standing],
     most: int,
     seconds: float,
+    *,
+    given: PlantLimits | None = None,
 ) -> Experiment:
-    """The steps that best tell apart what stands, in a given time, s, at most.
+    """The steps that best tell apart what stands, in a given time, s, at most, and within limits
+    that are given, or else within what was recorded.
 
     Raises ExperimentRefused where one explanation stands alone, or nothing can be set.
     """
@@ -99,51 +125,80 @@ def planned(
         ) from None
     geometry = again.geometry
     system = geometry.rows.system
-    reach = usual_reach(system)
+    present = present_inputs(ruleset, recording)
+    reach = usual_reach(system, present)
+    if given is not None:
+        reach = limited_reach(system, present, allowed_of(ruleset, given))
     if not reach.ranges:
         raise ExperimentRefused(
-            "no input was changed in the recording, so how far one may be changed is not known"
-        )
-    if not seconds >= reach.step:
-        raise ExperimentRefused(
-            f"--hours {seconds / 3600.0:g}: one step takes {reach.step / 3600.0:.3g} hours, the "
-            "usual time from one settled mean of the recording to the next"
+            "no input was changed in the recording, so how far one may be changed is not known; "
+            "give limits with --limits"
+            if given is None
+            else "the limits leave no input of the recording that may be changed"
         )
     places = places_in(system, reach)
     told = [foretold(geometry, again.models, i, places) for i in range(len(standing))]
+    limited = within(ruleset, places, reach, told)
+    least = limited.times([0])[0][1]
+    if not seconds >= least:
+        raise ExperimentRefused(
+            f"--hours {seconds / 3600.0:g}: one step takes {least / 3600.0:.3g} hours, "
+            + (
+                "the usual time from one settled mean of the recording to the next"
+                if least == reach.step
+                else "as the limits say"
+            )
+        )
     odds = np.array([one.probability for one in standing])
-    choice = chosen(told, odds / odds.sum(), int(min(most, seconds // reach.step)))
+    best = best_within(told, odds / odds.sum(), most, seconds, limited)
     return Experiment(
         standing=tuple(standing),
-        steps=_steps(choice, told, places, system.data.noise, system.data.values, reach.step),
-        certainty=choice.certainty,
-        factors=choice.factors,
+        steps=_steps(best.choice, told, limited, system.data.noise, system.data.values),
+        certainty=best.choice.certainty,
+        factors=best.choice.factors,
         set_by=reach.ranges,
+        present=reach.present,
+        limited=given is not None,
+        hindering=best.hindering,
+        unwatched=limited.unwatched,
+        time_is_short=best.time_is_short,
     )
 
 
 def _steps(
     choice: Choice,
     told: Sequence[Foretold],
-    places: Places,
+    limited: Within,
     noise: Mapping[str, Array],
     recorded: Mapping[str, Array],
-    step: float,
 ) -> tuple[Step, ...]:
-    steps = []
-    for number, place in enumerate(choice.places):
+    steps: list[Step] = []
+    since, places = 0.0, limited.places
+    for place, (ramp, hold) in zip(choice.places, limited.times(choice.places), strict=True):
         near = places.near[place]
         inputs = {name: float(values[place]) for name, values in places.inputs.items()}
         readings = []
         for name in told[0].readings:
             values = tuple(float(one.readings[name][place]) for one in told)
+            spread = tuple(float(one.spread[name][place]) for one in told)
             apart = (max(values) - min(values)) / float(noise[name][near])
-            readings.append(Reading(name, values, apart))
+            readings.append(Reading(name, values, apart, spread))
         given = {
             name: float(values[near])
             for name, values in recorded.items()
             if name not in inputs and name not in told[0].readings
         }
-        ordered = tuple(sorted(readings, key=lambda reading: -reading.apart))
-        steps.append(Step(number * step, (number + 1) * step, inputs, given, ordered))
+        steps.append(
+            Step(
+                since=since,
+                until=since + ramp + hold,
+                inputs=inputs,
+                given=given,
+                readings=tuple(sorted(readings, key=lambda reading: -reading.apart)),
+                ramp=ramp,
+                costs=limited.costs[place],
+                at_end=tuple(limited.at_end(place)),
+            )
+        )
+        since += ramp + hold
     return tuple(steps)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -41,9 +41,12 @@ def tell(out: Console, found: Experiment, ruleset: Ruleset) -> None:
 def headline(found: Experiment) -> str:
     """What the experiment is worth, in one sentence."""
     if not found.steps:
+        within, wider = "what was recorded", "Record wider ranges"
+        if found.limited:
+            within, wider = "the limits", "Allow wider ranges"
         return (
-            "No set points within what was recorded tell these explanations apart. Record wider "
-            "ranges, or read another quantity."
+            f"No set points within {within} tell these explanations apart. {wider}, or read "
+            "another quantity."
         )
     before, after = found.certainty[0], found.certainty[-1]
     steps = counted(len(found.steps), "step")
@@ -61,7 +64,8 @@ def in_words(one: Standing) -> str:
 def _table(found: Experiment, ruleset: Ruleset) -> Table:
     signals = ruleset.signal_by_id
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for title in ("step", "hold", "set"):
+    slowly = any(step.ramp for step in found.steps)
+    for title in ("step", "time" if slowly else "hold", "set"):
         table.add_column(title)
     table.add_column("read")
     for place in range(1, len(found.standing) + 1):
@@ -69,10 +73,15 @@ def _table(found: Experiment, ruleset: Ruleset) -> Table:
     table.add_column("sure", justify="right")
     for place, step in enumerate(found.steps, start=1):
         told = step.readings[: limits.READINGS_TOLD]
+        hold = _duration(step.until - step.since - step.ramp)
         table.add_row(
             str(place),
-            _duration(step.until - step.since),
-            "\n".join(_shown(signals[name], value) for name, value in step.inputs.items()),
+            f"way {_duration(step.ramp)}\nhold {hold}" if slowly else hold,
+            "\n".join(
+                _shown(signals[name], value)
+                for name, value in step.inputs.items()
+                if name in found.set_by
+            ),
             "\n".join(f"{r.signal} [{signals[r.signal].unit}]" for r in told),
             *(
                 "\n".join(_read(signals[r.signal], r, i) for r in told)
@@ -98,7 +107,7 @@ def _shown(signal: SignalSpec, value: float) -> str:
 
 def _duration(seconds: float) -> str:
     if seconds < 120.0:
-        return f"{number(seconds)} s"
+        return f"{seconds:.3g} s"
     return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
 
 
@@ -109,11 +118,41 @@ def _remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
             "ranges make them differ by enough."
         )
     ranges = [
-        f"{name} {number(signal.shown(low))} to {number(signal.shown(high))} {signal.unit}"
-        for name, (low, high) in found.set_by.items()
+        f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
+        for name, bounds in found.set_by.items()
         for signal in [ruleset.signal_by_id[name]]
+        for ends in [[signal.shown(end) for end in bounds]]
     ]
-    yield f"Set points were chosen within what was recorded: {', '.join(ranges)}."
+    within = "the limits" if found.limited else "what was recorded"
+    yield f"Set points were chosen within {within}: {', '.join(ranges)}."
+    yield from _limits(found)
+
+
+def _limits(found: Experiment) -> Iterator[str]:
+    """What a step costs, and which limit forbids a better one."""
+    costs: dict[tuple[str, ...], list[int]] = {}
+    ends: dict[tuple[str, str], list[int]] = {}
+    for place, step in enumerate(found.steps if found.limited else (), start=1):
+        if step.costs:
+            costs.setdefault(step.costs, []).append(place)
+        for end in step.at_end:
+            ends.setdefault(end, []).append(place)
+    for names, places in costs.items():
+        yield f"Product is lost in {_steps_of(places)} (by {' and '.join(names)})."
+    for (name, end_of), places in ends.items():
+        yield f"The {end_of} value that is allowed of {name} binds in {_steps_of(places)}."
+    for name in found.hindering:
+        yield f"The limits of {name} forbid steps that would tell more."
+    if found.time_is_short:
+        yield "There is no time for steps that would tell more: --hours ends the experiment."
+    for name in found.unwatched:
+        yield f"No explanation foretells {name}, which has limits: watch it while you run this."
+
+
+def _steps_of(places: Sequence[int]) -> str:
+    if len(places) == 1:
+        return f"step {places[0]}"
+    return f"steps {', '.join(map(str, places[:-1]))} and {places[-1]}"
 
 
 def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
@@ -128,6 +167,12 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
         "certainty": list(found.certainty),
         "factors": found.factors.tolist(),
         "alike": [list(pair) for pair in found.alike],
+        "limits": {
+            "given": found.limited,
+            "forbid_more": list(found.hindering),
+            "not_foretold": list(found.unwatched),
+            "time_is_short": found.time_is_short,
+        },
         "steps": [_step(step, signals) for step in found.steps],
     }
 
@@ -136,6 +181,9 @@ def _step(step: Step, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
     return {
         "from": step.since,
         "until": step.until,
+        "ramp": step.ramp,
+        "costs_product": list(step.costs),
+        "at_end": [{"input": name, "end": end} for name, end in step.at_end],
         "inputs": {
             name: {"value": signals[name].shown(value), "unit": signals[name].unit}
             for name, value in step.inputs.items()
@@ -146,6 +194,7 @@ def _step(step: Step, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
                 "unit": signals[r.signal].unit,
                 "values": [signals[r.signal].shown(value) for value in r.values],
                 "apart": r.apart,
+                "u": [spread / abs(signals[r.signal].factor) for spread in r.spread],
             }
             for r in step.readings
         ],
@@ -157,10 +206,14 @@ def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
     signals = ruleset.signal_by_id
     names = sorted({name for step in found.steps for name in (*step.inputs, *step.given)})
     lines = [row_of(("time [s]", *(f"{name} [{signals[name].unit}]" for name in names)))]
+    before: Mapping[str, float] = found.present
     for step in found.steps:
         values = {**step.given, **step.inputs}
-        shown = [f"{signals[name].shown(values[name]):.8g}" for name in names]
         for part in range(ROWS):
             time = step.since + (step.until - step.since) * part / ROWS
+            gone = (time - step.since) / step.ramp if time < step.since + step.ramp else 1.0
+            now = {n: v + (1.0 - gone) * (before.get(n, v) - v) for n, v in values.items()}
+            shown = [f"{signals[name].shown(now[name]):.8g}" for name in names]
             lines.append(row_of((f"{time:.10g}", *shown)))
+        before = step.inputs
     return "\n".join(lines) + "\n"

@@ -17,7 +17,7 @@ from rulec.cli import main
 from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.choose import certain, chosen, factors_of
 from rulec.mismatch.experiment.foretell import Foretold, foretold
-from rulec.mismatch.experiment.reach import places_in, usual_reach
+from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
 from rulec.mismatch.search.settled.sets import explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
@@ -92,6 +92,38 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
     assert len(simulated.read_text(encoding="utf-8").splitlines()) == 1 + 10 * len(found["steps"])
 
 
+def test_limits_are_kept_and_told(
+    ambiguous: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Readings stay below theirs whatever is true, the way there takes its time, and product that
+    is lost is told."""
+    limits, form = tmp_path / "limits.yaml", tmp_path / "e.json"
+    limits.write_text(
+        "limits: concealed\n"
+        "inputs:\n"
+        "  A.n: {lowest: 600, highest: 1200, unit: rpm, rate: 10, costs: product}\n"
+        "readings:\n"
+        "  A.dp: {highest: 1.6, unit: bar}\n",
+        encoding="utf-8",
+    )
+    file = str(ambiguous / "m.json")
+    more = ["--limits", str(limits), "--steps", "1", "--json", str(form)]
+    assert main(["experiment", file, *more]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    found: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
+    (step,) = found["steps"]
+    before = columns(ambiguous / "recording.csv")["B.n"][-1]
+    assert 600 <= step["inputs"]["A.n"]["value"] <= 1200
+    assert step["inputs"]["B.n"]["value"] == pytest.approx(before)
+    assert step["costs_product"] == ["A.n"]
+    assert step["until"] - step["from"] == pytest.approx(step["ramp"] + 60.0)
+    read = next(r for r in step["readings"] if r["signal"] == "A.dp")
+    assert all(v + u < 1.6 for v, u in zip(read["values"], read["u"], strict=True))
+    assert found["limits"]["given"]
+    assert "Product is lost in step 1 (by A.n)." in told
+    assert "within the limits: A.n 600 to 1 200 rpm." in told
+
+
 def columns(file: Path) -> dict[str, np.ndarray]:
     """Readings by signal."""
     with file.open(encoding="utf-8", newline="") as lines:
@@ -132,12 +164,13 @@ def test_what_follows_time_is_foretold_for_later(tmp_path: Path) -> None:
     case = Planned("a case", "single", "dosing", "steps", ("wear",), aim=3000.0, small=True)
     case.make().write(tmp_path)
     opened = open_builder(tmp_path / "plant")
-    rows = rows_at(opened, read_recording(tmp_path / "recording.csv", opened[0]))
+    recording = read_recording(tmp_path / "recording.csv", opened[0])
+    rows = rows_at(opened, recording)
     found = explain(rows, lambda text: None)
     worn = next(n for n in found.models if any(".wear-slip@" in name for name in n))
     models = [found.models[worn], found.models[frozenset()]]
     system = found.geometry.rows.system
-    soon = places_in(system, usual_reach(system))
+    soon = places_in(system, usual_reach(system, present_inputs(opened[0], recording)))
     late = replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
     apart = []
     for places in (soon, late):

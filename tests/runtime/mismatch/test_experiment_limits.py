@@ -1,0 +1,169 @@
+"""Experiments within limits: nothing that may be proposed ever leaves them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset
+
+from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment.foretell import Foretold, Places
+from rulec.mismatch.experiment.reach import Reach, limited_reach, places_in, present_inputs
+from rulec.mismatch.experiment.within import Within, best_within, within
+from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
+from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
+
+LIMITS = 80
+"""Sets of limits; of each, all places that may be proposed are looked at."""
+
+ROUNDING = 1e-9
+"""Share of a value that is lost between units."""
+
+
+def _limits(random: np.random.Generator, system: System) -> PlantLimits:
+    """Limits of some inputs and of one reading, some of them far outside of what was recorded."""
+    inputs = {}
+    for signal in system.ruleset.signals:
+        if signal.is_input and random.random() < 0.8:
+            reference = signal.shown(signal.reference)
+            lowest, highest = np.sort(reference * random.uniform(0.3, 1.7, 2))
+            inputs[signal.id] = InputLimits(
+                lowest=float(lowest),
+                highest=float(highest),
+                rate=float(random.choice([math.inf, random.uniform(0.1, 100.0)])),
+                hold=float(random.choice([0.0, random.uniform(1.0, 1000.0)])),
+                costs=bool(random.random() < 0.3),
+            )
+    name = str(random.choice([s.id for s in system.ruleset.signals if not s.is_input]))
+    ends = np.sort(system.ruleset.signal_by_id[name].reference * random.uniform(0.2, 2.0, 2))
+    return PlantLimits(inputs, frozenset(), {name: (float(ends[0]), float(ends[1]))})
+
+
+def _any_foretold(random: np.random.Generator, ruleset: Ruleset, places: Places) -> list[Foretold]:
+    """Any readings at all by two explanations; of some places nothing is foretold."""
+    n = len(places)
+    point = np.flatnonzero(random.random(n) < 0.9)
+    names = [s.id for s in ruleset.signals if not s.is_input]
+    told = []
+    for true in range(2):
+        off = [random.normal(0.0, 2.0, len(point)) for _ in range(2)]
+        off[true] = np.zeros(len(point))
+        readings = {
+            name: ruleset.signal_by_id[name].reference * random.uniform(0.5, 1.5, n)
+            for name in names
+        }
+        spread = {name: np.abs(values) * 0.02 for name, values in readings.items()}
+        covariance = (np.eye(len(point)), np.eye(len(point)))
+        told.append(Foretold(readings, point, (off[0], off[1]), covariance, spread))
+    return told
+
+
+def _breaches(
+    ruleset: Ruleset, given: PlantLimits, told: list[Foretold], found: Within, place: int
+) -> list[str]:
+    """What is wrong with a place that may be proposed, each limit looked up anew."""
+    breaches = []
+    for name, values in found.places.inputs.items():
+        signal, value = ruleset.signal_by_id[name], float(values[place])
+        shown, slack = signal.shown(value), ROUNDING * abs(signal.shown(value))
+        if name not in found.reach.ranges:
+            if value != found.reach.present[name]:
+                breaches.append(f"{name} is not to be moved")
+            continue
+        own = given.inputs[name]
+        if not own.lowest - slack <= shown <= own.highest + slack:
+            breaches.append(f"{name} {shown}")
+        low, high = signal.ends
+        if not low - slack <= value <= high + slack:
+            breaches.append(f"{name} {shown} is beyond its sensor")
+        if own.costs and abs(value - values[-1]) > slack and name not in found.costs[place]:
+            breaches.append(f"{name} costs product, and nothing says so")
+    for name, (low, high) in given.readings.items():
+        for one in told:
+            value, far = one.readings[name][place], limits.COVERED * one.spread[name][place]
+            if not low <= value - far <= value + far <= high:
+                breaches.append(f"{name} may be {value}")
+    return breaches
+
+
+def test_thousands_of_places_keep_the_limits() -> None:
+    """All that may be proposed, of any readings at all that are foretold, in any order."""
+    random = np.random.default_rng(27)
+    plant = opened("abc")
+    ruleset = plant[0]
+    recording = recorded(plant, tour(ruleset, 240))
+    system, present = rows_at(plant, recording).system, present_inputs(ruleset, recording)
+    looked = steps = 0
+    for number in range(LIMITS):
+        given = _limits(random, system)
+        reach = limited_reach(system, present, allowed_of(ruleset, given))
+        if not reach.ranges:
+            continue
+        places = places_in(system, reach)
+        told = _any_foretold(random, ruleset, places)
+        found = within(ruleset, places, reach, told)
+        may = np.flatnonzero(found.may_run)
+        looked += len(may)
+        assert [b for place in may for b in _breaches(ruleset, given, told, found, place)] == []
+        order = random.permutation(may)[:5].tolist()
+        before = len(places) - 1
+        for place, (ramp, hold) in zip(order, found.times(order), strict=True):
+            for name in reach.ranges:
+                own, signal = given.inputs[name], ruleset.signal_by_id[name]
+                way = signal.shown(places.inputs[name][place])
+                way -= signal.shown(places.inputs[name][before])
+                assert abs(way) / own.rate <= ramp * (1.0 + ROUNDING) + ROUNDING
+                assert hold >= own.hold
+            before = place
+        if number % 16 == 0:
+            seconds = 1.5 * found.seconds(order[:1])
+            best = best_within(told, np.array([0.5, 0.5]), 2, seconds, found)
+            assert set(best.choice.places) <= set(may.tolist())
+            assert found.seconds(best.choice.places) <= seconds
+            steps += len(best.choice.places)
+    assert looked > 1000
+    assert steps
+
+
+def _two_places(lost: tuple[tuple[str, ...], ...], forbids: tuple[bool, ...]) -> Within:
+    """Two places that can be run, and the present one."""
+    places = Places({"A.n": np.array([1.0, 2.0, 0.0])}, np.zeros(3, dtype=np.intp), np.zeros(3))
+    possible, forbidden = np.array([True, True, False]), {"A.dp": np.array([*forbids, False])}
+    return Within(places, Reach({"A.n": (1.0, 2.0)}, 60.0), possible, forbidden, (*lost, ()), ())
+
+
+def _apart_by(first: float, second: float) -> list[Foretold]:
+    """Two explanations that foretell one reading at each of two places, so far apart."""
+    point, off, known = np.array([0, 1]), np.array([first, second]), (np.eye(2), np.eye(2))
+    none = np.zeros(2)
+    return [Foretold({}, point, (none, off), known), Foretold({}, point, (-off, none), known)]
+
+
+def test_limits_that_forbid_a_better_step_are_told() -> None:
+    """Where the place that tells more is forbidden the other one is taken, and the recipe has why;
+    where it is not, nothing is in the way."""
+    odds = np.array([0.5, 0.5])
+    for forbids in (True, False):
+        found = _two_places(((), ()), (False, forbids))
+        best = best_within(_apart_by(1.0, 3.0), odds, 1, 3600.0, found)
+        assert best.choice.places == ((0,) if forbids else (1,))
+        assert best.hindering == (("A.dp",) if forbids else ())
+        assert not best.time_is_short
+
+
+def test_product_is_spared_where_another_step_tells_as_much() -> None:
+    """It is lost where that tells clearly more."""
+    odds, found = np.array([0.5, 0.5]), _two_places(((), ("A.n",)), (False, False))
+    assert best_within(_apart_by(4.0, 4.01), odds, 1, 3600.0, found).choice.places == (0,)
+    assert best_within(_apart_by(1.0, 4.0), odds, 1, 3600.0, found).choice.places == (1,)
+
+
+def test_no_time_for_more_is_told() -> None:
+    """Two steps of a minute do not fit into one and a half."""
+    odds, found = np.array([0.5, 0.5]), _two_places(((), ()), (False, False))
+    short = best_within(_apart_by(2.0, 2.0), odds, 2, 90.0, found)
+    assert (len(short.choice.places), short.time_is_short) == (1, True)
+    long = best_within(_apart_by(2.0, 2.0), odds, 2, 120.0, found)
+    assert (len(long.choice.places), long.time_is_short) == (2, False)
