@@ -67,7 +67,7 @@ class ModelBuilder:
         self.network = models.network
         self._free: dict[str, Matched] = {}
         self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
-        self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
+        self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...], bool], Plan] = {}
 
     @cached_property
     def matches(self) -> Matches:
@@ -111,20 +111,26 @@ class ModelBuilder:
         stored = (s for m in modules for s in stores_of(around, m, sites[m.name]))
         return tuple({s.id: s for s in (*settled, *stored)}.values())
 
-    def plan(self, module: str, joined: tuple[str, ...], spots: tuple[str, ...] = ()) -> Plan:
-        """The observers of a module with candidates and spots built in.
+    def plan(
+        self,
+        module: str,
+        joined: tuple[str, ...],
+        spots: tuple[str, ...] = (),
+        definitions: bool = False,
+    ) -> Plan:
+        """The observers, and the definitions, of a module with candidates and spots built in.
 
         Those that reach no observer of the module do not matter.
         """
         joined = tuple(c for c in joined if self._reaches(self._of(c).candidate, module))
         spots = tuple(s for s in spots if self._reaches(self._spot_by_id[s], module))
-        key = module, joined, spots
+        key = module, joined, spots, definitions
         if key not in self._plans:
             shifts = {k: v for s in spots for k, v in shift_of(self._spot_by_id[s]).items()}
             owners = dict.fromkeys(m for c in joined for m in self._of(c).candidate.modules)
             amended = {owner: self.amended(owner, joined) for owner in owners}
             what = Lowering(self.network, amended, shifts)
-            self._plans[key] = lower_module(what, module)
+            self._plans[key] = lower_module(what, module, definitions)
         return self._plans[key]
 
     @cached_property

@@ -904,6 +904,10 @@ COVERED = 2.0
 """Standard deviations of what is foretold that must stay within the limits of a reading. Origin:
 standard (coverage factor of an expanded uncertainty, JCGM 100:2008)."""
 
+CLAIM_STEP = 0.1
+"""Step of a number, in its standard deviations, in which the slope of what an explanation says is
+taken. Origin: numerical."""
+
 WORTH_PRODUCT = 0.01
 """Probability of the truth that is given up rather than product. Origin: assumed."""
 

@@ -24,6 +24,7 @@ from rulec.mismatch.experiment.reach import (
     present_inputs,
     usual_reach,
 )
+from rulec.mismatch.experiment.sensors import Advised, advised
 from rulec.mismatch.experiment.within import Within, best_within, within
 from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.standing import refitted_again
@@ -74,6 +75,7 @@ class Experiment:
     SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
     which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
     that no explanation foretells. `time_is_short`: longer experiments tell more.
+    `sensors` would tell apart what these steps do not.
     """
 
     standing: tuple[Standing, ...]
@@ -86,13 +88,18 @@ class Experiment:
     hindering: tuple[str, ...]
     unwatched: tuple[str, ...]
     time_is_short: bool
+    sensors: tuple[Advised, ...]
 
     @property
     def alike(self) -> tuple[tuple[int, int], ...]:
         """Explanations that these steps do not tell apart, by their numbers."""
-        apart = np.minimum(self.factors, self.factors.T)
-        every = zip(*np.triu_indices(len(apart), 1), strict=True)
-        return tuple((int(i), int(j)) for i, j in every if apart[i, j] < limits.TOLD_APART)
+        return _alike(self.factors)
+
+
+def _alike(factors: Array) -> tuple[tuple[int, int], ...]:
+    apart = np.minimum(factors, factors.T)
+    every = zip(*np.triu_indices(len(apart), 1), strict=True)
+    return tuple((int(i), int(j)) for i, j in every if apart[i, j] < limits.TOLD_APART)
 
 
 def planned(
@@ -162,6 +169,7 @@ def planned(
         hindering=best.hindering,
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
+        sensors=advised(geometry, again.models, _alike(best.choice.factors)),
     )
 
 

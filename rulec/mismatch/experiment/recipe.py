@@ -15,6 +15,7 @@ from rulec_runtime.report.text import counted, number, percent
 
 from rulec.mismatch import limits
 from rulec.mismatch.experiment.plan import Experiment, Reading, Step
+from rulec.mismatch.experiment.sensors import Advised
 from rulec.mismatch.result import Standing
 
 FEWEST_DIGITS, MOST_DIGITS = 3, 7
@@ -112,11 +113,13 @@ def _duration(seconds: float) -> str:
 
 
 def _remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
-    for first, second in found.alike if found.steps else ():
-        yield (
-            f"{first + 1} and {second + 1} are not told apart by this: no set points within these "
-            "ranges make them differ by enough."
-        )
+    for first, second in found.alike:
+        if found.steps:
+            yield (
+                f"{first + 1} and {second + 1} are not told apart by this: no set points within "
+                "these ranges make them differ by enough."
+            )
+        yield _sensor(found, (first, second))
     ranges = [
         f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
         for name, bounds in found.set_by.items()
@@ -126,6 +129,22 @@ def _remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     within = "the limits" if found.limited else "what was recorded"
     yield f"Set points were chosen within {within}: {', '.join(ranges)}."
     yield from _limits(found)
+
+
+def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
+    """The cheapest sensor that tells two explanations apart."""
+    which = f"{pair[0] + 1} and {pair[1] + 1}"
+    told = next((advised for advised in found.sensors if advised.pair == pair), None)
+    if told is None:
+        return (
+            f"Nor does a second reading of anything, or a flow meter, tell {which} apart by enough."
+        )
+    sensor, own = told.sensor, [v / told.sensor.factor for v in (*told.values, told.u)]
+    cost = f" (it costs {number(sensor.cost)}, a pressure transmitter 1)" if sensor.cost else ""
+    return (
+        f"What would tell {which}: {sensor.title}{cost}, {number(abs(own[0] - own[1]))} "
+        f"{sensor.unit} apart, where the sensor itself is known to {number(own[2])} {sensor.unit}."
+    )
 
 
 def _limits(found: Experiment) -> Iterator[str]:
@@ -167,6 +186,7 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
         "certainty": list(found.certainty),
         "factors": found.factors.tolist(),
         "alike": [list(pair) for pair in found.alike],
+        "sensors": [_advised(one, signals) for one in found.sensors],
         "limits": {
             "given": found.limited,
             "forbid_more": list(found.hindering),
@@ -174,6 +194,26 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
             "time_is_short": found.time_is_short,
         },
         "steps": [_step(step, signals) for step in found.steps],
+    }
+
+
+def _advised(one: Advised, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
+    sensor = one.sensor
+    return {
+        "explanations": list(one.pair),
+        "module": sensor.quantity[0],
+        "signal": sensor.quantity[1] or None,
+        "title": sensor.title,
+        "class": sensor.kind.name,
+        "cost": sensor.cost,
+        "apart": one.apart,
+        "difference": (one.values[1] - one.values[0]) / sensor.factor,
+        "u": one.u / sensor.factor,
+        "unit": sensor.unit,
+        "at": {
+            name: {"value": signals[name].shown(value), "unit": signals[name].unit}
+            for name, value in one.at.items()
+        },
     }
 
 
