@@ -128,6 +128,9 @@ def _experiment(experiment: argparse.ArgumentParser) -> None:
         "--steps", metavar="N", type=int, default=6, help="most steps (default 6)"
     )
     _limits(experiment)
+    experiment.add_argument(
+        "--report", metavar="FILE.html", help="one page with pictures, to hand on"
+    )
     json_option(experiment)
 
 

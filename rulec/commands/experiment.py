@@ -16,8 +16,10 @@ from rulec_runtime.recordings.together import read_recordings
 from rulec.commands.made_from import AGAIN, check_unchanged
 from rulec.effects.model_builder import open_builder
 from rulec.effects.repair import read_proven, read_repair
+from rulec.mismatch.experiment.page import experiment_page
 from rulec.mismatch.experiment.plan import ExperimentRefused, planned
-from rulec.mismatch.experiment.recipe import experiment_form, inputs_csv, tell
+from rulec.mismatch.experiment.recipe import tell
+from rulec.mismatch.experiment.written import experiment_form, inputs_csv
 from rulec.mismatch.result import Presence, Standing
 from rulec.separation.limits_file import read_limits
 
@@ -47,6 +49,9 @@ def run(options: argparse.Namespace) -> int:
         out.print(styled("[dim]inputs for rulec simulate: {}[/]", options.output))
     elif options.output:
         out.print(styled("[dim]{} is not written: there is no step[/]", options.output))
+    if options.report:
+        write_text(Path(options.report), experiment_page(found, ruleset))
+        out.print(styled("[dim]report: {}[/]", options.report))
     write_json(options, experiment_form(found, ruleset))
     return 0
 

@@ -890,6 +890,9 @@ source (Kass and Raftery 1995, strong evidence)."""
 READINGS_TOLD = 2
 """Readings that are told of each step of an experiment. Origin: assumed."""
 
+STEPS_DRAWN = 2
+"""Steps of which the terminal draws what is foretold. Origin: assumed."""
+
 FORETELL_STEPS = 8
 """Steps in which readings are found that obey a model. Origin: numerical."""
 

@@ -1,0 +1,119 @@
+"""An experiment in words: what it is worth, what it leaves open, and which limit binds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.report.text import counted, number, percent
+
+from rulec.mismatch.experiment.plan import Experiment, Reading
+from rulec.mismatch.result import Standing
+
+FEWEST_DIGITS, MOST_DIGITS = 3, 7
+"""Digits of what is read."""
+
+
+def headline(found: Experiment) -> str:
+    """What the experiment is worth, in one sentence."""
+    if not found.steps:
+        within, wider = "what was recorded", "Record wider ranges"
+        if found.limited:
+            within, wider = "the limits", "Allow wider ranges"
+        return (
+            f"No set points within {within} tell these explanations apart. {wider}, or read "
+            "another quantity."
+        )
+    before, after = found.certainty[0], found.certainty[-1]
+    steps = counted(len(found.steps), "step")
+    return (
+        f"{steps} in {duration(found.steps[-1].until)}: the true explanation can be expected to "
+        f"be {percent(after)} sure, {percent(before)} without."
+    )
+
+
+def in_words(one: Standing) -> str:
+    """What a set of explanations says."""
+    return " and ".join(one.titles) or "nothing is missing"
+
+
+def as_read(signal: SignalSpec, reading: Reading, place: int) -> str:
+    """What is read if one explanation is true, to as many digits as tell it from the others."""
+    value = reading.values[place]
+    apart = max(reading.values) - min(reading.values)
+    noise = apart / reading.apart if reading.apart > 0.0 else abs(value)
+    digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
+    return f"{signal.shown(value):.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+
+
+def as_set(signal: SignalSpec, value: float) -> str:
+    return f"{signal.id} {number(signal.shown(value))} {signal.unit}"
+
+
+def duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.3g} s"
+    return f"{number(seconds / 60.0)} min" if seconds < 7200.0 else f"{number(seconds / 3600.0)} h"
+
+
+def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
+    for first, second in found.alike:
+        if found.steps:
+            yield (
+                f"{first + 1} and {second + 1} are not told apart by this: no set points within "
+                "these ranges make them differ by enough."
+            )
+        yield _sensor(found, (first, second))
+    ranges = [
+        f"{name} {number(min(ends))} to {number(max(ends))} {signal.unit}"
+        for name, bounds in found.set_by.items()
+        for signal in [ruleset.signal_by_id[name]]
+        for ends in [[signal.shown(end) for end in bounds]]
+    ]
+    within = "the limits" if found.limited else "what was recorded"
+    yield f"Set points were chosen within {within}: {', '.join(ranges)}."
+    yield from _limits(found)
+
+
+def _sensor(found: Experiment, pair: tuple[int, int]) -> str:
+    """The cheapest sensor that tells two explanations apart."""
+    which = f"{pair[0] + 1} and {pair[1] + 1}"
+    told = next((advised for advised in found.sensors if advised.pair == pair), None)
+    if told is None:
+        return (
+            f"Nor does a second reading of anything, or a flow meter, tell {which} apart by enough."
+        )
+    sensor, own = told.sensor, [v / told.sensor.factor for v in (*told.values, told.u)]
+    cost = f" (it costs {number(sensor.cost)}, a pressure transmitter 1)" if sensor.cost else ""
+    return (
+        f"What would tell {which}: {sensor.title}{cost}, {number(abs(own[0] - own[1]))} "
+        f"{sensor.unit} apart, where the sensor itself is known to {number(own[2])} {sensor.unit}."
+    )
+
+
+def _limits(found: Experiment) -> Iterator[str]:
+    """What a step costs, and which limit forbids a better one."""
+    costs: dict[tuple[str, ...], list[int]] = {}
+    ends: dict[tuple[str, str], list[int]] = {}
+    for place, step in enumerate(found.steps if found.limited else (), start=1):
+        if step.costs:
+            costs.setdefault(step.costs, []).append(place)
+        for end in step.at_end:
+            ends.setdefault(end, []).append(place)
+    for names, places in costs.items():
+        yield f"Product is lost in {_steps_of(places)} (by {' and '.join(names)})."
+    for (name, end_of), places in ends.items():
+        yield f"The {end_of} value that is allowed of {name} binds in {_steps_of(places)}."
+    for name in found.hindering:
+        yield f"The limits of {name} forbid steps that would tell more."
+    if found.time_is_short:
+        yield "There is no time for steps that would tell more: --hours ends the experiment."
+    for name in found.unwatched:
+        yield f"No explanation foretells {name}, which has limits: watch it while you run this."
+
+
+def _steps_of(places: Sequence[int]) -> str:
+    if len(places) == 1:
+        return f"step {places[0]}"
+    return f"steps {', '.join(map(str, places[:-1]))} and {places[-1]}"
