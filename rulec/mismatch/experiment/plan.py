@@ -27,6 +27,7 @@ from rulec.mismatch.experiment.reach import (
 from rulec.mismatch.experiment.sensors import Advised, advised
 from rulec.mismatch.experiment.within import Within, best_within, within
 from rulec.mismatch.result import Standing
+from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.standing import refitted_again
 from rulec.separation.allowed import PlantLimits, allowed_of
 
@@ -75,7 +76,8 @@ class Experiment:
     SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
     which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
     that no explanation foretells. `time_is_short`: longer experiments tell more.
-    `sensors` would tell apart what these steps do not.
+    `sensors` would tell apart what these steps do not. `sample` is the usual time between two
+    samples of the recording, s; `read` what an equation or an explanation reads.
     """
 
     standing: tuple[Standing, ...]
@@ -89,6 +91,8 @@ class Experiment:
     unwatched: tuple[str, ...]
     time_is_short: bool
     sensors: tuple[Advised, ...]
+    sample: float
+    read: frozenset[str]
 
     @property
     def alike(self) -> tuple[tuple[int, int], ...]:
@@ -169,8 +173,27 @@ def planned(
         hindering=best.hindering,
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
+        sample=_sample(recording.time),
+        read=_read(ruleset, again.models),
         sensors=advised(geometry, again.models, _alike(best.choice.factors)),
     )
+
+
+def _sample(time: Array) -> float:
+    """The usual time between two samples, s."""
+    between = np.diff(time)
+    between = between[between > 0.0]
+    return float(np.median(between)) if len(between) else limits.SHORTEST_STEP
+
+
+def _read(ruleset: Ruleset, models: Sequence[Model]) -> frozenset[str]:
+    """Signals that an equation or an explanation reads."""
+    by_laws = {s for observer in ruleset.observers for s in observer.signals}
+    joined = [candidate for model in models for candidate in model.setting.joined]
+    drivers = {driver for candidate in joined for driver in candidate.drivers.values()}
+    drivers |= {u.driver for candidate in joined for u in candidate.unknowns if u.driver}
+    drivers |= {term.driver for model in models for term in model.terms}
+    return frozenset(by_laws | drivers)
 
 
 def _steps(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,8 +13,8 @@ from rulec.mismatch.experiment.plan import Experiment, Step
 from rulec.mismatch.experiment.sensors import Advised
 from rulec.mismatch.experiment.words import headline, in_words
 
-ROWS = 10
-"""Rows of the input file for each step."""
+ROWS = (10, 600)
+"""Fewest and most rows of the input file for each step."""
 
 
 def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
@@ -84,18 +85,24 @@ def _step(step: Step, signals: Mapping[str, SignalSpec]) -> dict[str, Any]:
 
 
 def inputs_csv(found: Experiment, ruleset: Ruleset) -> str:
-    """A recording of what is set, for `rulec simulate`; what nobody sets is as it was recorded."""
+    """A recording of what is set, for `rulec simulate`, sampled as the last one was; what nobody
+    sets is as it was recorded where an equation or an explanation reads it, and empty elsewhere."""
     signals = ruleset.signal_by_id
     names = sorted({name for step in found.steps for name in (*step.inputs, *step.given)})
     lines = [row_of(("time [s]", *(f"{name} [{signals[name].unit}]" for name in names)))]
     before: Mapping[str, float] = found.present
     for step in found.steps:
         values = {**step.given, **step.inputs}
-        for part in range(ROWS):
-            time = step.since + (step.until - step.since) * part / ROWS
+        lasts = step.until - step.since
+        rows = min(max(math.ceil(lasts / found.sample), ROWS[0]), ROWS[1])
+        for part in range(rows):
+            time = step.since + lasts * part / rows
             gone = (time - step.since) / step.ramp if time < step.since + step.ramp else 1.0
             now = {n: v + (1.0 - gone) * (before.get(n, v) - v) for n, v in values.items()}
-            shown = [f"{signals[name].shown(now[name]):.8g}" for name in names]
+            shown = [
+                f"{signals[name].shown(now[name]):.8g}" if name in found.read else ""
+                for name in names
+            ]
             lines.append(row_of((f"{time:.10g}", *shown)))
         before = step.inputs
     return "\n".join(lines) + "\n"

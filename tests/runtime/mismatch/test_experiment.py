@@ -75,7 +75,8 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
     from step to step; and each explanation finds what it foretells itself."""
     inputs, form = ambiguous / "in.csv", ambiguous / "e.json"
     file = str(ambiguous / "m.json")
-    assert main(["experiment", file, "-o", str(inputs), "--json", str(form)]) == 0
+    page, files = ambiguous / "e.html", ["-o", str(inputs), "--json", str(form)]
+    assert main(["experiment", file, *files, "--report", str(page)]) == 0
     assert "can be expected to be" in capsys.readouterr().out
     found: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
     assert len(found["explanations"]) >= 2
@@ -90,6 +91,8 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
     simulated = ambiguous / "out.csv"
     assert main(["simulate", str(ambiguous / "plant"), str(inputs), "-o", str(simulated)]) == 0
     assert len(simulated.read_text(encoding="utf-8").splitlines()) == 1 + 10 * len(found["steps"])
+    assert found["sensors"] == []
+    assert "<svg" in page.read_text(encoding="utf-8")
 
 
 def test_limits_are_kept_and_told(
