@@ -76,12 +76,13 @@ def refitted_again(every: Rows, sets: Sequence[Standing]) -> Again:
     search = begun(every)
     plain = search.models[frozenset()]
     named = {(t.name, t.basis.length): t for t in terms(search.geometry, plain)}
-    models = [
-        search.refit(
-            _setting(search.geometry, one), plain, tuple(named[name] for name in one.terms)
-        )
-        for one in sets
-    ]
+    models = []
+    for one in sets:
+        own = tuple(named[name] for name in one.terms)
+        first = search.refit(_setting(search.geometry, one), plain, own)
+        # With the sizes of errors of the plain model, which are large where something is missing,
+        # values end where those errors explain a part of it; with their own sizes they do not.
+        models.append(search.refit(first.setting, first, own))
     return Again(search.geometry, tuple(models))
 
 
