@@ -130,7 +130,11 @@ def begun(every: Rows) -> Search:
 def _plain(every: Rows, cuts: np.ndarray) -> Search:
     states = rows_of_states(every.system, cuts)
     search = Search(Geometry(states if len(states) else every), every)
-    search.keep(frozenset(), search.refit(Configuration(), None))
+    plain = Configuration()
+    search.keep(frozenset(), search.refit(plain, None))
+    # A plant that differs from its calibration as a whole lies far from where that states it.
+    there = search.refit(plain.letting_go(every.system.modules), None)
+    search.keep(frozenset(), search.refit(replace(plain, values=there.setting.values), there))
     return search
 
 
