@@ -61,7 +61,9 @@ def analyse(
     """
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
-    recording, taken = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
+    seen = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
+    recording, taken = seen.recording, seen.taken
+    ruleset, builder = seen.evidence.ruleset, seen.evidence.builder
     found = _explained(recording, ruleset, builder, heldout, tell)
     if isinstance(found, Blind):
         return _cannot(recording, ruleset, found, taken, begin)
@@ -123,6 +125,7 @@ def analyse(
         refused=refused,
         checks=checks,
         misread=structure.misread_of(taken),
+        rewired=structure.rewired_of(taken),
         standing=found.standing,
         recordings=found.recordings,
         changed=found.changed,
@@ -222,4 +225,5 @@ def _cannot(
         series=Series(samples.time, ~samples.open) if samples else None,
         evidence=blind.evidence,
         misread=structure.misread_of(taken),
+        rewired=structure.rewired_of(taken),
     )
