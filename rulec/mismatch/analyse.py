@@ -29,7 +29,7 @@ from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Mismatch, Series
 from rulec.mismatch.structure import told as structure
-from rulec.mismatch.structure.hypotheses import Taken
+from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
 from rulec.mismatch.structure.look import Evidence as StructureEvidence
 from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
@@ -166,13 +166,22 @@ def _clock(found: Explained[Any]) -> list[str]:
 
 
 def _read_so(misread: Sequence[Finding]) -> list[str]:
-    """A remark on what all that is told was made from, if some columns were read otherwise."""
-    if not misread:
-        return []
-    return [
-        "all that is told, and what is adopted, holds for the recording read as it should be: "
-        + "; ".join(f.text for f in misread)
-    ]
+    """A remark on what all that is told was made from, if some columns were read otherwise, or the
+    plant was connected otherwise."""
+    columns = "; ".join(f.text for f in misread if f.name != CONNECTION)
+    pipes = "; ".join(f.text for f in misread if f.name == CONNECTION)
+    notes = []
+    if columns:
+        notes.append(
+            "all that is told, and what is adopted, holds for the recording read as it should be: "
+            f"{columns}"
+        )
+    if pipes:
+        notes.append(
+            f"all that is told holds for the plant connected as the readings fit: {pipes}. Until the "
+            "plant file is edited, rulec adopt writes nothing"
+        )
+    return notes
 
 
 def _of_recording(recording: Recording) -> list[str]:

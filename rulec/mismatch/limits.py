@@ -965,6 +965,12 @@ STRUCTURE_ROUNDS = 3
 STRUCTURE_REFITTED = 5
 """Hypotheses that are refitted, best first. Origin: numerical."""
 
+STRAINED = 100.0
+"""How far the refit of the plain model must move parameters, as a negative log prior, nats, before
+connections are doubted though no comparison is grossly off. Origin: measured by `python -m
+tests.rig.mismatch.connections` (clean plants: 17 at most).
+"""
+
 MOST_REWIRINGS = 40
 """Other connections that are tried at most, those first whose modules contradict others most.
 Origin: numerical."""

@@ -85,13 +85,17 @@ def _best(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
 ) -> Taken | None:
     plain = evidence.agreement(recording, limits.STRUCTURE_STEPS)
-    if plain.gross < limits.GROSS_SHARE and not plain.idle and not evidence.unread(recording):
-        return None
-    progress("looking for columns that are not what their header says")
-    every = list(hypotheses(recording, evidence.ruleset, evidence.read()))
-    column = _column(recording, evidence, plain, every)
-    progress("looking for connections that are not as the plant file says")
-    connection = evidence.connection(recording, len(every))
+    off = plain.gross >= limits.GROSS_SHARE or plain.idle or evidence.unread(recording)
+    column, tried = None, 0
+    if off:
+        progress("looking for columns that are not what their header says")
+        every = list(hypotheses(recording, evidence.ruleset, evidence.read()))
+        column, tried = _column(recording, evidence, plain, every), len(every)
+    connection = None
+    # A wrong network is partly made up for by wrong numbers, as a wrong column is not.
+    if off or plain.strain >= limits.STRAINED:
+        progress("looking for connections that are not as the plant file says")
+        connection = evidence.connection(recording, tried)
     return max((t for t in (column, connection) if t), key=lambda t: t.gain, default=None)
 
 

@@ -75,7 +75,7 @@ def connection_of(recording: Recording, stated: Wired, columns: int) -> Taken | 
     sound = [
         one
         for one in _judged(recording, stated, promising, limits.STRUCTURE_STEPS)
-        if one.compared.left < limits.STRUCTURE_LEAVES and _sure(one.compared.gain + price)
+        if one.compared.left_strained < limits.STRUCTURE_LEAVES and _sure(one.compared.gain + price)
     ]
     if not sound:
         return None
@@ -86,7 +86,7 @@ def connection_of(recording: Recording, stated: Wired, columns: int) -> Taken | 
     near = first.compared.gain - float(np.log(limits.CERTAIN / (1.0 - limits.CERTAIN)))
     alike = [o.rewiring for o in sound if o is not first and o.compared.gain > near]
     hypothesis = hypothesis_of(first.rewiring, alike, stated.sources)
-    return Taken(hypothesis, gain, float(expit(gain + price)))
+    return Taken(hypothesis, first.compared.gain, float(expit(gain + price)))
 
 
 def _sure(odds: float) -> bool:
