@@ -61,10 +61,10 @@ def run(options: argparse.Namespace) -> int:
 
 def not_connected_so(edits: Sequence[str]) -> str:
     """Why nothing is done for a plant whose file says otherwise what feeds what, and the remedy."""
+    todo = ". ".join(f"{edit[0].upper()}{edit[1:]}" for edit in edits)
     return (
-        "nothing is written: the plant file says otherwise than the readings what feeds what, and it "
-        f"is the engineer's. {'. '.join(f'{e[0].upper()}{e[1:]}' for e in edits)}. Then run rulec "
-        "mismatch again"
+        "nothing is written: the plant file says otherwise than the readings what feeds what, and "
+        f"it is the engineer's. {todo}. Then run rulec mismatch again"
     )
 
 

@@ -70,9 +70,7 @@ class ModelBuilder:
         self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
         self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Plan] = {}
 
-    def connected(
-        self, connections: tuple[tuple[str, str], ...]
-    ) -> tuple[Ruleset, ModelBuilder]:
+    def connected(self, connections: tuple[tuple[str, str], ...]) -> tuple[Ruleset, ModelBuilder]:
         """The plant with other connections, compiled; raises `Refused` as for any plant.
 
         Module types do not depend on connections, so their symbolic work is not done again.

@@ -178,8 +178,8 @@ def _read_so(misread: Sequence[Finding]) -> list[str]:
         )
     if pipes:
         notes.append(
-            f"all that is told holds for the plant connected as the readings fit: {pipes}. Until the "
-            "plant file is edited, rulec adopt writes nothing"
+            f"all that is told holds for the plant connected as the readings fit: {pipes}. Until "
+            "the plant file is edited, rulec adopt writes nothing"
         )
     return notes
 

@@ -1,4 +1,5 @@
-"""The search for columns that are not what their header says, and for pipes: screened, refitted, taken or not.
+"""The search for columns and pipes that are not as they are said to be: screened, refitted, taken
+or not.
 
 A hypothesis has nothing to fit, so what it gains it gains by being true. It must gain more than its
 rarity and the number of those that were tried cost, and it must leave little of the disagreement:

@@ -143,7 +143,8 @@ class Settled:
             len(residual_basis(self.ruleset, flags)) * len(points)
             for flags, points in patterns_of(rests)
         )
-        return Comparable(len(residual_basis(self.ruleset, rests.any(axis=1))), rows)
+        ever: np.ndarray = np.any(rests, axis=1)
+        return Comparable(len(residual_basis(self.ruleset, ever)), rows)
 
     def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
         """Other connections that may be, near what contradicts the rest."""

@@ -51,7 +51,9 @@ class Wired(Protocol):
     def rewired(self, rewiring: Rewiring) -> Wired | None:
         """The same plant connected otherwise; None where the compiler refuses it."""
 
-    def explained(self, recording: Recording, modules: Sequence[str]) -> list[tuple[Agreement, int]]:
+    def explained(
+        self, recording: Recording, modules: Sequence[str]
+    ) -> list[tuple[Agreement, int]]:
         """How well it agrees with each of the best explanations at some modules, with so many
         unknowns."""
 

@@ -1,7 +1,7 @@
 """Mistakes in the plant file: the plant is connected otherwise than stated.
 
-They hold from the first sample to the last, and no physics is beyond the model: the true plant obeys
-the plain laws of a network that nobody wrote down.
+They hold from the first sample to the last, and no physics is beyond the model: the true plant
+obeys the plain laws of a network that nobody wrote down.
 """
 
 from __future__ import annotations

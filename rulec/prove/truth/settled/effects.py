@@ -69,8 +69,8 @@ def places_of(rig: Rig, effect: Effect) -> list[Placed]:
 
 def entry_of(name: str) -> Mapping[str, Any]:
     """What the catalogue calls an effect or a mistake, and where it is right."""
-    known = key() if name in EFFECTS else key("wiring.yaml")
-    found: Mapping[str, Any] = known[name]
+    other = "connections.yaml" if name in CONNECTIONS else "wiring.yaml"
+    found: Mapping[str, Any] = key("key.yaml" if name in EFFECTS else other)[name]
     return found
 
 
