@@ -73,8 +73,8 @@ class Proven:
     `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
     nothing is written. `reported` are the errors that were shown, `checks` those over all held-out
     rows by signal, in its unit, in the spans `heldout`, s. `misread` says how columns must be read
-    that are not what their header says, in this order, `edits` what to change in the plant file before
-    anything of this holds.
+    that are not what their header says, in this order, `edits` what to change in the plant file
+    before all this holds.
     """
 
     basis: Basis | None
