@@ -33,6 +33,8 @@ def run(options: argparse.Namespace) -> int:
         raise AdoptRefused(f"{target} is not empty; name a new folder")
     repair = read_repair(file, options.recalibrated)
     proven = read_proven(file, options.recalibrated)
+    if proven.edits:
+        raise AdoptRefused(not_connected_so(proven.edits))
     if proven.refused:
         raise AdoptRefused(
             f"nothing is written: {proven.refused}. The plant with recalibrated values alone can "
@@ -55,6 +57,15 @@ def run(options: argparse.Namespace) -> int:
         try_out(folder, recordings, proven)
     _tell(out, target, adoption, proven)
     return 0
+
+
+def not_connected_so(edits: Sequence[str]) -> str:
+    """Why nothing is done for a plant whose file says otherwise what feeds what, and the remedy."""
+    todo = ". ".join(f"{edit[0].upper()}{edit[1:]}" for edit in edits)
+    return (
+        "nothing is written: the plant file says otherwise than the readings what feeds what, and "
+        f"it is the engineer's. {todo}. Then run rulec mismatch again"
+    )
 
 
 def try_out(plant: Path, recordings: Sequence[Path], proven: Proven) -> None:

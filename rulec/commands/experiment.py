@@ -13,6 +13,7 @@ from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.mending import mended
 from rulec_runtime.recordings.together import read_recordings
 
+from rulec.commands.adopt import not_connected_so
 from rulec.commands.made_from import AGAIN, check_unchanged
 from rulec.effects.model_builder import open_builder
 from rulec.effects.repair import read_proven, read_repair
@@ -31,6 +32,8 @@ def run(options: argparse.Namespace) -> int:
     proven = read_proven(file)
     if proven.basis is None:
         raise ExperimentRefused(f"{file}: it does not say which files it was made from; {AGAIN}")
+    if proven.edits:
+        raise ExperimentRefused(not_connected_so(proven.edits))
     ruleset, builder = open_builder(read_repair(file, recalibrated=True).plant)
     assert builder.sources is not None
     recording = read_recordings(check_unchanged(proven.basis, builder.sources), ruleset)

@@ -7,6 +7,7 @@ plans are cached.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -68,6 +69,18 @@ class ModelBuilder:
         self._free: dict[str, Matched] = {}
         self._balances: dict[tuple[str, tuple[str, ...], tuple[str, ...]], Balances] = {}
         self._plans: dict[tuple[str, tuple[str, ...], tuple[str, ...], bool], Plan] = {}
+
+    def connected(self, connections: tuple[tuple[str, str], ...]) -> tuple[Ruleset, ModelBuilder]:
+        """The plant with other connections, compiled; raises `Refused` as for any plant.
+
+        Module types do not depend on connections, so their symbolic work is not done again.
+        """
+        sources = (self.sources or self._models.sources).connected(connections)
+        plant = replace(self.network.plant, connections=connections, digest=sources.digest())
+        known = Compilation(sources=sources, plant=plant, types=self._models.types)
+        models = run_passes(known)
+        readings = reference_readings(models, models.ruleset)
+        return models.ruleset, ModelBuilder(models, readings, sources)
 
     @cached_property
     def matches(self) -> Matches:

@@ -73,7 +73,8 @@ class Proven:
     `left_out` are ids of explanations that no model may hold, with the reason; `refused` says why
     nothing is written. `reported` are the errors that were shown, `checks` those over all held-out
     rows by signal, in its unit, in the spans `heldout`, s. `misread` says how columns must be read
-    that are not what their header says, in this order.
+    that are not what their header says, in this order, `edits` what to change in the plant file
+    before all this holds.
     """
 
     basis: Basis | None
@@ -83,6 +84,7 @@ class Proven:
     checks: Mapping[str, float]
     heldout: tuple[tuple[float, float], ...]
     misread: tuple[Mending, ...] = ()
+    edits: tuple[str, ...] = ()
 
 
 def read_proven(file: Path, recalibrated: bool = False) -> Proven:
@@ -116,6 +118,7 @@ def read_proven(file: Path, recalibrated: bool = False) -> Proven:
                 (_number(a), _number(b)) for a, b in data.get("split", {}).get("heldout", ())
             ),
             misread=tuple(_mending(m) for m in part.get("misread", ())),
+            edits=tuple(str(r["edit"]) for r in part.get("rewired", ())),
         )
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise _broken(file, error) from None

@@ -7,7 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rulec.language.diagnostics import Diagnostic, Place, Refused, nearest
@@ -48,6 +48,13 @@ class Sources:
         texts = sorted(json.dumps(d.data, sort_keys=True) for d in parts if d is not None)
         texts.append(self.adjacency[1] if self.adjacency else "")
         return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16]
+
+    def connected(self, connections: Iterable[tuple[str, str]]) -> Sources:
+        """The same with other connections, given as a list; places stay those of the files."""
+        assert self.plant is not None
+        data = {key: part for key, part in self.plant.data.items() if key != "adjacency"}
+        data["connections"] = [f"{source} -> {target}" for source, target in connections]
+        return replace(self, plant=replace(self.plant, data=data), adjacency=None)
 
     def names(self, kind: str) -> set[str]:
         """Names of all module types or fluids of the knowledge base, for messages."""

@@ -29,7 +29,7 @@ from rulec.mismatch.inference.interval import confounded
 from rulec.mismatch.inference.series import heldout_spans
 from rulec.mismatch.result import Curves, Finding, Mismatch, Series
 from rulec.mismatch.structure import told as structure
-from rulec.mismatch.structure.hypotheses import Taken
+from rulec.mismatch.structure.hypotheses import CONNECTION, Taken
 from rulec.mismatch.structure.look import Evidence as StructureEvidence
 from rulec.mismatch.structure.look import structure_of
 from rulec.mismatch.structure.settled import Settled
@@ -61,7 +61,9 @@ def analyse(
     """
     begin = time.perf_counter()
     tell: Progress = progress or (lambda text: None)
-    recording, taken = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
+    seen = structure_of(recording, _evidence(ruleset, builder, heldout), tell)
+    recording, taken = seen.recording, seen.taken
+    ruleset, builder = seen.evidence.ruleset, seen.evidence.builder
     found = _explained(recording, ruleset, builder, heldout, tell)
     if isinstance(found, Blind):
         return _cannot(recording, ruleset, found, taken, begin)
@@ -123,6 +125,7 @@ def analyse(
         refused=refused,
         checks=checks,
         misread=structure.misread_of(taken),
+        rewired=structure.rewired_of(taken),
         standing=found.standing,
         recordings=found.recordings,
         changed=found.changed,
@@ -163,13 +166,22 @@ def _clock(found: Explained[Any]) -> list[str]:
 
 
 def _read_so(misread: Sequence[Finding]) -> list[str]:
-    """A remark on what all that is told was made from, if some columns were read otherwise."""
-    if not misread:
-        return []
-    return [
-        "all that is told, and what is adopted, holds for the recording read as it should be: "
-        + "; ".join(f.text for f in misread)
-    ]
+    """A remark on what all that is told was made from, if some columns were read otherwise, or the
+    plant was connected otherwise."""
+    columns = "; ".join(f.text for f in misread if f.name != CONNECTION)
+    pipes = "; ".join(f.text for f in misread if f.name == CONNECTION)
+    notes = []
+    if columns:
+        notes.append(
+            "all that is told, and what is adopted, holds for the recording read as it should be: "
+            f"{columns}"
+        )
+    if pipes:
+        notes.append(
+            f"all that is told holds for the plant connected as the readings fit: {pipes}. Until "
+            "the plant file is edited, rulec adopt writes nothing"
+        )
+    return notes
 
 
 def _of_recording(recording: Recording) -> list[str]:
@@ -222,4 +234,5 @@ def _cannot(
         series=Series(samples.time, ~samples.open) if samples else None,
         evidence=blind.evidence,
         misread=structure.misread_of(taken),
+        rewired=structure.rewired_of(taken),
     )

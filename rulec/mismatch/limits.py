@@ -983,6 +983,23 @@ STRUCTURE_ROUNDS = 3
 STRUCTURE_REFITTED = 5
 """Hypotheses that are refitted, best first. Origin: numerical."""
 
+STRAINED = 100.0
+"""How far the refit of the plain model must move parameters, as a negative log prior, nats, before
+connections are doubted though no comparison is grossly off. Origin: measured by `python -m
+tests.rig.mismatch.connections` (clean plants: 17 at most).
+"""
+
+MOST_REWIRINGS = 40
+"""Other connections that are tried at most, those first whose modules contradict others most.
+Origin: numerical."""
+
+REWIRED_READS = 0.7
+"""Share of the comparisons, of all that any network allows, that one must allow: a pump whose way
+is longer is settled, and above its line's loss, less often. Origin: assumed."""
+
+STRUCTURE_RIVAL_STEPS = 12
+"""Steps of a refit of an explanation that another connection must beat. Origin: numerical."""
+
 MOST_MISREAD = 3
 """Columns, or pairs of them, that are read otherwise at most: a file with more is another one's.
 Origin: assumed."""

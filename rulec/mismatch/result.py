@@ -147,7 +147,8 @@ class Period:
 @dataclass(frozen=True, kw_only=True)
 class Finding:
     """An explanation: `sort` is ``physics``, ``ageing``, ``fault``, ``sensor``, ``free`` or
-    ``structure`` (a column is not what its header says; `place` then holds ids of signals).
+    ``structure`` (a column is not what its header says, or a pipe not as the plant file does;
+    `place` then holds ids of signals or outlets).
 
     `id` is that of the candidate; `gain` its own gain in log likelihood, prices paid (in settled
     plants on blocks that it was not fitted to, in plants that store on those it was), and `rivals`
@@ -272,6 +273,16 @@ class Misread:
 
     kind: str
     mending: Mending
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rewired:
+    """A connection as `stated` in the plant file (None: it is not) and as it `fits` the readings
+    (None: there is none), as ``A -> M1``; `edit` says what to change, with file and line."""
+
+    stated: str | None
+    fits: str | None
+    edit: str
 
 
 @dataclass(frozen=True)
@@ -441,6 +452,7 @@ class Mismatch:
     series: Series | None = None
     evidence: tuple[Evidence, ...] = ()
     misread: tuple[Misread, ...] = ()
+    rewired: tuple[Rewired, ...] = ()
     standing: tuple[Standing, ...] = ()
     recordings: tuple[OfRecording, ...] = ()
     changed: tuple[Update, ...] = ()

@@ -214,6 +214,7 @@ def _repair(mismatch: Mismatch, plant_file: str) -> dict[str, Any]:
         "joined": joined,
         **_values(repair),
         "misread": [{"kind": m.kind, **vars(m.mending)} for m in mismatch.misread],
+        "rewired": [vars(one) for one in mismatch.rewired],
         "left_out": [{"id": name, "reason": reason} for name, reason in mismatch.left_out],
         "refused": mismatch.refused or None,
         "checks": [vars(check) for check in mismatch.checks],

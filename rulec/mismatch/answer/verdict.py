@@ -11,6 +11,7 @@ from rulec.effects.candidate import TIME, Missing
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words
 from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
+from rulec.mismatch.structure.hypotheses import CONNECTION
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
 
@@ -22,16 +23,21 @@ PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`
 
 
 def with_misread(verdict: str, headline: str, then: str, misread: Sequence[Finding]) -> Told:
-    """An answer of a recording with columns that are not what their header says: these first."""
+    """An answer of a recording with columns that are not what their header says, or of a plant that
+    is not connected as its file says: these first."""
     if not misread:
         return Told(verdict, headline, then)
     said = [f"{f.text[0].upper()}{f.text[1:]}." for f in misread]
     todo = [f"{f.action[0].upper()}{f.action[1:]}." for f in misread]
     alone = verdict == "none"
-    rest = "" if alone else f" {then}"
+    pipes = [f for f in misread if f.name == CONNECTION]
+    # Nothing can be adopted before the plant file is right.
+    rest = "" if alone or pipes else f" {then}"
+    so = "Read" if len(pipes) < len(misread) else ""
+    so = f"{so} and connected" if so and pipes else so or "Connected"
     return Told(
-        "sensor" if alone else verdict,
-        f"{' '.join(said)} Read as it should be, {headline[0].lower()}{headline[1:]}",
+        ("named" if pipes else "sensor") if alone else verdict,
+        f"{' '.join(said)} {so} as it should be, {headline[0].lower()}{headline[1:]}",
         f"{' '.join(todo)} Then run again.{rest}",
     )
 

@@ -25,6 +25,7 @@ from rulec.mismatch.result import (
     Region,
     Shape,
 )
+from rulec.mismatch.structure.hypotheses import CONNECTION
 
 VERDICTS = {
     "none": ("ok", "no mismatch"),
@@ -37,12 +38,16 @@ VERDICTS = {
 }
 """Verdict to letter of NE 107 and meaning; two verdicts of one letter differ in words."""
 
+MISCONNECTED = "The plant file says otherwise than the readings what feeds what"
+"""Meaning of a verdict where that comes first."""
+
 SORTS = {
     "physics": "physics that the model leaves out",
     "ageing": "a change with time or age",
     "fault": "a fault of the plant",
     "sensor": "an error of a sensor",
     "structure": "an error of the table, neither of the plant nor of a sensor",
+    CONNECTION: "an error of the plant file, neither of the plant nor of a sensor",
     "free": "a dependence for which the catalogue has no name",
 }
 
@@ -65,6 +70,8 @@ def symbol(mismatch: Mismatch) -> str:
 
 def meaning(mismatch: Mismatch) -> str:
     """The verdict in words."""
+    if mismatch.verdict == "named" and mismatch.findings[0].name == CONNECTION:
+        return MISCONNECTED
     words = VERDICTS.get(mismatch.verdict, ("C", mismatch.verdict))[1]
     return words[:1].upper() + words[1:]
 
@@ -197,7 +204,7 @@ def onset(period: Period) -> str:
 
 def finding_facts(finding: Finding, most: int | None = None) -> Iterator[tuple[str, str]]:
     """Terms and what is to be said of a finding; so many alternatives at `most`."""
-    sort = SORTS.get(finding.sort, finding.sort)
+    sort = SORTS.get(finding.name if finding.name == CONNECTION else finding.sort, finding.sort)
     yield "probability", f"{share(finding.probability)}, {sort}"
     others = [f"{a.title} ({share(a.probability)})" for a in plausible(finding)]
     if others:

@@ -73,3 +73,11 @@ class Compared:
         """Share of the disagreement that is left, in logs of its size."""
         before = self.recorded.excess
         return self.otherwise.excess / before if before > 0.0 else 1.0
+
+    @property
+    def left_strained(self) -> float:
+        """The same with how far parameters had to be moved: a wrong network is partly made up for
+        by wrong numbers."""
+        count = self.otherwise.count
+        before, after = (count * a.excess + a.strain for a in (self.recorded, self.otherwise))
+        return after / before if before > 0.0 else 1.0

@@ -1,7 +1,7 @@
 """Ways in which a column may not be what its header says, whatever the plant does.
 
 Nothing is free in such a hypothesis: the numbers stand, and read otherwise they either agree with
-the others or they do not.
+the others or they do not. The same holds where a pipe is not as the plant file says.
 """
 
 from __future__ import annotations
@@ -17,18 +17,31 @@ from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.standing_still import never_moves
 from rulec_runtime.recordings.stationary import noise_of
 
+from rulec.mismatch.structure.connections import Rewiring
+
 SWAPPED, UNIT, SIGN, CLOCK = "swapped-columns", "wrong-unit", "wrong-sign", "clock-shift"
+CONNECTION = "wrong-connection"
 """Kinds of hypotheses, as they stand in the JSON form."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """One way to read a recording otherwise; `text` and `action` say it to people."""
+    """One way to read a recording otherwise, or to connect its plant; `text` and `action` say it to
+    people."""
 
     kind: str
-    mending: Mending
     text: str
     action: str
+    mending: Mending | None = None
+    rewiring: Rewiring | None = None
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Signals that are read otherwise, or outlets that lead elsewhere."""
+        if self.mending is not None:
+            return self.mending.signals
+        sources = () if self.rewiring is None else self.rewiring.sources
+        return tuple(f"{name}.outlet" for name in sources)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""The search for columns that are not what their header says: screened, refitted, taken or not.
+"""The search for columns and pipes that are not as they are said to be: screened, refitted, taken
+or not.
 
 A hypothesis has nothing to fit, so what it gains it gains by being true. It must gain more than its
 rarity and the number of those that were tried cost, and it must leave little of the disagreement:
@@ -8,15 +9,18 @@ what only lessens it is physics that looks alike.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from scipy.special import expit
 
+from rulec.effects.model_builder import ModelBuilder
 from rulec.mismatch import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
+from rulec.mismatch.structure.connections import Rewiring
 from rulec.mismatch.structure.hypotheses import Hypothesis, Taken, hypotheses
 
 
@@ -36,36 +40,74 @@ class Evidence(Protocol):
     def unread(self, recording: Recording) -> bool:
         """Is there a reading that mostly cannot be?"""
 
+    @property
+    def builder(self) -> ModelBuilder:
+        """Its models."""
+
     def clock(self, recording: Recording) -> Taken | None:
         """Columns whose clock is off, if some are."""
+
+    def connection(self, recording: Recording, columns: int) -> Taken | None:
+        """A connection that is not as stated, if one is; so many columns were doubted besides."""
+
+    def rewired(self, rewiring: Rewiring) -> Self | None:
+        """The plant connected otherwise; None where that cannot be."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The recording as it should be read, the plant as it is connected, and what was not as its
+    header or its file says."""
+
+    recording: Recording
+    evidence: Evidence
+    taken: tuple[Taken, ...]
 
 
 def structure_of(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
-) -> tuple[Recording, tuple[Taken, ...]]:
-    """The recording as it should be read, and what was not as its header says."""
+) -> Structure:
+    """Doubt columns and connections one by one, as long as some are not as they are said to be."""
     found: list[Taken] = []
     for _ in range(limits.MOST_MISREAD):
         one = _best(recording, evidence, progress) or evidence.clock(recording)
         if one is None:
             break
         found.append(one)
-        recording = one.hypothesis.mending.of(recording)
-    return recording, tuple(found)
+        hypothesis = one.hypothesis
+        if hypothesis.mending is not None:
+            recording = hypothesis.mending.of(recording)
+        elif hypothesis.rewiring is not None:
+            evidence = evidence.rewired(hypothesis.rewiring) or evidence
+    return Structure(recording, evidence, tuple(found))
 
 
 def _best(
     recording: Recording, evidence: Evidence, progress: Callable[[str], None]
 ) -> Taken | None:
     plain = evidence.agreement(recording, limits.STRUCTURE_STEPS)
-    if plain.gross < limits.GROSS_SHARE and not plain.idle and not evidence.unread(recording):
-        return None
-    progress("looking for columns that are not what their header says")
-    every = list(hypotheses(recording, evidence.ruleset, evidence.read()))
+    off = plain.gross >= limits.GROSS_SHARE or plain.idle or evidence.unread(recording)
+    column, tried = None, 0
+    if off:
+        progress("looking for columns that are not what their header says")
+        every = list(hypotheses(recording, evidence.ruleset, evidence.read()))
+        column, tried = _column(recording, evidence, plain, every), len(every)
+    connection = None
+    # A wrong network is partly made up for by wrong numbers, as a wrong column is not.
+    if off or plain.strain >= limits.STRAINED:
+        progress("looking for connections that are not as the plant file says")
+        connection = evidence.connection(recording, tried)
+    return max((t for t in (column, connection) if t), key=lambda t: t.gain, default=None)
+
+
+def _column(
+    recording: Recording, evidence: Evidence, plain: Agreement, every: list[Hypothesis]
+) -> Taken | None:
+    """The column, or the two, that read otherwise make the rest agree, if some do."""
     price = limits.STRUCTURE_ODDS - float(np.log(max(len(every), 1)))
     best, most = None, 0.0
     for hypothesis, rows in _promising(recording, evidence, every):
-        there = evidence.agreement(hypothesis.mending.of(recording), limits.STRUCTURE_STEPS)
+        there = evidence.agreement(_read_so(hypothesis, recording), limits.STRUCTURE_STEPS)
         compared = Compared(plain.over(rows), there.over(rows))
         odds = compared.gain + price
         probability = float(expit(odds))
@@ -76,6 +118,10 @@ def _best(
     return best
 
 
+def _read_so(hypothesis: Hypothesis, recording: Recording) -> Recording:
+    return recording if hypothesis.mending is None else hypothesis.mending.of(recording)
+
+
 def _promising(
     recording: Recording, evidence: Evidence, every: list[Hypothesis]
 ) -> list[tuple[Hypothesis, int]]:
@@ -84,7 +130,7 @@ def _promising(
     What leaves readings unused that others can use is none.
     """
     plain = evidence.agreement(recording, 0)
-    found = [evidence.agreement(h.mending.of(recording), 0) for h in every]
+    found = [evidence.agreement(_read_so(h, recording), 0) for h in every]
     rows = max([plain.rows, *(one.rows for one in found)])
     gains = np.array([Compared(plain.over(rows), one.over(rows)).each for one in found])
     whole = np.array([one.rows >= limits.STRUCTURE_READS * rows for one in found], dtype=bool)

@@ -11,21 +11,27 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady.redundancy import patterns_of, residual_basis
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
+from rulec.knowledge.read import Sources
+from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.failing_sensors import impossible
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import Fitted, fit
 from rulec.mismatch.evidence.steady.prepare import Data, prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
+from rulec.mismatch.evidence.steady.screen import screen
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock import shifts_of, taken_of
+from rulec.mismatch.structure.connections import Rewiring, rewirings
 from rulec.mismatch.structure.hypotheses import Taken
 from rulec.mismatch.structure.moving import moving_of
+from rulec.mismatch.structure.wiring import Comparable, connection_of
 
 
 @dataclass(frozen=True)
@@ -54,9 +60,10 @@ class Settled:
     def agreement(self, recording: Recording, steps: int) -> Agreement:
         """How well a recording agrees with the plain model, refitted in so many steps."""
         found = self._fitted(recording, steps)
-        if found is None:
-            return Agreement.none()
-        data, fitted = found.data, found.fitted
+        return Agreement.none() if found is None else self._agreement(found.data, found.fitted)
+
+    def _agreement(self, data: Data, fitted: Fitted) -> Agreement:
+        """How well the points agree with a model that was fitted to them."""
         rows = fitted.rows
         used = data.open[rows.group_point]
         if not used.any():
@@ -101,6 +108,82 @@ class Settled:
         moving = moving_of(recording, found.data, system, setting)
         return taken_of(*shifts_of(moving), recording, self.ruleset) if moving else None
 
+    @property
+    def sources(self) -> Sources | None:
+        """Documents of the plant."""
+        return self.builder.sources
+
+    def connection(self, recording: Recording, columns: int) -> Taken | None:
+        """A connection that is not as stated, if one is; so many columns were doubted besides."""
+        return connection_of(recording, self, columns)
+
+    def rewired(self, rewiring: Rewiring) -> Settled | None:
+        """The same plant connected otherwise; None where the compiler refuses it."""
+        plant = self.builder.network.plant
+        try:
+            ruleset, builder = self.builder.connected(rewiring.of(plant.connections))
+        except Refused:
+            return None
+        return Settled(ruleset, builder, self.heldout)
+
+    def comparable(self, recording: Recording) -> Comparable:
+        """What could be compared if everything could be read that is settled."""
+        found = self._fitted(recording, 0)
+        if found is None:
+            return Comparable(0, 0)
+        system, moving = found.fitted.rows.system, found.data.moving
+        recorded = {o.id for o in system.observers}
+        rests = np.array(
+            [
+                np.full(len(found.data), o.id in recorded) & ~moving.get(o.module, False)
+                for o in self.ruleset.observers
+            ]
+        )
+        rows = sum(
+            len(residual_basis(self.ruleset, flags)) * len(points)
+            for flags, points in patterns_of(rests)
+        )
+        ever: np.ndarray = np.any(rests, axis=1)
+        return Comparable(len(residual_basis(self.ruleset, ever)), rows)
+
+    def otherwise(self, recording: Recording) -> tuple[Rewiring, ...]:
+        """Other connections that may be, near what contradicts the rest."""
+        found = self._fitted(recording, limits.STRUCTURE_STEPS)
+        plant = self.builder.network.plant
+        if found is None or not plant.connections:
+            return ()
+        return rewirings(plant, _off(found.fitted.rows.system), limits.MOST_REWIRINGS)
+
+    def explained(
+        self, recording: Recording, modules: Sequence[str]
+    ) -> list[tuple[Agreement, int]]:
+        """How well it agrees with each of the best explanations at some modules, with so many
+        unknowns."""
+        found = self._fitted(recording, limits.STRUCTURE_STEPS)
+        if found is None:
+            return []
+        data, fitted = found.data, found.fitted
+        own = [c for c in fitted.rows.system.candidates if set(c.modules) & set(modules)]
+        result = []
+        for trial in screen(fitted, own)[: limits.STRUCTURE_REFITTED]:
+            setting = fitted.setting.joining(trial.candidate, trial.values, trial.fixed)
+            there = fit(fitted.rows, setting, data.open, limits.STRUCTURE_RIVAL_STEPS)
+            result.append((self._agreement(data, there), len(trial.values)))
+        return result
+
     def unread(self, recording: Recording) -> bool:
         """Is there a reading that mostly cannot be?"""
         return any(True for _ in impossible(recording, self.ruleset))
+
+
+def _off(system: System) -> dict[str, float]:
+    """By module the largest share of points at which a comparison that it is part of is far off."""
+    observed, ruleset = system.observed, system.ruleset
+    with np.errstate(invalid="ignore", divide="ignore"):
+        far = np.abs(observed.residuals) > limits.GROSSLY_OFF * observed.residual_u
+    module = {o.id: o.module for o in ruleset.observers}
+    found: dict[str, float] = {}
+    for residual, share in zip(ruleset.residuals, far.mean(axis=1).tolist(), strict=True):
+        for name in {module[term.observer] for term in residual.terms}:
+            found[name] = max(found.get(name, 0.0), share)
+    return found

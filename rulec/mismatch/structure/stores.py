@@ -28,6 +28,7 @@ from rulec.mismatch.evidence.stores.record import record_of
 from rulec.mismatch.evidence.stores.simulation_problem import SimulationProblem
 from rulec.mismatch.structure.agreement import Agreement
 from rulec.mismatch.structure.clock import taken_of
+from rulec.mismatch.structure.connections import Rewiring
 from rulec.mismatch.structure.hypotheses import Taken
 from rulec.mismatch.structure.stored_clock import shifts_against_cause
 
@@ -76,6 +77,14 @@ class Stores:
         """Columns whose clock is off, if some are."""
         shifts, tried = shifts_against_cause(recording, self.ruleset, self.agreement)
         return taken_of(shifts, tried, recording, self.ruleset, limits.STRUCTURE_LEAVES)
+
+    def connection(self, recording: Recording, columns: int) -> Taken | None:
+        """None: connections of a plant that stores are not doubted."""
+        return None
+
+    def rewired(self, rewiring: Rewiring) -> Stores | None:
+        """None: see `connection`."""
+        return None
 
     def unread(self, recording: Recording) -> bool:
         """Is there a reading that mostly cannot be?"""

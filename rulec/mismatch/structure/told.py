@@ -1,4 +1,4 @@
-"""Columns that are not what their header says, as findings and places of the answer."""
+"""Columns and connections that are not as they are said to be, as findings and places."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from collections.abc import Iterator, Sequence
 
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.mismatch.result import Finding, Location, Misread
-from rulec.mismatch.structure.hypotheses import CLOCK, SIGN, SWAPPED, UNIT, Taken
+from rulec.mismatch.result import Finding, Location, Misread, Rewired
+from rulec.mismatch.structure.hypotheses import CLOCK, CONNECTION, SIGN, SWAPPED, UNIT, Taken
 
 TITLES = {
     SWAPPED: "Swapped columns",
     UNIT: "Wrong unit",
     SIGN: "Wrong sign",
     CLOCK: "Clock that is off",
+    CONNECTION: "Connection that is not as stated",
 }
 """By kind: what a finding is called."""
 
@@ -22,12 +23,12 @@ SORT = "structure"
 
 
 def findings_of(taken: Sequence[Taken]) -> tuple[Finding, ...]:
-    """Each as a finding; its place is the ids of its signals."""
+    """Each as a finding; its place is the ids of its signals, or of outlets."""
     return tuple(_finding(one) for one in taken)
 
 
 def _finding(one: Taken) -> Finding:
-    signals = one.hypothesis.mending.signals
+    signals = one.hypothesis.places
     modules = tuple(dict.fromkeys(name.partition(".")[0] for name in signals))
     return Finding(
         id=f"{'+'.join(signals)}.{one.hypothesis.kind}",
@@ -52,9 +53,9 @@ def _finding(one: Taken) -> Finding:
 
 
 def places_of(taken: Sequence[Taken], ruleset: Ruleset) -> Iterator[Location]:
-    """The signals of each."""
+    """The signals, or outlets, of each."""
     for one in taken:
-        for name in one.hypothesis.mending.signals:
+        for name in one.hypothesis.places:
             module, _, place = name.partition(".")
             yield Location(
                 module=module,
@@ -68,4 +69,25 @@ def places_of(taken: Sequence[Taken], ruleset: Ruleset) -> Iterator[Location]:
 
 def misread_of(taken: Sequence[Taken]) -> tuple[Misread, ...]:
     """What whoever reads the recording again must do to each column, in this order."""
-    return tuple(Misread(t.hypothesis.kind, t.hypothesis.mending) for t in taken)
+    return tuple(
+        Misread(t.hypothesis.kind, t.hypothesis.mending)
+        for t in taken
+        if t.hypothesis.mending is not None
+    )
+
+
+def rewired_of(taken: Sequence[Taken]) -> tuple[Rewired, ...]:
+    """What must be edited in the plant file before anything of the answer holds."""
+    return tuple(
+        Rewired(
+            stated=_pipe(t.hypothesis.rewiring.stated),
+            fits=_pipe(t.hypothesis.rewiring.fits),
+            edit=t.hypothesis.action,
+        )
+        for t in taken
+        if t.hypothesis.rewiring is not None
+    )
+
+
+def _pipe(pipe: tuple[str, str] | None) -> str | None:
+    return None if pipe is None else " -> ".join(pipe)

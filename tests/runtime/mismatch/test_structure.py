@@ -30,7 +30,7 @@ def example(plant: str, name: str) -> Recording:
 def looked(plant: str, recording: Recording) -> tuple[Taken, ...]:
     """What is found in a recording."""
     kind = Stores if plant == TANKS else Settled
-    return structure_of(recording, kind(*opened(plant), ()), lambda text: None)[1]
+    return structure_of(recording, kind(*opened(plant), ()), lambda text: None).taken
 
 
 def swapped(one: str, other: str) -> Mending:

@@ -177,7 +177,9 @@ class System:
         values = np.full((len(self.observers), n), np.nan)
         by_reading: Slopes = {}
         raw: Slopes = {}
-        own_spots = {s.id: s for s in self.builder.spots}
+        # Without any, nothing need be matched to places: that takes longer than all the rest.
+        asked = bool(spots or setting.spots)
+        own_spots = {s.id: s for s in self.builder.spots} if asked else {}
         built = self.built_in(setting)
         spots = (*(s for s in spots if s in own_spots and s not in built), *built)
         by_plan = list(dict.fromkeys(name.removesuffix(CHANGE) for name in by))
@@ -198,7 +200,7 @@ class System:
 
     def built_in(self, setting: Configuration) -> tuple[str, ...]:
         """Places with an error that plans must have an input for; a parameter is one anyway."""
-        places = {s.id for s in self.builder.spots}
+        places = {s.id for s in self.builder.spots} if setting.spots else set()
         return tuple(s for s in setting.spots if s in places)
 
     def reached(self, observers: Sequence[str]) -> tuple[str, ...]:

@@ -48,6 +48,23 @@ def answer_of(
     )
 
 
+def connection_of(name: str, group: str, seen: Sight, placed: Placed, gain: float) -> Answer:
+    """The same where a pipe is not as the plant file says."""
+    rig = seen.scene.rig
+    planted = _planted(rig, placed, Made((), {}), gain, float("inf"), "")
+    return Answer(
+        case=name,
+        half="stationary",
+        plant=rig.name,
+        profile=seen.scene.profile,
+        seed=seen.scene.seed,
+        samples=seen.scene.time.size,
+        verdict=verdict_of([planted.sort]),
+        concealed=_concealed(group, ("wiring",), [], [planted]),
+        effects=(planted,),
+    )
+
+
 def _concealed(
     group: str,
     conceal: Sequence[str],

@@ -12,6 +12,7 @@ import yaml
 
 from . import (
     bench_effects,
+    connection_effects,
     drive_effects,
     line_effects,
     pump_effects,
@@ -41,10 +42,13 @@ EFFECTS: Mapping[str, Effect] = {
 WIRING: Mapping[str, Effect] = {effect.name: effect for effect in wiring_effects.EFFECTS}
 """Mistakes of wiring and files: cases of their own, and no rivals of other effects."""
 
+CONNECTIONS: Mapping[str, Effect] = {e.name: e for e in connection_effects.EFFECTS}
+"""Mistakes in the plant file, likewise."""
+
 
 def effect_of(name: str) -> Effect:
     """An effect or a mistake."""
-    return EFFECTS[name] if name in EFFECTS else WIRING[name]
+    return {**EFFECTS, **WIRING, **CONNECTIONS}[name]
 
 
 @dataclass(frozen=True)
@@ -65,8 +69,8 @@ def places_of(rig: Rig, effect: Effect) -> list[Placed]:
 
 def entry_of(name: str) -> Mapping[str, Any]:
     """What the catalogue calls an effect or a mistake, and where it is right."""
-    known = key() if name in EFFECTS else key("wiring.yaml")
-    found: Mapping[str, Any] = known[name]
+    other = "connections.yaml" if name in CONNECTIONS else "wiring.yaml"
+    found: Mapping[str, Any] = key("key.yaml" if name in EFFECTS else other)[name]
     return found
 
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from ..limit import expected_gain
 from ..recording import write_csv
 from ..sealed import HIDES, Answer, Reference, Request
 from ..streams import FURTHER, stream
-from .answer import answer_of
+from .answer import answer_of, connection_of
 from .blurred import blurred
+from .connection_effects import WAYS
 from .effect import Made
 from .effects import Placed, effect_of, places_of
 from .folder import write_plant
@@ -55,7 +57,8 @@ class Planned:
 
     Attributes
     ----------
-    group : `clean`, `single`, `pair`, `hiding`, `fault`, `sensor`, `unnamed`, `unrecorded`
+    group : `clean`, `single`, `pair`, `hiding`, `fault`, `sensor`, `unnamed`, `unrecorded`,
+        `connection` or another of the suite
     family : `dosing`, `oil`, `warm`, `bench` or `valve`
     effects : names, all in one plant
     aim : expected gain in log likelihood that each effect should have
@@ -102,11 +105,13 @@ class SettledCase:
     scene: Scene
     terms: tuple[Change, ...]
     answer: Answer
+    stated: Rig | None = None
+    """The plant as its file has it, where that is another one."""
 
     def write(self, folder: Path) -> None:
         """Write `plant/` and `recording.csv`, and `earlier.csv` to calibrate with, if any."""
         scene_, first = self.scene, self.scene.first
-        write_plant(scene_.rig, folder / "plant")
+        write_plant(self.stated or scene_.rig, folder / "plant")
         columns = scene_.recorded(scene_.truly(self.terms), self.terms)
         gone = self.answer.unrecorded
         shown = {h: v[first:] for h, v in columns.items() if not gone or f".{gone} [" not in h}
@@ -127,6 +132,8 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     """One plant; None where an effect cannot be, or be seen, in it."""
     random = stream(seed, "plan")
     rig = FAMILIES[plan.family](random, plan.small)
+    if plan.group == "connection":
+        return _misstated(plan, rig, seed, random)
     placed = _placed(rig, plan.effects, random)
     if placed is None:
         return None
@@ -152,6 +159,24 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     told = blurred(seen) if found and drawn.hard.told else seen
     answer = answer_of(plan.name, plan.group, plan.conceal, told, found, seed)
     return SettledCase(plan, seen.scene, terms, answer)
+
+
+def _misstated(
+    plan: Planned, rig: Rig, seed: int, random: np.random.Generator
+) -> SettledCase | None:
+    """A plant that is connected otherwise than its file says; None where that does not show."""
+    (name,) = plan.effects
+    true, stated, module = WAYS[name](rig, random)
+    samples = int(random.integers(*(SMALL if plan.small else SAMPLES)))
+    drawn = scene(true, seed, samples, plan.profile)
+    seen = sight(drawn)
+    believed = replace(drawn, rig=stated).truly()
+    off = seen.over({n: drawn.plain[n] - believed[n] for n in true.outputs})
+    gain = expected_gain(off, seen.sensitivities, np.zeros((len(off), 0)))
+    if gain < plan.aim:
+        return None
+    answer = connection_of(plan.name, plan.group, seen, Placed(effect_of(name), module), gain)
+    return SettledCase(plan, drawn, (), answer, stated)
 
 
 def _pace(plan: Planned, seed: int) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from .effect import Effect
-from .effects import EFFECTS, WIRING, effect_of
+from .effects import CONNECTIONS, EFFECTS, WIRING, effect_of
 from .plan import Planned
 
 WEAKEST, STRONGEST = 8.0, 2e4
@@ -46,6 +46,9 @@ HARD: Mapping[str, int] = {
 }
 """Of a run with difficulties; in the group `all` every one of them. Plants of the group `wiring`
 keep to their laws: what is wrong with them is in the cables or the file."""
+
+CONNECTED: Mapping[str, int] = {"connection": 24}
+"""Of a run of plants that are connected otherwise than stated; they keep to their laws."""
 
 HARD_QUICK: Mapping[str, int] = dict.fromkeys(HARD, 2)
 """Of a quick run with difficulties, of small plants."""
@@ -107,6 +110,7 @@ def _drawn(group: str, count: int, random: np.random.Generator) -> list[tuple[st
         **{g: [()] for g in HARD if g.endswith("-clean")},
         "hiding": HIDING,
         "wiring": [(name,) for name in WIRING],
+        "connection": [(name,) for name in CONNECTIONS],
         "pair": _pairs(random),
     }
     pool = pools.get(group) or [(e.name,) for e in EFFECTS.values() if _fits(e, group)]

@@ -1,0 +1,73 @@
+"""Mistakes in the plant file: the plant is connected otherwise than stated.
+
+They hold from the first sample to the last, and no physics is beyond the model: the true plant
+obeys the plain laws of a network that nobody wrote down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from .effect import DOSING, Effect, Made
+from .rig import Rig
+from .scene import Scene
+from .solve import Stalled
+
+
+def moved(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
+    """A pump is stated to feed another mixer than it does."""
+    if len(rig.mixers) < 2:
+        raise Stalled("no other mixer to be fed")
+    module = str(random.choice(list(rig.pumps)))
+    others = [m for m in rig.mixers if m != rig.downstream[module]]
+    return rig, _led(rig, module, str(random.choice(others))), module
+
+
+def missing(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
+    """A pipe is not stated; each mixer is still fed."""
+    module = _spared(rig, random)
+    return rig, _led(rig, module, None), module
+
+
+def not_there(rig: Rig, random: np.random.Generator) -> tuple[Rig, Rig, str]:
+    """A pump is stated to feed a mixer, and feeds none; each mixer is still fed."""
+    module = _spared(rig, random)
+    return _led(rig, module, None), rig, module
+
+
+WAYS: Mapping[str, Callable[[Rig, np.random.Generator], tuple[Rig, Rig, str]]] = {
+    "connection-moved": moved,
+    "connection-missing": missing,
+    "connection-not-there": not_there,
+}
+"""By name: the true plant, the stated one, and the module whose outlet leads elsewhere."""
+
+
+def _spared(rig: Rig, random: np.random.Generator) -> str:
+    """A module, at whose mixer others feed as well."""
+    fed = list(rig.downstream.values())
+    found = [m for m, to in rig.downstream.items() if to is not None and fed.count(to) > 1]
+    if not found:
+        raise Stalled("every mixer is fed by one module alone")
+    return str(random.choice(found))
+
+
+def _led(rig: Rig, module: str, to: str | None) -> Rig:
+    return replace(rig, downstream={**rig.downstream, module: to})
+
+
+def _nothing(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
+    return Made((), {})
+
+
+EFFECTS = tuple(
+    Effect(name, title, "physics", 1.0, 1.0, _nothing, kinds=DOSING, whole=True)
+    for name, title in (
+        ("connection-moved", "feeds another mixer than stated"),
+        ("connection-missing", "feeds a mixer, and is not stated to"),
+        ("connection-not-there", "is stated to feed a mixer, and feeds none"),
+    )
+)
