@@ -73,6 +73,7 @@ def test_a_curve_has_fewer_pieces_where_its_equation_is_too_long(
             open_builder(plant), read_recording(plant / "examples" / "shaking_B.csv", opened[0])
         )
         fitted = fit(there, Configuration(), there.system.data.open, 1)
+        assert there.system.builder.spots
         monkeypatch.setattr(expression, "MAX_EQUATION_LENGTH", longest)
         joined = with_term(fitted, term)
         monkeypatch.undo()
