@@ -877,6 +877,9 @@ CORNERED = 4
 PLACES_DOUBLED = 7
 """Doublings of the number of operating points that are tried. Origin: numerical."""
 
+HELD_SAMPLES = 10
+"""Settled samples of a step of an experiment at least. Origin: assumed."""
+
 SHORTEST_STEP = 60.0
 """How long a step lasts where a recording does not tell, s. Origin: assumed."""
 

@@ -14,6 +14,7 @@ from rulec.prove.calibration import Told, reliability
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
+from rulec.prove.rounds.tell import tell_further
 from rulec.prove.scores import Group, Row, by_difficulty, plain, table
 from rulec.prove.tables import (
     PARTS,
@@ -51,6 +52,13 @@ def show(out: Console, run: Run) -> None:
         for name, words in DIFFICULTIES.items():
             if words in [part.title for part in parts]:
                 out.print(styled("[dim]{}: {}[/]", name, words))
+    _worst(out, run)
+    if run.further:
+        tell_further(out, run.shown, run.further)
+
+
+def _worst(out: Console, run: Run) -> None:
+    """The cases that went wrong most."""
     found = worst(run.shown)
     if not found:
         return

@@ -136,10 +136,10 @@ def planned(
         ) from None
     geometry = again.geometry
     system = geometry.rows.system
-    present = present_inputs(ruleset, recording)
-    reach = usual_reach(system, present)
+    present, sample = present_inputs(ruleset, recording), _sample(recording.time)
+    reach = usual_reach(system, present, sample)
     if given is not None:
-        reach = limited_reach(system, present, allowed_of(ruleset, given))
+        reach = limited_reach(system, present, allowed_of(ruleset, given), sample)
     if not reach.ranges:
         raise ExperimentRefused(
             "no input was changed in the recording, so how far one may be changed is not known; "
@@ -173,7 +173,7 @@ def planned(
         hindering=best.hindering,
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
-        sample=_sample(recording.time),
+        sample=sample,
         read=_read(ruleset, again.models),
         sensors=advised(geometry, again.models, _alike(best.choice.factors)),
     )

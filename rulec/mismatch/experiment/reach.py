@@ -9,10 +9,12 @@ from itertools import product
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.limits import SETTLING
 from rulec_runtime.recordings.recording import Recording
 from scipy.stats import qmc
 
 from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.foretell import Places
 from rulec.separation.allowed import Allowed
@@ -43,8 +45,9 @@ def present_inputs(ruleset: Ruleset, recording: Recording) -> dict[str, float]:
     return present
 
 
-def usual_reach(system: System, present: Mapping[str, float]) -> Reach:
-    """The range of each input that was changed while recording; steps as long as those were."""
+def usual_reach(system: System, present: Mapping[str, float], sample: float) -> Reach:
+    """The range of each input that was changed while recording; steps as long as those were, and so
+    long that they are seen to settle, with samples of so many seconds."""
     data, ranges = system.data, {}
     for signal in system.ruleset.signals:
         values = data.values.get(signal.id)
@@ -52,10 +55,12 @@ def usual_reach(system: System, present: Mapping[str, float]) -> Reach:
             low, high = float(np.nanmin(values)), float(np.nanmax(values))
             if high - low > limits.FEATURE_VARIES * float(np.nanmedian(data.noise[signal.id])):
                 ranges[signal.id] = (low, high)
-    return Reach(ranges, _usual_step(data.time), present)
+    return Reach(ranges, _usual_step(data, sample), present)
 
 
-def limited_reach(system: System, present: Mapping[str, float], allowed: Allowed) -> Reach:
+def limited_reach(
+    system: System, present: Mapping[str, float], allowed: Allowed, sample: float
+) -> Reach:
     """The ranges that are allowed of inputs that were recorded; `present` is where they are."""
     ranges = {
         name: (min(ends), max(ends))
@@ -63,13 +68,18 @@ def limited_reach(system: System, present: Mapping[str, float], allowed: Allowed
         if name in present
         for ends in [(own.si(own.lowest), own.si(own.highest))]
     }
-    return Reach(ranges, _usual_step(system.data.time), present, allowed)
+    return Reach(ranges, _usual_step(system.data, sample), present, allowed)
 
 
-def _usual_step(time: Array) -> float:
-    """The usual time from one mean to the next, s."""
-    steps = np.diff(np.sort(time))
-    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
+def _usual_step(data: Data, sample: float) -> float:
+    """The usual time from one mean to the next, s.
+
+    Where several inputs are changed in turn that is shorter than one step that changes them all
+    takes until its readings have settled and give a mean.
+    """
+    steps = np.diff(np.sort(data.time))
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
+    return usual if data.of_rows else max(usual, (SETTLING + limits.HELD_SAMPLES) * sample)
 
 
 def _corners(inputs: int) -> Array:

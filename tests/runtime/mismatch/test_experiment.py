@@ -173,7 +173,8 @@ def test_what_follows_time_is_foretold_for_later(tmp_path: Path) -> None:
     worn = next(n for n in found.models if any(".wear-slip@" in name for name in n))
     models = [found.models[worn], found.models[frozenset()]]
     system = found.geometry.rows.system
-    soon = places_in(system, usual_reach(system, present_inputs(opened[0], recording)))
+    present = present_inputs(opened[0], recording)
+    soon = places_in(system, usual_reach(system, present, 1.0))
     late = replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
     apart = []
     for places in (soon, late):

@@ -98,7 +98,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
     looked = steps = 0
     for number in range(LIMITS):
         given = _limits(random, system)
-        reach = limited_reach(system, present, allowed_of(ruleset, given))
+        reach = limited_reach(system, present, allowed_of(ruleset, given), 1.0)
         if not reach.ranges:
             continue
         places = places_in(system, reach)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,6 +23,7 @@ from rulec.mismatch.search.settled.resampled import Names, shares
 from rulec.mismatch.search.settled.scan import (
     Found,
     alike_faults,
+    at_points,
     columns,
     coming,
     coming_again,
@@ -175,9 +177,14 @@ def with_terms(every: Rows, places: Collection[str]) -> Posterior:
     return search.posterior()
 
 
-def explain(every: Rows, progress: Progress) -> Posterior:
-    """The sets of explanations of a recording, with their odds."""
+def explain(every: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> Posterior:
+    """The sets of explanations of a recording, with their odds.
+
+    `stood` is what recordings alone say that `every` holds together.
+    """
     search = begun(every)
+    for part in stood:
+        _take_up(search, part)
     grown: set[Names] = set()
     for number in range(1, limits.SEARCH_ROUNDS + 1):
         best = sorted(search.odds, key=lambda names: -search.odds[names])[: limits.SETS_GROWN]
@@ -195,6 +202,22 @@ def explain(every: Rows, progress: Progress) -> Posterior:
     _switch(search)
     _challenge(search)
     return search.posterior()
+
+
+def _take_up(search: Search, part: Posterior) -> None:
+    """Refit the sets that stand in a part of the recordings: the way that the search goes among all
+    of them may miss one."""
+    plain, time = search.models[frozenset()], search.geometry.rows.system.data.time
+    known = {(t.name, t.basis.length): t for t in terms(search.geometry, plain)}
+    likely = sorted(part.sets, key=lambda names: (-part.sets[names], sorted(names)))
+    for names in likely[: limits.SETS_STANDING]:
+        model = part.models[names]
+        own = [known.get((t.name, t.basis.length)) for t in model.terms]
+        there = tuple(term for term in own if term is not None)
+        if part.sets[names] < limits.REPORTED or len(there) < len(own) or not names:
+            continue
+        with contextlib.suppress(np.linalg.LinAlgError):
+            search.keep(names, search.refit(at_points(model.setting, time), plain, there))
 
 
 def _switch(search: Search) -> None:
