@@ -32,13 +32,15 @@ from rulec.mismatch.search.settled.scan import at_points
 class Places:
     """Operating points that could be run, n of them.
 
-    `inputs` are values of what is set, SI, shape (n,) each; all else that is given from outside is
-    as at the recorded point `near`, shape (n,). `time`, s on the clock of the recording, is when.
+    `inputs` are values of what is set, SI, shape (n,) each, `around` of what nobody sets; noise and
+    all else is as at the recorded point `near`, shape (n,). `time`, s on the clock of the
+    recording, is when.
     """
 
     inputs: Mapping[str, Array]
     near: NDArray[np.intp]
     time: Array
+    around: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.near)
@@ -114,7 +116,7 @@ def data_at(data: Data, places: Places) -> Data:
     def taken(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: np.asarray(column)[near] for name, column in values.items()}
 
-    values = {**taken(data.points.values), **places.inputs}
+    values = {**taken(data.points.values), **places.around, **places.inputs}
     nothing = np.zeros(n, dtype=bool)
     points = replace(
         data.points,

@@ -215,7 +215,7 @@ def _steps(
             apart = (max(values) - min(values)) / float(noise[name][near])
             readings.append(Reading(name, values, apart, spread))
         given = {
-            name: float(values[near])
+            name: float(places.around[name][place] if name in places.around else values[near])
             for name, values in recorded.items()
             if name not in inputs and name not in told[0].readings
         }

@@ -17,6 +17,7 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.foretell import Places
+from rulec.mismatch.experiment.surroundings import surroundings, unset
 from rulec.separation.allowed import Allowed
 
 
@@ -114,8 +115,11 @@ def places_in(system: System, reach: Reach) -> Places:
     width = np.maximum(high - low, np.maximum(np.ptp(recorded, axis=0), 1e-300))
     far = np.abs((table[:, None, :] - recorded[None, :, :]) / width).max(axis=2)
     last = float(data.time.max())
+    inputs = {name: table[:, i] for i, name in enumerate(names)}
+    free = unset(system, names)
     return Places(
-        inputs={name: table[:, i] for i, name in enumerate(names)},
+        inputs=inputs,
         near=usable[far.argmin(axis=1)],
         time=np.full(len(table), last + reach.step),
+        around=surroundings(data.values, data.time, free, inputs),
     )
