@@ -27,7 +27,7 @@ from rulec.prove.kept import unusable
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Run
-from rulec.prove.rounds.campaign import arms_of, asked_again, judged_again
+from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
 from rulec.prove.truth.settled.plan import Planned as Settled
 

@@ -11,10 +11,10 @@ from rulec_runtime.report.text import number
 
 from rulec.prove.attainable import at_best_words
 from rulec.prove.calibration import Told, reliability
+from rulec.prove.further_told import tell_further
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
-from rulec.prove.rounds.tell import tell_further
 from rulec.prove.scores import Group, Row, by_difficulty, plain, table
 from rulec.prove.tables import (
     PARTS,

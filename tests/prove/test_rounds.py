@@ -14,16 +14,16 @@ from rulec_runtime.output.terminal import Terminal
 
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM
+from rulec.prove.ask_again import FIRST, PLAN, ROUND
 from rulec.prove.campaign import folder_of, sealed
 from rulec.prove.command import main as suite
+from rulec.prove.dated import dated
+from rulec.prove.further_inputs import ARMS, courses, samples_of
+from rulec.prove.further_scores import further_of, right_set
+from rulec.prove.further_told import after_of, gained, tell_further
 from rulec.prove.partition import Partition
 from rulec.prove.results import Further, Run, run_from_json
-from rulec.prove.rounds.ask import FIRST, PLAN, ROUND, SECOND
-from rulec.prove.rounds.campaign import asked_again, judged_again
-from rulec.prove.rounds.dated import dated
-from rulec.prove.rounds.inputs import ARMS, courses, samples_of
-from rulec.prove.rounds.score import further_of, right_set
-from rulec.prove.rounds.tell import after_of, gained, tell_further
+from rulec.prove.second_round import asked_again, judged_again
 from rulec.prove.truth.sealed import Answer, Planted
 from rulec.prove.truth.settled.further import displayed, longer, recorded_further, repeated
 from rulec.prove.truth.settled.plan import Planned, SettledCase
@@ -173,6 +173,7 @@ def test_gain_is_told_beside_what_was_expected() -> None:
         "steps": [{"until": 120.0}],
         "certainty": [0.55, 0.9],
         "factors": [[0.0, 2.0], [3.0, 0.0]],
+        "explanations": form_of(clogging=0.6, leakage=0.4)["standing"],
     }
     before, after = form_of(clogging=0.6, leakage=0.4), form_of(leakage=0.9, clogging=0.1)
     first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
@@ -208,7 +209,7 @@ def test_a_second_round_is_told_within_80_columns() -> None:
         judged("clean"),
     ]
     better, worse = cases[1], replace(cases[0], case="named")
-    usual = {"steps": 6, "minutes": 4.5, "expected": (0.6, 0.92), "stood": True}
+    usual: dict[str, Any] = {"steps": 6, "minutes": 4.5, "expected": (0.6, 0.92), "stood": True}
     further = (
         Further(
             case="missed", outcome="run", sure_before=0.3, sure=dict.fromkeys(ARMS, 0.8),
@@ -236,32 +237,32 @@ def test_a_second_round_is_told_within_80_columns() -> None:
 
 @pytest.mark.usefixtures("in_this_process")
 def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
-    """Recordings are made where there is a recipe; what was answered is not asked again."""
-    few = Partition("development", 1, quick=True, only="fault-leak")
+    """What was recorded and answered is kept, what is not the sealed plant is not run, and all is
+    judged from the files."""
+    few, arms = Partition("development", 1, quick=True, only="fault-leak"), ("recipe",)
     seals = sealed(few, tmp_path, 1, lambda *told: None)
     (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
-    case = few.cases()[0].make()
-    assert isinstance(case, SettledCase)
-    (folder / PLAN).write_text(json.dumps(recipe_for(case)))
-    (folder / FORM).write_text(json.dumps(form_of(leakage=0.6, clogging=0.4)))
+    before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
+    recipe = {
+        "steps": [{"until": 60.0}],
+        "certainty": [0.52, 0.9],
+        "factors": [[0.0, 2.0], [2.0, 0.0]],
+        "explanations": before["standing"],
+    }
     own = folder / ROUND / "recipe"
     own.mkdir(parents=True)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(campaign, "Changed", campaign.Changed)
-        asked = ("recipe",)
-        (own / SECOND).touch()
-        (own / FORM).write_text(json.dumps(form_of(leakage=0.95, clogging=0.05)))
-        asked_again(few, tmp_path, seals, asked, 1, lambda *told: None)
-        assert (own / SECOND).read_text() == ""
-    (own / SECOND).unlink()
-    (own / FORM).rename(own / "kept.json")
+    (folder / PLAN).write_text(json.dumps(recipe))
+    (folder / FORM).write_text(json.dumps(before))
     with pytest.raises(campaign.Changed, match="not the one that was sealed"):
-        asked_again(few, tmp_path, ["0" * 64], asked, 1, lambda *told: None)
-    (own / "kept.json").rename(own / FORM)
-    first = [judged(case.answer.case, planted=("leak@A",), concealed=("open",))]
-    (found,) = judged_again(few, tmp_path, seals, first, asked, 1, lambda *told: None)
-    assert found.outcome == "run"
+        asked_again(few, tmp_path, ["0" * 64], arms, 1, lambda *told: None)
+    (own / FORM).write_text(json.dumps(after))
+    asked_again(few, tmp_path, seals, arms, 1, lambda *told: None)
+    assert [FORM] == [file.name for file in own.iterdir()]
     assert not (folder / ROUND / FIRST).exists()
+    first = [judged(few.cases()[0].name, planted=("leak@A",), concealed=("open",))]
+    (found,) = judged_again(few, tmp_path, seals, first, arms, 1, lambda *told: None)
+    assert (found.outcome, found.steps, found.expected) == ("run", 1, (0.52, 0.9))
+    assert (found.sure_before == 0.6) == (found.sure["recipe"] == 0.95)
 
 
 @pytest.mark.parametrize(

@@ -76,11 +76,13 @@ class Experiment:
     SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
     which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
     that no explanation foretells. `time_is_short`: longer experiments tell more.
+    `left_out` still stand and are not foretold: they switched with set points.
     `sensors` would tell apart what these steps do not. `sample` is the usual time between two
     samples of the recording, s; `read` what an equation or an explanation reads.
     """
 
     standing: tuple[Standing, ...]
+    left_out: tuple[Standing, ...]
     steps: tuple[Step, ...]
     certainty: tuple[float, ...]
     factors: Array
@@ -134,6 +136,13 @@ def planned(
         raise ExperimentRefused(
             f"nothing in this plant is called {error.args[0]}; run rulec mismatch again"
         ) from None
+    left_out = tuple(one for one in standing if one not in again.sets)
+    standing = again.sets
+    if len(standing) < 2:
+        raise ExperimentRefused(
+            "what stands besides one explanation switched with the set points that were recorded; "
+            "what it does at others is not known, so no set points can be planned that tell it"
+        )
     geometry = again.geometry
     system = geometry.rows.system
     present, sample = present_inputs(ruleset, recording), _sample(recording.time)
@@ -164,6 +173,7 @@ def planned(
     best = best_within(told, odds / odds.sum(), most, seconds, limited)
     return Experiment(
         standing=tuple(standing),
+        left_out=left_out,
         steps=_steps(best.choice, told, limited, system.data.noise, system.data.values),
         certainty=best.choice.certainty,
         factors=best.choice.factors,

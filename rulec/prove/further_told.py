@@ -11,11 +11,11 @@ from statistics import fmean, median
 from rich.console import Console
 from rich.table import Table
 from rulec_runtime.output.terminal import one_line, styled
-from rulec_runtime.report.text import counted, number, percent
+from rulec_runtime.report.text import counted, fixed, number, percent
 
+from rulec.prove.further_inputs import ARMS, RECIPE
 from rulec.prove.limits import TOLD, WORST_CASES
 from rulec.prove.results import Further, Judged
-from rulec.prove.rounds.inputs import ARMS, RECIPE
 from rulec.prove.scores import FALSE_NAMES as FALSE
 from rulec.prove.scores import Row, table
 from rulec.prove.tables import planted_words, said_words, value_of
@@ -209,8 +209,8 @@ def _remarks(ran: Sequence[Further]) -> Iterator[str]:
         realised = median(f.nats or 0.0 for f in known)
         yield (
             f"log Bayes factor of the true explanation against the likeliest other, middle of "
-            f"{len(known)}: expected {number(expected, 2)} nats, realised {number(realised, 2)} at "
-            "least"
+            f"{len(known)}: expected {fixed(expected, 1)} nats, realised {fixed(realised, 1)} "
+            "at least"
         )
 
 

@@ -15,13 +15,13 @@ from rulec_runtime.output.write_file import write_text
 
 from rulec.prove import campaign
 from rulec.prove.analyst import FORM
+from rulec.prove.ask_again import FIRST, PLAN, ROUND, SECOND, ask_again, plan
 from rulec.prove.campaign import Changed, OnProgress, folder_of
+from rulec.prove.dated import dated
+from rulec.prove.further_inputs import ARMS, RECIPE, courses
+from rulec.prove.further_scores import further_of
 from rulec.prove.partition import Partition, Planned
 from rulec.prove.results import Further, Judged
-from rulec.prove.rounds.ask import FIRST, PLAN, ROUND, SECOND, ask_again, plan
-from rulec.prove.rounds.dated import dated
-from rulec.prove.rounds.inputs import ARMS, RECIPE, courses
-from rulec.prove.rounds.score import further_of
 from rulec.prove.truth.recording import write_csv
 from rulec.prove.truth.settled.further import recorded_further
 from rulec.prove.truth.settled.plan import SettledCase

@@ -7,13 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rulec.prove.further_inputs import RECIPE
 from rulec.prove.judge import is_named, judged_words
 from rulec.prove.limits import TOLD_AT_ALL
 from rulec.prove.results import Further, Judged
-from rulec.prove.rounds.inputs import RECIPE
 from rulec.prove.truth.sealed import Answer, Planted
 
 Form = Mapping[str, Any]
+
+EXPERIMENT = "rulec experiment"
 
 NAMELESS, PERIODS = "~", "!/"
 """Mark of a term without a name in the name of a set's part, and marks of how a fault came."""
@@ -24,12 +26,13 @@ def further_of(
 ) -> Further:
     """Judge a second round; `after` are answers with a second recording by the way it was made."""
     known = _titles(before, *after.values())
-    stood = [right_set(answer, one["names"], known) for one in before.get("standing", ())]
+    foretold = recipe.get("explanations", before.get("standing", ()))
+    stood = [right_set(answer, one["names"], known) for one in foretold]
     sure_before = sure_of(answer, before, known)
     told = Further(
         case=answer.case,
         outcome=_outcome(recipe, after),
-        why=str(recipe.get("error", "")),
+        why=_said(str(recipe.get("error", ""))),
         sure_before=sure_before,
         stood=any(stood),
     )
@@ -41,7 +44,7 @@ def further_of(
         for arm, form in after.items()
     }
     steps = recipe["steps"]
-    expected, realised = _nats(stood, recipe, before, after[RECIPE])
+    expected, realised = _nats(stood, recipe, after[RECIPE])
     return replace(
         told,
         why=str(after[RECIPE].get("not_run", "")),
@@ -53,6 +56,12 @@ def further_of(
         nats=realised,
         after=judged,
     )
+
+
+def _said(error: str) -> str:
+    """What the tool said, without what the proof writes around it."""
+    said = error.rpartition(f"{EXPERIMENT}: ")[2].rpartition(" (")
+    return said[0].removeprefix("rulec: ") or error
 
 
 def _outcome(recipe: Form, after: Mapping[str, Form]) -> str:
@@ -115,12 +124,10 @@ def _titles(*forms: Form) -> dict[str, str]:
     return found
 
 
-def _nats(
-    stood: Sequence[bool], recipe: Form, before: Form, after: Form
-) -> tuple[float | None, float | None]:
+def _nats(stood: Sequence[bool], recipe: Form, after: Form) -> tuple[float | None, float | None]:
     """Log Bayes factor of the likeliest true explanation against the likeliest other, expected and
     realised; None where the truth did not stand, or is not told any more."""
-    sets = before["standing"]
+    sets = recipe["explanations"]
     true = next((i for i, right in enumerate(stood) if right), None)
     other = next((i for i, right in enumerate(stood) if not right), None)
     if true is None or other is None or "not_run" in after:

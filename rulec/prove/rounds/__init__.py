@@ -1,2 +1,0 @@
-"""A second round: the tool proposes inputs, the same true plant is run with them and with others,
-and the tool is asked again."""
