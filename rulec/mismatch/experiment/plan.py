@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -222,6 +223,8 @@ def _steps(
         for name in told[0].readings:
             values = tuple(float(one.readings[name][place]) for one in told)
             spread = tuple(float(one.spread[name][place]) for one in told)
+            if not all(math.isfinite(own) for own in spread):
+                continue  # its module was moving where the set points are nearest: not foretold
             apart = (max(values) - min(values)) / float(noise[name][near])
             readings.append(Reading(name, values, apart, spread))
         given = {
