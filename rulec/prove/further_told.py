@@ -84,8 +84,8 @@ def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Furth
     for outcome, words in OUTCOMES.items():
         if counts[outcome]:
             out.print(styled("{}  {}", f"{counts[outcome]:>5}", words))
-    for why, count in Counter(f.why for f in further if f.outcome == "refused").items():
-        out.print(styled("[dim]{}  {}[/]", f"{count:>7}", one_line(why)))
+        for why, count in Counter(f.why for f in further if f.outcome == outcome and f.why).items():
+            out.print(styled("[dim]{}  {}[/]", f"{count:>9}", one_line(why)))
     if ran:
         total = sum(f.minutes for f in ran)
         out.print(

@@ -52,8 +52,13 @@ def usual_reach(system: System, present: Mapping[str, float], sample: float) -> 
     data, ranges = system.data, {}
     for signal in system.ruleset.signals:
         values = data.values.get(signal.id)
-        if signal.is_input and values is not None and np.isfinite(values).any():
-            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        if not signal.is_input or values is None:
+            continue
+        # Where a pump stands no equation holds, and nothing between is known to run.
+        least = -np.inf if signal.minimum is None else signal.minimum
+        ran = values[np.isfinite(values) & (values >= least)]
+        if len(ran):
+            low, high = float(ran.min()), float(ran.max())
             if high - low > limits.FEATURE_VARIES * float(np.nanmedian(data.noise[signal.id])):
                 ranges[signal.id] = (low, high)
     return Reach(ranges, _usual_step(data, sample), present)
