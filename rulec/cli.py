@@ -239,6 +239,20 @@ def prove_options(prove: argparse.ArgumentParser) -> None:
     prove.add_argument(
         "--only", default="", metavar="WORD", help="cases whose name holds it, such as slip-warm"
     )
+    prove.add_argument(
+        "--rounds",
+        type=int,
+        choices=(1, 2),
+        default=1,
+        help="2: plan an experiment where several explanations stand, run it on the same plant, "
+        "and ask again (settled plants)",
+    )
+    prove.add_argument(
+        "--baselines",
+        action="store_true",
+        help="with --rounds 2: besides the recipe the same inputs again, random ones and a sweep "
+        "of equal length; three searches more per case",
+    )
     prove.add_argument("--jobs", type=int, metavar="N", help="processes; default all processors")
     prove.add_argument(
         "--keep", metavar="DIR", help="leave all files there; a run that was killed goes on there"

@@ -48,8 +48,9 @@ def _ended_by(number: signal.Signals) -> Iterator[None]:
 
 def words_of(options: argparse.Namespace) -> list[str]:
     """The options as words again."""
-    words = [f"--{name}" for name in ("quick", "final", "real", "hard") if getattr(options, name)]
-    for name in ("seed", "only", "jobs", "keep", "json", "report"):
+    flags = ("quick", "final", "real", "hard", "baselines")
+    words = [f"--{name}" for name in flags if getattr(options, name)]
+    for name in ("seed", "only", "rounds", "jobs", "keep", "json", "report"):
         value = getattr(options, name)
         if value not in (None, ""):
             words.append(f"--{name}={value}")

@@ -825,6 +825,9 @@ large effect would gain. Origin: numerical."""
 WORTH_A_REFIT = -2.0
 """Log odds to first order from which on a set is refitted. Origin: numerical."""
 
+STIFF = 0.1
+"""Share of the errors of form with which explanations are scanned too. Origin: numerical."""
+
 SETS_GROWN = 2
 """Sets that are grown in a round. Origin: numerical."""
 
@@ -876,6 +879,9 @@ CORNERED = 4
 
 PLACES_DOUBLED = 7
 """Doublings of the number of operating points that are tried. Origin: numerical."""
+
+HELD_SAMPLES = 10
+"""Settled samples of a step of an experiment at least. Origin: assumed."""
 
 SHORTEST_STEP = 60.0
 """How long a step lasts where a recording does not tell, s. Origin: assumed."""

@@ -39,7 +39,7 @@ from rulec.mismatch.result import Evidence, Finding, Fit, HiddenDriver, Location
 from rulec.mismatch.search.accepted import Accepted
 from rulec.mismatch.search.latent_input import Reconstruction, described, likeness, reconstruct
 from rulec.mismatch.search.periods import in_periods
-from rulec.mismatch.search.settled.by_recording import ByRecording, by_recording
+from rulec.mismatch.search.settled.by_recording import ByRecording, alone, by_recording
 from rulec.mismatch.search.settled.standing import standing_of
 from rulec.mismatch.search.settled.told import Search, search
 from rulec.simulation.predict import predict
@@ -74,8 +74,9 @@ def explain(
             samples=data,
             evidence=evidence_of(recording, data, rows),
         )
-    found = search(rows, tell)
-    by = by_recording(recording, rows.system, heldout, found.posterior, tell)
+    parts = alone(recording, rows.system, heldout, tell)
+    found = search(rows, tell, [part for part in parts.values() if part is not None])
+    by = by_recording(recording, rows.system, heldout, found.posterior, tell, parts)
     return _explained(recording, found, by)
 
 

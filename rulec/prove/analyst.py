@@ -10,12 +10,15 @@ import io
 import json
 import time
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rulec_runtime.output.write_file import write_text
 
 FORM, SERIES, EARLIER = "mismatch.json", "series.csv", "earlier.csv"
+ANSWER = "answer.json"
+"""What the tool wrote."""
 
 
 def analyse(folder: Path) -> dict[str, Any]:
@@ -24,13 +27,17 @@ def analyse(folder: Path) -> dict[str, Any]:
     Returns the JSON form with `seconds`, its duration, and `error` where there is no answer. The
     folder keeps it, so that a run that was killed goes on where it was.
     """
-    form = folder / FORM
+    return answered(folder / FORM, lambda: _asked(folder))
+
+
+def answered(form: Path, ask: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The answer that a file keeps; asked, and kept in it, where it is not there."""
     if form.exists():
         kept: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
         return kept
     begin = time.perf_counter()
     try:
-        found = _asked(folder)
+        found = ask()
     except Exception as failure:  # a crash of the tool is a result
         last = traceback.extract_tb(failure.__traceback__)[-1]
         found = {"error": f"{type(failure).__name__}: {failure} ({last.name}:{last.lineno})"}
@@ -47,21 +54,21 @@ def calibrate(folder: Path) -> None:
     if (folder / EARLIER).exists() and "calibration:" not in plain:
         # Where the earlier run does not determine a parameter, a user keeps the data sheet.
         with contextlib.suppress(ValueError):
-            _run("calibrate", plant, folder / EARLIER, "-o", plant / "calibration.yaml")
+            run_tool("calibrate", plant, folder / EARLIER, "-o", plant / "calibration.yaml")
             write_text(file, f"{plain}calibration: [calibration.yaml]\n")
 
 
 def _asked(folder: Path) -> dict[str, Any]:
     calibrate(folder)
-    plant, answer = folder / "plant", folder / "answer.json"
+    plant, answer = folder / "plant", folder / ANSWER
     series = folder / SERIES
     recording = folder / "recording.csv"
-    _run("mismatch", plant, recording, "--json", answer, "--series", series)
+    run_tool("mismatch", plant, recording, "--json", answer, "--series", series)
     found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
     return found
 
 
-def _run(*words: object) -> None:
+def run_tool(*words: object) -> None:
     """A command of the tool; ValueError with its message where it refuses."""
     from rulec.cli import main
 

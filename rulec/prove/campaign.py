@@ -48,8 +48,8 @@ def sealed(partition: Partition, work: Path, jobs: int, on_progress: OnProgress)
     if kept:
         return kept
     cases = partition.cases()
-    todo = [(case, _folder(work, i)) for i, case in enumerate(cases)]
-    made = list(_spread(_seal, todo, jobs, lambda n: on_progress("sealing", n, len(todo))))
+    todo = [(case, folder_of(work, i)) for i, case in enumerate(cases)]
+    made = list(spread(_seal, todo, jobs, lambda n: on_progress("sealing", n, len(todo))))
     _write_seals(work, [*_head(partition.digest), *made])
     return made
 
@@ -87,7 +87,7 @@ def digest_of(seals: Sequence[str]) -> str:
 
 def analysed(work: Path, seals: Sequence[str], jobs: int, on_progress: OnProgress) -> None:
     """Ask the tool about every case that has no answer of the tool yet."""
-    asked([_folder(work, i) for i, seal in enumerate(seals) if seal], jobs, on_progress)
+    asked([folder_of(work, i) for i, seal in enumerate(seals) if seal], jobs, on_progress)
 
 
 def asked(folders: Sequence[Path], jobs: int, on_progress: OnProgress) -> None:
@@ -95,7 +95,7 @@ def asked(folders: Sequence[Path], jobs: int, on_progress: OnProgress) -> None:
     todo = [(f,) for f in folders if not (f / FORM).exists()]
     done = len(folders) - len(todo)
     on_progress("analysing", done, len(folders))
-    for _ in _spread(
+    for _ in spread(
         _analyse, todo, jobs, lambda n: on_progress("analysing", done + n, len(folders))
     ):
         pass
@@ -109,15 +109,16 @@ def judged(
     Raises Changed where an answer is not what was sealed.
     """
     todo = [
-        (case, _folder(work, i), seals[i], partition.name)
+        (case, folder_of(work, i), seals[i], partition.name)
         for i, case in enumerate(partition.cases())
         if seals[i]
     ]
-    found = list(_spread(_judge, todo, jobs, lambda n: on_progress("judging", n, len(todo))))
+    found = list(spread(_judge, todo, jobs, lambda n: on_progress("judging", n, len(todo))))
     return [j for j, _ in found], sum(away for _, away in found)
 
 
-def _folder(work: Path, number: int) -> Path:
+def folder_of(work: Path, number: int) -> Path:
+    """Of a case."""
     return work / CASES / f"{number:04d}"
 
 
@@ -149,7 +150,7 @@ def _judge(case: Planned, folder: Path, seal: str, partition: str) -> tuple[Judg
     return result
 
 
-def _spread(
+def spread(
     work: Callable[..., B],
     todo: Sequence[tuple[Any, ...]],
     jobs: int,

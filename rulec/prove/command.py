@@ -27,7 +27,9 @@ from rulec.prove.kept import unusable
 from rulec.prove.page import page
 from rulec.prove.partition import Partition, register
 from rulec.prove.results import Run
+from rulec.prove.second_round import arms_of, asked_again, judged_again
 from rulec.prove.terminal import show
+from rulec.prove.truth.settled.plan import Planned as Settled
 
 RIGS = "tests.prove"
 """Where real recordings are prepared: in the source tree, they are no part of the product."""
@@ -102,8 +104,26 @@ def _mistake(options: argparse.Namespace) -> str | None:
         return "--report: there is no page of real recordings, a table and --json only"
     if not options.real and not partition_of(options)[0].cases():
         return f"--only {options.only}: no case has this in its name"
+    mistake = _mistake_of_rounds(options)
+    if mistake is not None:
+        return mistake
     unwritable = without_folder(options, "json", "report")
     return unwritable or (unusable(Path(options.keep)) if options.keep else None)
+
+
+def _mistake_of_rounds(options: argparse.Namespace) -> str | None:
+    """What is wrong with the options of a second round."""
+    if options.baselines and options.rounds < 2:
+        return "--baselines: they are asked beside a second recording; add --rounds 2"
+    if options.rounds < 2:
+        return None
+    if options.real:
+        return "--rounds: a recording that is here cannot be made again; leave --real out"
+    if options.hard:
+        return "--rounds: how drifts go on is not known; leave --hard out"
+    if not all(isinstance(case, Settled) for case in partition_of(options)[0].cases()):
+        return "--rounds: experiments are planned for settled plants; add --only stationary"
+    return None
 
 
 def parser() -> argparse.ArgumentParser:
@@ -134,7 +154,15 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         made = sum(bool(s) for s in seals)
         aside.print(f"{made} answers sealed, hash {digest[:16]}")
         analysed(work, seals, options.jobs, on_progress)
+        arms = arms_of(options.baselines)
+        if options.rounds > 1:
+            asked_again(partition, work, seals, arms, options.jobs, on_progress)
         found, away = judged(partition, work, seals, options.jobs, on_progress)
+        further = (
+            judged_again(partition, work, seals, found, arms, options.jobs, on_progress)
+            if options.rounds > 1
+            else []
+        )
     lost = len(seals) - made
     notes = (f"{lost} planned cases had no plant that shows them",) if lost else ()
     return Run(
@@ -146,6 +174,7 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         seconds=time.perf_counter() - begin,
         ran_away=away,
         notes=notes,
+        further=tuple(further),
     )
 
 

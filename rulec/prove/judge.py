@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,26 @@ Form = Mapping[str, Any]
 
 def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged, bool]:
     """Score a case; second: did the simulation of a baseline run away?"""
-    answer = case.answer
-    effects = list(form.get("effects", ()))
-    fit = form.get("fit")
+    answer, fit = case.answer, form.get("fit")
     known = _reference(case, form) if answer.effects and fit else Reference({})
     baselines = _baselines(answer, fit, folder) if answer.effects and fit else None
+    said = judged_words(answer, form, partition)
+    judged = replace(
+        said,
+        ratio=_ratio(form, known, said.verdict),
+        course=_course(known, form, folder) if answer.unrecorded else None,
+        baselines=baselines.ratios if baselines else {},
+    )
+    return judged, bool(baselines and baselines.ran_away)
+
+
+def judged_words(answer: Answer, form: Form, partition: str) -> Judged:
+    """Scores of what is said, without those of a course or a prediction."""
+    effects = list(form.get("effects", ()))
     verdict = form.get("verdict", "failed")
     named = [p for p in answer.effects if p.names]
     asked = bool(named) and answer.verdict != "unnamed"
-    judged = Judged(
+    return Judged(
         case=answer.case,
         half=answer.half,
         plant=answer.plant,
@@ -54,15 +66,11 @@ def judge(case: Case, form: Form, folder: Path, partition: str) -> tuple[Judged,
         told_right=_told(answer, verdict),
         inside=_inside(named, effects),
         claims=_claims(named, effects),
-        ratio=_ratio(form, known, verdict),
-        course=_course(known, form, folder) if answer.unrecorded else None,
-        errors=_errors(fit),
-        baselines=baselines.ratios if baselines else {},
+        errors=_errors(form.get("fit")),
         seconds=float(form.get("seconds", NAN)),
         error=str(form.get("error", "")),
         difficulties=tuple(answer.difficulties),
     )
-    return judged, bool(baselines and baselines.ran_away)
 
 
 def _set_of(effect: Form) -> list[tuple[str, str]]:
@@ -88,7 +96,7 @@ def _is(planted: Planted, effect: Form) -> float:
     return right / len(open_)
 
 
-def _is_named(planted: Planted, effect: Form) -> bool:
+def is_named(planted: Planted, effect: Form) -> bool:
     """Is the name of a finding, whatever it leaves open beside it, right?"""
     return _is(planted, {**effect, "alternatives": (), "probability": 1.0}) == 1.0
 
@@ -97,7 +105,7 @@ def _claims(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[Claim,
     """Every name with the probability that it was told with; a free curve is no name."""
     names = [e for e in effects if e.get("sort") != "free" and e["probability"] is not None]
     return tuple(
-        Claim(float(e["probability"]), any(_is_named(p, e) for p in planted)) for e in names
+        Claim(float(e["probability"]), any(is_named(p, e) for p in planted)) for e in names
     )
 
 
@@ -154,7 +162,7 @@ def _inside(planted: Sequence[Planted], effects: Sequence[Form]) -> tuple[int, i
     hits = count = 0
     for p in planted:
         for effect in effects:
-            if not _is_named(p, effect):
+            if not is_named(p, effect):
                 continue
             for name, value in p.parameters.get(effect["effect"], {}).items():
                 estimate = _estimate(effect, name)

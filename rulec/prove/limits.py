@@ -164,6 +164,20 @@ SHORTEST_RUN = 4
 RAN_AWAY = 10.0
 """Times the largest residual ever seen beyond which a simulation has run away. Origin: assumed."""
 
+# Second round ------------------------------------------------------------------------------------
+
+USUAL_HOURS = 8.0
+"""Hours that an experiment may take where the first recording was shorter. Origin: source, default
+of `rulec experiment`."""
+
+SWEEP_HOLD = 10
+"""Samples for which a sweep holds each value at least. Origin: assumed, what a settled mean of a
+plant of the proof takes."""
+
+TOLD_AT_ALL = 0.02
+"""Probability of a set of explanations below which an answer does not tell it. Origin: source, the
+answer's own rule for what still stands."""
+
 # Page and processes ------------------------------------------------------------------------------
 
 BINS_PER_DECADE = 2

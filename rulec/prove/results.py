@@ -93,6 +93,39 @@ class Judged:
         return not self.planted
 
 
+@dataclass(frozen=True, kw_only=True)
+class Further:
+    """What a second recording of a case changed.
+
+    Attributes
+    ----------
+    outcome : `run`; `alone`: fewer than two explanations stood; `alike`: the tool says that no
+        set points tell them apart; `refused`: it plans nothing; `stalled`: the plant cannot be run
+        as proposed
+    steps, minutes : of the recipe
+    expected : probability of the true explanation before, and after, as the recipe foretells it
+    stood : was the true explanation among those that it tells apart?
+    sure_before : probability of the true explanation in the first answer
+    sure : the same with a second recording, by the way that was made
+    nats_expected, nats : log Bayes factor of the true explanation against the likeliest other:
+        expected of the recipe, and realised (at least, where the other is not told any more)
+    after : answers with a second recording, judged; the first one where the plant could not run so
+    """
+
+    case: str
+    outcome: str
+    why: str = ""
+    steps: int = 0
+    minutes: float = 0.0
+    expected: tuple[float, ...] = ()
+    stood: bool = False
+    sure_before: float = 0.0
+    sure: Mapping[str, float] = field(default_factory=dict)
+    nats_expected: Score = None
+    nats: Score = None
+    after: Mapping[str, Judged] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Run:
     """All cases of a run, and how it was made.
@@ -105,6 +138,7 @@ class Run:
     version : of the tool
     seconds : duration of the whole run
     ran_away : number of simulations of PySINDy that diverged
+    further : of each case, what a second recording changed; none in a run of one round
     """
 
     judged: tuple[Judged, ...]
@@ -116,6 +150,7 @@ class Run:
     seconds: float = 0.0
     ran_away: int = 0
     notes: tuple[str, ...] = ()
+    further: tuple[Further, ...] = ()
 
     @property
     def partition(self) -> str:
@@ -137,7 +172,13 @@ def run_from_json(text: str) -> Run:
     """Read what `to_json` wrote."""
     data: dict[str, Any] = json.loads(text)
     judged = tuple(_judged(case) for case in data.pop("judged"))
-    return Run(judged, **{**data, "notes": tuple(data["notes"])})
+    further = tuple(_further(case) for case in data.pop("further", ()))
+    return Run(judged, **{**data, "notes": tuple(data["notes"]), "further": further})
+
+
+def _further(data: dict[str, Any]) -> Further:
+    after = {arm: _judged(case) for arm, case in data.pop("after").items()}
+    return Further(**{**data, "expected": tuple(data["expected"]), "after": after})
 
 
 def _judged(data: dict[str, Any]) -> Judged:

@@ -11,6 +11,7 @@ from rulec_runtime.report.text import number
 
 from rulec.prove.attainable import at_best_words
 from rulec.prove.calibration import Told, reliability
+from rulec.prove.further_told import tell_further
 from rulec.prove.mistakes import worst
 from rulec.prove.page import headline, partition_words
 from rulec.prove.results import Run
@@ -51,6 +52,13 @@ def show(out: Console, run: Run) -> None:
         for name, words in DIFFICULTIES.items():
             if words in [part.title for part in parts]:
                 out.print(styled("[dim]{}: {}[/]", name, words))
+    _worst(out, run)
+    if run.further:
+        tell_further(out, run.shown, run.further)
+
+
+def _worst(out: Console, run: Run) -> None:
+    """The cases that went wrong most."""
     found = worst(run.shown)
     if not found:
         return

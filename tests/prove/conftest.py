@@ -24,4 +24,4 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
             yield work(*words)
             told(count)
 
-    monkeypatch.setattr(campaign, "_spread", here)
+    monkeypatch.setattr(campaign, "spread", here)

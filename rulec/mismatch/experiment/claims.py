@@ -11,7 +11,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.configuration import CHANGE, Configuration
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.settled.geometry import Geometry, Term
 from rulec.mismatch.search.settled.nameless import driver_of
@@ -69,7 +69,9 @@ def _claimed(system: System, model: Model, at: Array) -> dict[Quantity, Array]:
             spots.append(term.changed.id)
             inputs[term.changed.unknown] = shift
         else:
-            inputs[term.changed.unknown] = inputs[term.changed.unknown] + shift
+            # Of a parameter it is the change that is unknown.
+            name = term.changed.unknown.removesuffix(CHANGE)
+            inputs[name] = inputs[name] + shift
     found: dict[Quantity, Array] = {}
     for module in system.modules:
         plan = builder.plan(module, setting.ids, tuple(spots), definitions=True)

@@ -11,7 +11,11 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.recordings.stationary import Stretches
 
 from rulec.mismatch import limits
-from rulec.mismatch.evidence.steady.configuration import Configuration
+from rulec.mismatch.evidence.steady.configuration import (
+    ERROR,
+    Configuration,
+    reading_and_recording,
+)
 from rulec.mismatch.evidence.steady.fit import Fitted, evaluated
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
@@ -28,13 +32,15 @@ from rulec.mismatch.search.settled.scan import at_points
 class Places:
     """Operating points that could be run, n of them.
 
-    `inputs` are values of what is set, SI, shape (n,) each; all else that is given from outside is
-    as at the recorded point `near`, shape (n,). `time`, s on the clock of the recording, is when.
+    `inputs` are values of what is set, SI, shape (n,) each, `around` of what nobody sets; noise and
+    all else is as at the recorded point `near`, shape (n,). `time`, s on the clock of the
+    recording, is when.
     """
 
     inputs: Mapping[str, Array]
     near: NDArray[np.intp]
     time: Array
+    around: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.near)
@@ -110,7 +116,7 @@ def data_at(data: Data, places: Places) -> Data:
     def taken(values: Mapping[str, Array]) -> dict[str, Array]:
         return {name: np.asarray(column)[near] for name, column in values.items()}
 
-    values = {**taken(data.points.values), **places.inputs}
+    values = {**taken(data.points.values), **places.around, **places.inputs}
     nothing = np.zeros(n, dtype=bool)
     points = replace(
         data.points,
@@ -136,8 +142,27 @@ def data_at(data: Data, places: Places) -> Data:
 
 
 def _evaluated(rows: Rows, model: Model) -> Fitted:
+    """A model at points of a further recording."""
     setting = at_points(model.setting, rows.system.data.time)
-    return evaluated(rows, setting, model.prior, model.at, rows.system.data.open)
+    at = model.at * _kept(model)[0]
+    return evaluated(rows, setting, model.prior, at, rows.system.data.open)
+
+
+def _kept(model: Model) -> tuple[Array, NDArray[np.intp], float]:
+    """What of each value a further recording keeps, shape (values,), 1 but for errors of sensors;
+    which values are errors that stay, and the variance of what a further recording adds to them.
+
+    It is judged with the last one: there each has errors of its own besides those that stay.
+    """
+    names = model.prior.names
+    own = [name.startswith(ERROR) and reading_and_recording(name)[1] is not None for name in names]
+    stay = [name.startswith(ERROR) for name in names] & ~np.array(own, dtype=bool)
+    kept = np.where(own, 0.0, 1.0)
+    if any(own):
+        return kept, np.flatnonzero(stay), limits.OWN_ERROR
+    # Of one recording it is not known which part of an error stays: two are alike by so much.
+    alike = 1.0 - limits.OWN_ERROR
+    return np.where(stay, alike, kept), np.flatnonzero(stay), 1.0 - alike**2
 
 
 def _moved(rows: Rows, fitted: Fitted) -> Data:
@@ -156,11 +181,13 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
 
 def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
     """How far off a model finds readings, shape (rows,), and the covariance of that, shape (rows,
-    rows): of noise, its values, terms without a name, and errors of form."""
+    rows): of noise, its values, terms without a name, errors of form, and of sensors anew."""
     fitted = _evaluated(there.rows, model)
     solution, known = solved(model)
     off = fitted.residual[there.seen]
-    table, numbers = [fitted.jacobian[there.seen]], list(range(len(model.at)))
+    kept, stay, added = _kept(model)
+    slopes_by_value = fitted.jacobian[there.seen]
+    table, numbers = [slopes_by_value * kept], list(range(len(model.at)))
     for term in model.terms:
         own = columns_of(model, term)
         columns = _columns(there, model, fitted, term)
@@ -170,6 +197,7 @@ def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
     slopes = np.concatenate(table, axis=1)
     forms = model.sizes.form * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
+    covariance += added * slopes_by_value[:, stay] @ slopes_by_value[:, stay].T
     covariance[np.diag_indices(len(covariance))] += model.scale**2
     return off, covariance
 

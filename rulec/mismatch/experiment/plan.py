@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -76,11 +77,13 @@ class Experiment:
     SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
     which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
     that no explanation foretells. `time_is_short`: longer experiments tell more.
+    `left_out` still stand and are not foretold: they switched with set points.
     `sensors` would tell apart what these steps do not. `sample` is the usual time between two
     samples of the recording, s; `read` what an equation or an explanation reads.
     """
 
     standing: tuple[Standing, ...]
+    left_out: tuple[Standing, ...]
     steps: tuple[Step, ...]
     certainty: tuple[float, ...]
     factors: Array
@@ -134,12 +137,19 @@ def planned(
         raise ExperimentRefused(
             f"nothing in this plant is called {error.args[0]}; run rulec mismatch again"
         ) from None
+    left_out = tuple(one for one in standing if one not in again.sets)
+    standing = again.sets
+    if len(standing) < 2:
+        raise ExperimentRefused(
+            "what stands besides one explanation switched with the set points that were recorded; "
+            "what it does at others is not known, so no set points can be planned that tell it"
+        )
     geometry = again.geometry
     system = geometry.rows.system
-    present = present_inputs(ruleset, recording)
-    reach = usual_reach(system, present)
+    present, sample = present_inputs(ruleset, recording), _sample(recording.time)
+    reach = usual_reach(system, present, sample)
     if given is not None:
-        reach = limited_reach(system, present, allowed_of(ruleset, given))
+        reach = limited_reach(system, present, allowed_of(ruleset, given), sample)
     if not reach.ranges:
         raise ExperimentRefused(
             "no input was changed in the recording, so how far one may be changed is not known; "
@@ -164,6 +174,7 @@ def planned(
     best = best_within(told, odds / odds.sum(), most, seconds, limited)
     return Experiment(
         standing=tuple(standing),
+        left_out=left_out,
         steps=_steps(best.choice, told, limited, system.data.noise, system.data.values),
         certainty=best.choice.certainty,
         factors=best.choice.factors,
@@ -173,7 +184,7 @@ def planned(
         hindering=best.hindering,
         unwatched=limited.unwatched,
         time_is_short=best.time_is_short,
-        sample=_sample(recording.time),
+        sample=sample,
         read=_read(ruleset, again.models),
         sensors=advised(geometry, again.models, _alike(best.choice.factors)),
     )
@@ -212,10 +223,12 @@ def _steps(
         for name in told[0].readings:
             values = tuple(float(one.readings[name][place]) for one in told)
             spread = tuple(float(one.spread[name][place]) for one in told)
+            if not all(math.isfinite(own) for own in spread):
+                continue  # its module was moving where the set points are nearest: not foretold
             apart = (max(values) - min(values)) / float(noise[name][near])
             readings.append(Reading(name, values, apart, spread))
         given = {
-            name: float(values[near])
+            name: float(places.around[name][place] if name in places.around else values[near])
             for name, values in recorded.items()
             if name not in inputs and name not in told[0].readings
         }

@@ -9,12 +9,15 @@ from itertools import product
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.limits import SETTLING
 from rulec_runtime.recordings.recording import Recording
 from scipy.stats import qmc
 
 from rulec.mismatch import limits
+from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.foretell import Places
+from rulec.mismatch.experiment.surroundings import surroundings, unset
 from rulec.separation.allowed import Allowed
 
 
@@ -43,19 +46,27 @@ def present_inputs(ruleset: Ruleset, recording: Recording) -> dict[str, float]:
     return present
 
 
-def usual_reach(system: System, present: Mapping[str, float]) -> Reach:
-    """The range of each input that was changed while recording; steps as long as those were."""
+def usual_reach(system: System, present: Mapping[str, float], sample: float) -> Reach:
+    """The range of each input that was changed while recording; steps as long as those were, and so
+    long that they are seen to settle, with samples of so many seconds."""
     data, ranges = system.data, {}
     for signal in system.ruleset.signals:
         values = data.values.get(signal.id)
-        if signal.is_input and values is not None and np.isfinite(values).any():
-            low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        if not signal.is_input or values is None:
+            continue
+        # Where a pump stands no equation holds, and nothing between is known to run.
+        least = -np.inf if signal.minimum is None else signal.minimum
+        ran = values[np.isfinite(values) & (values >= least)]
+        if len(ran):
+            low, high = float(ran.min()), float(ran.max())
             if high - low > limits.FEATURE_VARIES * float(np.nanmedian(data.noise[signal.id])):
                 ranges[signal.id] = (low, high)
-    return Reach(ranges, _usual_step(data.time), present)
+    return Reach(ranges, _usual_step(data, sample), present)
 
 
-def limited_reach(system: System, present: Mapping[str, float], allowed: Allowed) -> Reach:
+def limited_reach(
+    system: System, present: Mapping[str, float], allowed: Allowed, sample: float
+) -> Reach:
     """The ranges that are allowed of inputs that were recorded; `present` is where they are."""
     ranges = {
         name: (min(ends), max(ends))
@@ -63,13 +74,18 @@ def limited_reach(system: System, present: Mapping[str, float], allowed: Allowed
         if name in present
         for ends in [(own.si(own.lowest), own.si(own.highest))]
     }
-    return Reach(ranges, _usual_step(system.data.time), present, allowed)
+    return Reach(ranges, _usual_step(system.data, sample), present, allowed)
 
 
-def _usual_step(time: Array) -> float:
-    """The usual time from one mean to the next, s."""
-    steps = np.diff(np.sort(time))
-    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
+def _usual_step(data: Data, sample: float) -> float:
+    """The usual time from one mean to the next, s.
+
+    Where several inputs are changed in turn that is shorter than one step that changes them all
+    takes until its readings have settled and give a mean.
+    """
+    steps = np.diff(np.sort(data.time))
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else limits.SHORTEST_STEP
+    return usual if data.of_rows else max(usual, (SETTLING + limits.HELD_SAMPLES) * sample)
 
 
 def _corners(inputs: int) -> Array:
@@ -104,8 +120,11 @@ def places_in(system: System, reach: Reach) -> Places:
     width = np.maximum(high - low, np.maximum(np.ptp(recorded, axis=0), 1e-300))
     far = np.abs((table[:, None, :] - recorded[None, :, :]) / width).max(axis=2)
     last = float(data.time.max())
+    inputs = {name: table[:, i] for i, name in enumerate(names)}
+    free = unset(system, names)
     return Places(
-        inputs={name: table[:, i] for i, name in enumerate(names)},
+        inputs=inputs,
         near=usable[far.argmin(axis=1)],
         time=np.full(len(table), last + reach.step),
+        around=surroundings(data.values, data.time, free, inputs),
     )

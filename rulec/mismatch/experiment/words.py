@@ -73,6 +73,11 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
     ]
     within = "the limits" if found.limited else "what was recorded"
     yield f"Set points were chosen within {within}: {', '.join(ranges)}."
+    for one in found.left_out:
+        yield (
+            f"{in_words(one)} ({percent(one.probability)}) still stands too. What it does at other "
+            "set points is not known: it is not foretold."
+        )
     yield from _limits(found)
 
 

@@ -18,6 +18,7 @@ from rulec.effects.model_builder import open_builder
 from rulec.mismatch.experiment.choose import certain, chosen, factors_of
 from rulec.mismatch.experiment.foretell import Foretold, foretold
 from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
+from rulec.mismatch.experiment.surroundings import surroundings
 from rulec.mismatch.search.settled.sets import explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
@@ -90,7 +91,9 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
             assert readings.min() * 0.999 <= value["value"] <= readings.max() * 1.001
     simulated = ambiguous / "out.csv"
     assert main(["simulate", str(ambiguous / "plant"), str(inputs), "-o", str(simulated)]) == 0
-    assert len(simulated.read_text(encoding="utf-8").splitlines()) == 1 + 10 * len(found["steps"])
+    assert (
+        len(simulated.read_text(encoding="utf-8").splitlines()) == 1 + found["steps"][-1]["until"]
+    )
     assert found["sensors"] == []
     assert "<svg" in page.read_text(encoding="utf-8")
 
@@ -173,7 +176,8 @@ def test_what_follows_time_is_foretold_for_later(tmp_path: Path) -> None:
     worn = next(n for n in found.models if any(".wear-slip@" in name for name in n))
     models = [found.models[worn], found.models[frozenset()]]
     system = found.geometry.rows.system
-    soon = places_in(system, usual_reach(system, present_inputs(opened[0], recording)))
+    present = present_inputs(opened[0], recording)
+    soon = places_in(system, usual_reach(system, present, 1.0))
     late = replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
     apart = []
     for places in (soon, late):
@@ -202,3 +206,13 @@ def test_what_cannot_be_planned_is_refused(
     file.write_text(json.dumps(form), encoding="utf-8")
     assert main(["experiment", str(file)]) == 1
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_what_nobody_sets_stays_or_follows_the_load() -> None:
+    """A temperature that did not follow the set point is as it was last; one that did follows."""
+    random = np.random.default_rng(1)
+    speed, time = random.uniform(5.0, 15.0, 400), np.arange(400.0)
+    recorded = {"n": speed, "warm": 20.0 + 2.0 * speed, "day": 20.0 + time / 40.0}
+    there = surroundings(recorded, time, ["warm", "day"], {"n": np.array([6.0, 14.0])})
+    assert there["warm"] == pytest.approx([32.0, 48.0])
+    assert there["day"] == pytest.approx([30.0, 30.0], abs=1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset
@@ -10,7 +11,13 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.foretell import Foretold, Places
-from rulec.mismatch.experiment.reach import Reach, limited_reach, places_in, present_inputs
+from rulec.mismatch.experiment.reach import (
+    Reach,
+    limited_reach,
+    places_in,
+    present_inputs,
+    usual_reach,
+)
 from rulec.mismatch.experiment.within import Within, best_within, within
 from rulec.separation.allowed import InputLimits, PlantLimits, allowed_of
 from tests.runtime.mismatch.made import opened, recorded, rows_at, tour
@@ -98,7 +105,7 @@ def test_thousands_of_places_keep_the_limits() -> None:
     looked = steps = 0
     for number in range(LIMITS):
         given = _limits(random, system)
-        reach = limited_reach(system, present, allowed_of(ruleset, given))
+        reach = limited_reach(system, present, allowed_of(ruleset, given), 1.0)
         if not reach.ranges:
             continue
         places = places_in(system, reach)
@@ -167,3 +174,15 @@ def test_no_time_for_more_is_told() -> None:
     assert (len(short.choice.places), short.time_is_short) == (1, True)
     long = best_within(_apart_by(2.0, 2.0), odds, 2, 120.0, found)
     assert (len(long.choice.places), long.time_is_short) == (2, False)
+
+
+def test_set_points_lie_where_pumps_run() -> None:
+    """A pump that stood now and then was not run between that and its lowest speed."""
+    plant = opened("abc")
+    system = rows_at(plant, recorded(plant, tour(plant[0], 240))).system
+    data, least = system.data, system.ruleset.signal_by_id["A.n"].minimum
+    stands = np.where(np.arange(len(data)) % 9 == 0, 0.0, data.values["A.n"])
+    points = replace(data.points, values={**data.values, "A.n": stands})
+    stood = replace(system, data=replace(data, points=points))
+    assert least is not None
+    assert least <= usual_reach(stood, {}, 1.0).ranges["A.n"][0] <= data.values["A.n"].max()

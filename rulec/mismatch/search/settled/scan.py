@@ -245,6 +245,7 @@ def scan(
     if not model.setting.joined and not model.terms:
         alone = _scanned(geometry, level, every, limits.FIRST_SETS, 0)
         found += alone
+        found += _scanned(geometry, _stiff(geometry, model), every, most, 0)
     found = [f for f in found if not _twice(f, alike)]
     return sorted(found, key=lambda f: -f.gain)
 
@@ -253,6 +254,14 @@ def _twice(found: Found, alike: Alike) -> bool:
     """Does it hold two faults that show alike?"""
     ids = [column.candidate.id for column, _ in found.starts]
     return any(b in alike.get(a, ()) for i, a in enumerate(ids) for b in ids[i + 1 :])
+
+
+def _stiff(geometry: Geometry, model: Model) -> Model:
+    """A model whose laws err less: where something large is missing errors of form take its place,
+    and then no explanation gains anything beside them."""
+    table, n = model.table.copy(), len(model.at)
+    table[:, n : n + geometry.forms.shape[1]] *= limits.STIFF
+    return replace(model, table=table)
 
 
 def _let_go(geometry: Geometry, model: Model) -> Model:

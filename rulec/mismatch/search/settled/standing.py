@@ -65,25 +65,30 @@ class Again:
     """Sets refitted to the means of operating states that `geometry` has, in order."""
 
     geometry: Geometry
+    sets: tuple[Standing, ...]
     models: tuple[Model, ...]
 
 
 def refitted_again(every: Rows, sets: Sequence[Standing]) -> Again:
-    """Sets refitted from where they were.
+    """Sets refitted from where they were; without those of which a term switched with set points,
+    for it is not known what it does at others.
 
     Raises KeyError with the id of a candidate that the knowledge base does not have.
     """
     search = begun(every)
     plain = search.models[frozenset()]
     named = {(t.name, t.basis.length): t for t in terms(search.geometry, plain)}
-    models = []
+    kept, models = [], []
     for one in sets:
+        if any(name not in named and not name[1] for name in one.terms):
+            continue
         own = tuple(named[name] for name in one.terms)
         first = search.refit(_setting(search.geometry, one), plain, own)
         # With the sizes of errors of the plain model, which are large where something is missing,
         # values end where those errors explain a part of it; with their own sizes they do not.
         models.append(search.refit(first.setting, first, own))
-    return Again(search.geometry, tuple(models))
+        kept.append(one)
+    return Again(search.geometry, tuple(kept), tuple(models))
 
 
 def _setting(geometry: Geometry, one: Standing) -> Configuration:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from rulec.effects.candidate import TIME, Candidate
@@ -44,10 +44,13 @@ class Search:
         return len(self.posterior.models)
 
 
-def search(rows: Rows, progress: Progress) -> Search:
-    """Find the sets of explanations that fit a recording, and tell the most probable one."""
+def search(rows: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> Search:
+    """Find the sets of explanations that fit a recording, and tell the most probable one.
+
+    `stood` is what recordings alone say that `rows` holds together.
+    """
     progress("taking means of operating states")
-    posterior = explain(rows, progress)
+    posterior = explain(rows, progress, stood)
     progress("refitting the most probable explanation to all settled points")
     model = posterior.models[posterior.best]
     fitted, candidates = _on_all_points(rows, model, _told(posterior))

@@ -25,7 +25,7 @@ def _lost(share: Array, state: State) -> Array:
 def cavitation(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Below a required pressure over that of the vapour the head falls; size per bar."""
     available = scene.suction[module] + AMBIENT - VAPOUR
-    required = quantile(available, float(random.uniform(0.2, 0.5)))
+    required = quantile(scene, available, float(random.uniform(0.2, 0.5)))
     share = size * np.maximum(required - available, 0.0) / BAR
     limit = (required - AMBIENT + VAPOUR) / BAR
     law = Term("head", module, lambda s: _lost(share, s))
@@ -35,8 +35,8 @@ def cavitation(scene: Scene, module: str, size: float, random: np.random.Generat
 def npsh(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """What is required rises with the square of the speed."""
     available = scene.suction[module] + AMBIENT - VAPOUR
-    usual = middle(scene.given[f"{module}.n"])
-    required = quantile(available, float(random.uniform(0.25, 0.5)))
+    usual = middle(scene, scene.given[f"{module}.n"])
+    required = quantile(scene, available, float(random.uniform(0.25, 0.5)))
 
     def law(s: State) -> Array:
         short = np.maximum(required * (s.speed / usual) ** 2 - available, 0.0)
@@ -48,7 +48,7 @@ def npsh(scene: Scene, module: str, size: float, random: np.random.Generator) ->
 
 def part_load_head(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Below a flow liquid circulates, and the head is lower, or higher."""
-    limit = quantile(scene.given[f"{module}.Q"], float(random.uniform(0.3, 0.6)))
+    limit = quantile(scene, scene.given[f"{module}.Q"], float(random.uniform(0.3, 0.6)))
     signed = size * float(random.choice([-0.5, 1.0]))
 
     def law(s: State) -> Array:
@@ -60,7 +60,7 @@ def part_load_head(scene: Scene, module: str, size: float, random: np.random.Gen
 
 def part_load_power(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Below a flow liquid circulates and takes power."""
-    limit = quantile(scene.given[f"{module}.Q"], float(random.uniform(0.3, 0.6)))
+    limit = quantile(scene, scene.given[f"{module}.Q"], float(random.uniform(0.3, 0.6)))
 
     def law(s: State) -> Array:
         return np.asarray(s.power * size * np.maximum(1.0 - s.flow / limit, 0.0))
@@ -70,7 +70,7 @@ def part_load_power(scene: Scene, module: str, size: float, random: np.random.Ge
 
 def worn_rings(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """They widen; size is what flows back at the end of the recording, l/h at the median head."""
-    usual, length = middle(scene.plain[f"{module}.dp"]), float(scene.time[-1])
+    usual, length = middle(scene, scene.plain[f"{module}.dp"]), scene.length
     flow = size * LITRE_PER_HOUR * scene.time / length
 
     def law(s: State) -> Array:
@@ -81,7 +81,7 @@ def worn_rings(scene: Scene, module: str, size: float, random: np.random.Generat
 
 def narrowed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Passages foul: the liquid in them is faster by the share `size` at the end."""
-    length = float(scene.time[-1])
+    length = scene.length
     faster = 1.0 + size * scene.time / length
     gain = 1.0 - 1.0 / faster
     return Made((Term("gain", module, lambda s: gain),), {"w": size / scene.days})

@@ -14,7 +14,7 @@ HALVINGS = 40
 
 def slip_power(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Gaps are less laminar than the law has it: a lower power of the pressure."""
-    usual = middle(scene.plain[f"{module}.dp"])
+    usual = middle(scene, scene.plain[f"{module}.dp"])
     more = -size
 
     def law(s: State) -> Array:
@@ -25,7 +25,7 @@ def slip_power(scene: Scene, module: str, size: float, random: np.random.Generat
 
 def slip_dragged(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The moving walls drag liquid against the slip, or with it, by a power of the speed."""
-    usual = middle(scene.given[f"{module}.n"])
+    usual = middle(scene, scene.given[f"{module}.n"])
     more = size * float(random.choice([-1.0, 1.0]))
 
     def law(s: State) -> Array:
@@ -37,14 +37,14 @@ def slip_dragged(scene: Scene, module: str, size: float, random: np.random.Gener
 def heated(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """What the pump dissipates warms the liquid in it beyond what the thermometer shows, K."""
     power = scene.plain[f"{module}.P_el"]
-    colder = size * power / middle(power)
+    colder = size * power / middle(scene, power)
     return Made((Reading(f"{module}.T", lambda shown: shown - colder),), {"r": size})
 
 
 def induction(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """An asynchronous motor lags its field by so many revolutions at a torque, at any speed."""
-    usual = middle(scene.plain[f"{module}.dp"])
-    lag = size * middle(scene.given[f"{module}.n"])
+    usual = middle(scene, scene.plain[f"{module}.dp"])
+    lag = size * middle(scene, scene.given[f"{module}.n"])
 
     def law(s: State) -> Array:
         return np.asarray(lag * s.pressure / usual / s.speed)
@@ -54,8 +54,8 @@ def induction(scene: Scene, module: str, size: float, random: np.random.Generato
 
 def weakened(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Above the speed at which its voltage ends a motor slips more, with its square."""
-    usual = middle(scene.plain[f"{module}.dp"])
-    limit = quantile(scene.given[f"{module}.n"], float(random.uniform(0.4, 0.7)))
+    usual = middle(scene, scene.plain[f"{module}.dp"])
+    limit = quantile(scene, scene.given[f"{module}.n"], float(random.uniform(0.4, 0.7)))
 
     def law(s: State) -> Array:
         beyond = np.maximum((s.speed / limit) ** 2 - 1.0, 0.0)
@@ -66,7 +66,7 @@ def weakened(scene: Scene, module: str, size: float, random: np.random.Generator
 
 def folded_back(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Above a power the converter takes the speed back; the power is that at the lower speed."""
-    limit = quantile(scene.plain[f"{module}.P_el"], float(random.uniform(0.4, 0.8)))
+    limit = quantile(scene, scene.plain[f"{module}.P_el"], float(random.uniform(0.4, 0.8)))
     kind = scene.rig.kind(module)
     lead = f"{module}."
     own = {n.removeprefix(lead): v for n, v in scene.values.items() if n.startswith(lead)}
@@ -85,7 +85,8 @@ def folded_back(scene: Scene, module: str, size: float, random: np.random.Genera
 
 def stribeck(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Seals rub hard while no film carries them: a torque that dies away with the speed."""
-    usual, load = middle(scene.given[f"{module}.n"]), middle(scene.plain[f"{module}.P_el"])
+    usual = middle(scene, scene.given[f"{module}.n"])
+    load = middle(scene, scene.plain[f"{module}.P_el"])
     reach = float(random.uniform(0.15, 0.5)) * usual
 
     def law(s: State) -> Array:
@@ -96,7 +97,7 @@ def stribeck(scene: Scene, module: str, size: float, random: np.random.Generator
 
 def power_speed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Power that rises with another power of the speed than the affinity laws have it."""
-    usual = middle(scene.given[f"{module}.n"])
+    usual = middle(scene, scene.given[f"{module}.n"])
     more = size * float(random.choice([-1.0, 1.0]))
 
     def law(s: State) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -17,12 +18,13 @@ Sort = Literal["physics", "fault", "sensor", "unnamed"]
 
 @dataclass(frozen=True)
 class Made:
-    """An effect of some size: its terms, its parameters as its key knows them, and places in other
-    modules where it is, too."""
+    """An effect of some size: its terms, its parameters as its key knows them, places in other
+    modules where it is, too, and its size."""
 
     changes: tuple[Change, ...]
     parameters: Mapping[str, float]
     elsewhere: tuple[str, ...] = ()
+    size: float = math.nan
 
 
 Make = Callable[[Scene, str, float, np.random.Generator], Made]
@@ -69,14 +71,19 @@ def warmer(scene: Scene, module: str) -> Array:
     values = scene.temperature.get(module)
     if values is None:
         values = next(iter(scene.temperature.values()))
-    return np.asarray(values - float(np.median(values)))
+    return np.asarray(values - middle(scene, values))
 
 
-def middle(values: Array) -> float:
-    """Median as plain number."""
-    return float(np.median(values))
+def middle(scene: Scene, values: Array) -> float:
+    """Median as plain number; what shapes an effect is what was recorded first."""
+    return float(np.median(values[scene.known]))
 
 
-def quantile(values: Array, share: float) -> float:
+def quantile(scene: Scene, values: Array, share: float) -> float:
     """A quantile as plain number."""
-    return float(np.quantile(values, share))
+    return float(np.quantile(values[scene.known], share))
+
+
+def span(scene: Scene, values: Array) -> float:
+    """Largest less smallest value as plain number."""
+    return float(np.ptp(values[scene.known]))

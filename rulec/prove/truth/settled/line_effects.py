@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..units import BAR, LITRE_PER_HOUR, Array
-from .effect import DOSING, Effect, Made, warmer
+from .effect import DOSING, Effect, Made, middle, warmer
 from .pump_effects import MINUTE
 from .scene import Scene
 from .term import State, Term
@@ -24,7 +24,7 @@ def laminar(scene: Scene, module: str, size: float, random: np.random.Generator)
 
 def exponent(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Loss by a lower power of the flow than 2: 2 - size, the same at the middle."""
-    usual = float(np.median(_flow(scene, module)))
+    usual = middle(scene, _flow(scene, module))
     friction = scene.values[f"{module}.k2"]
 
     def law(flow: Array) -> Array:
@@ -43,27 +43,27 @@ def line_warm(scene: Scene, module: str, size: float, random: np.random.Generato
 def static_head(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The level of the feed tank lifts or lowers what the pump works against; bar per m."""
     level = scene.level[module]
-    height = BAR * size * (level - float(np.median(level)))
+    height = BAR * size * (level - middle(scene, level))
     return Made((Term("loss", module, lambda s: height),), {"w": size})
 
 
 def fouling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Friction grows with time; size over the recording."""
-    length = float(scene.time[-1])
+    length = scene.length
     course = size * scene.time / length
     return Made((Term("friction", module, lambda s: course),), {"w": size / scene.days})
 
 
 def worn(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """A throttle wears and lets more through, at the end by the share `size` of the flow."""
-    length = float(scene.time[-1])
+    length = scene.length
     course = (1.0 + size * scene.time / length) ** -2 - 1.0
     return Made((Term("friction", module, lambda s: course),), {"w": size / scene.days})
 
 
 def transition(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Below a flow, `size` times the usual one, the loss is laminar: it is linear in the flow."""
-    limit = size * float(np.median(_flow(scene, module)))
+    limit = size * middle(scene, _flow(scene, module))
     friction = scene.values[f"{module}.k2"]
 
     def law(flow: Array) -> Array:
@@ -89,7 +89,7 @@ def hose(scene: Scene, module: str, size: float, random: np.random.Generator) ->
 
 def settling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The line passes more at the start, until deposits have settled; size as share of flow."""
-    constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
+    constant = float(random.uniform(0.12, 0.4)) * scene.length
     course = (1.0 + size * np.exp(-scene.time / constant)) ** -2 - 1.0
     parameters = {"a": size, "tau": constant * scene.pace / MINUTE}
     return Made((Term("friction", module, lambda s: course),), parameters)

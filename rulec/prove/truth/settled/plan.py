@@ -99,7 +99,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class SettledCase:
-    """A recording of a stationary plant with its answer."""
+    """A recording of a stationary plant with its answer; `planted` are effects with their sizes."""
 
     plan: Planned
     scene: Scene
@@ -107,6 +107,7 @@ class SettledCase:
     answer: Answer
     stated: Rig | None = None
     """The plant as its file has it, where that is another one."""
+    planted: tuple[tuple[Placed, float], ...] = ()
 
     def write(self, folder: Path) -> None:
         """Write `plant/` and `recording.csv`, and `earlier.csv` to calibrate with, if any."""
@@ -158,7 +159,8 @@ def _attempt(plan: Planned, seed: int) -> SettledCase | None:
     # hide of them is told, not made up for.
     told = blurred(seen) if found and drawn.hard.told else seen
     answer = answer_of(plan.name, plan.group, plan.conceal, told, found, seed)
-    return SettledCase(plan, seen.scene, terms, answer)
+    planted = tuple((one, made.size) for one, made in found)
+    return SettledCase(plan, seen.scene, terms, answer, planted=planted)
 
 
 def _misstated(

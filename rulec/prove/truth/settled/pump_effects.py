@@ -37,7 +37,7 @@ def slip_gap(scene: Scene, module: str, size: float, random: np.random.Generator
 
 def relief(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """A relief valve opens; size in l/h/bar."""
-    opens = quantile(scene.plain[f"{module}.dp"], float(random.uniform(0.7, 0.93)))
+    opens = quantile(scene, scene.plain[f"{module}.dp"], float(random.uniform(0.7, 0.93)))
     factor = size * LITRE_PER_HOUR / BAR
     return _one(
         "slip",
@@ -65,7 +65,7 @@ def valve_delay(scene: Scene, module: str, size: float, random: np.random.Genera
 
 def filling(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The pump does not fill above a speed."""
-    limit = quantile(scene.given[f"{module}.n"], float(random.uniform(0.65, 0.9)))
+    limit = quantile(scene, scene.given[f"{module}.n"], float(random.uniform(0.65, 0.9)))
     return _one(
         "gain",
         module,
@@ -78,28 +78,28 @@ def filling(scene: Scene, module: str, size: float, random: np.random.Generator)
 def starved(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The pump draws air when its tank is nearly empty."""
     level = scene.level[module]
-    limit = quantile(level, float(random.uniform(0.15, 0.4)))
+    limit = quantile(scene, level, float(random.uniform(0.15, 0.4)))
     share = np.maximum(1.0 - level / limit, 0.0)
     return _one("gain", module, lambda s: size * share, k=size, l_c=limit)
 
 
 def belt(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Motor slip or a belt: the shaft turns slower under load; size at the median pressure."""
-    usual = middle(scene.plain[f"{module}.dp"])
+    usual = middle(scene, scene.plain[f"{module}.dp"])
     return _one("shaft", module, lambda s: size * s.pressure / usual, s=size)
 
 
 def speed_limit(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The drive does not follow its set value above a speed."""
     shown = scene.given[f"{module}.n"]
-    limit = quantile(shown, float(random.uniform(0.65, 0.9)))
+    limit = quantile(scene, shown, float(random.uniform(0.65, 0.9)))
     share = size * np.maximum(shown - limit, 0.0) / shown
     return _one("shaft", module, lambda s: share, a=size, n_c=limit / RPM)
 
 
 def warm_up_slip(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """The cold pump slips less, or more, until it is warm."""
-    constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
+    constant = float(random.uniform(0.12, 0.4)) * scene.length
     sign = float(random.choice([-1.0, 1.0]))
     course = sign * size * np.exp(-scene.time / constant)
     return _one(
@@ -109,7 +109,7 @@ def warm_up_slip(scene: Scene, module: str, size: float, random: np.random.Gener
 
 def wear(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Gaps wear; size is the growth over the recording."""
-    length = float(scene.time[-1])
+    length = scene.length
     course = size * scene.time / length
     return _one("slip", module, lambda s: s.slip * course, w=size / scene.days)
 
@@ -122,33 +122,36 @@ def head_warm(scene: Scene, module: str, size: float, random: np.random.Generato
 
 def head_wear(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Head lost with time; size over the recording."""
-    length = float(scene.time[-1])
+    length = scene.length
     course = size * scene.time / length
     return _one("head", module, lambda s: s.pressure * course, w=size / scene.days)
 
 
 def head_speed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Head that rises with another power of the speed than 2."""
-    ratio = scene.given[f"{module}.n"] / middle(scene.given[f"{module}.n"])
+    ratio = scene.given[f"{module}.n"] / middle(scene, scene.given[f"{module}.n"])
     factor = ratio**-size - 1.0
     return _one("head", module, lambda s: s.pressure * factor, a=size)
 
 
 def copper(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Copper loss by the square of the torque, so of the pressure; size at median load."""
-    usual, load = middle(scene.plain[f"{module}.dp"]), middle(scene.plain[f"{module}.P_el"])
+    usual = middle(scene, scene.plain[f"{module}.dp"])
+    load = middle(scene, scene.plain[f"{module}.P_el"])
     return _one("power", module, lambda s: size * load * (s.pressure / usual) ** 2, k=size)
 
 
 def windage(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Fan of the motor, by the cube of the speed."""
-    usual, load = middle(scene.given[f"{module}.n"]), middle(scene.plain[f"{module}.P_el"])
+    usual = middle(scene, scene.given[f"{module}.n"])
+    load = middle(scene, scene.plain[f"{module}.P_el"])
     return _one("power", module, lambda s: size * load * (s.speed / usual) ** 3, k=size)
 
 
 def viscous(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Viscous friction, by the square of the speed."""
-    usual, load = middle(scene.given[f"{module}.n"]), middle(scene.plain[f"{module}.P_el"])
+    usual = middle(scene, scene.given[f"{module}.n"])
+    load = middle(scene, scene.plain[f"{module}.P_el"])
     return _one("power", module, lambda s: size * load * (s.speed / usual) ** 2, k=size)
 
 
@@ -166,7 +169,7 @@ def friction_warm(scene: Scene, module: str, size: float, random: np.random.Gene
 
 def warm_up_power(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Cold bearings and seals take more until they are warm."""
-    constant = float(random.uniform(0.12, 0.4)) * float(scene.time[-1])
+    constant = float(random.uniform(0.12, 0.4)) * scene.length
     course = size * np.exp(-scene.time / constant)
     return _one(
         "power", module, lambda s: s.power * course, a=size, tau=constant * scene.pace / MINUTE

@@ -58,6 +58,8 @@ class Scene:
     plain : true values of all signals, SI
     hard : what makes it harder than its plain laws; its form errors are in `plain`
     pace : s from sample to sample
+    correlated : do temperatures follow the load?
+    further : samples at the end that are of a further recording
     """
 
     rig: Rig
@@ -75,11 +77,23 @@ class Scene:
     plain: Mapping[str, Array]
     hard: Difficulty = NONE
     pace: float = 1.0
+    correlated: bool = False
+    further: int = 0
 
     @property
     def days(self) -> float:
         """Length of the recording."""
-        return float(self.time[-1]) * self.pace / DAY
+        return self.length * self.pace / DAY
+
+    @property
+    def known(self) -> slice:
+        """Samples that shape what is planted: all but those of a further recording."""
+        return slice(self.time.size - self.further)
+
+    @property
+    def length(self) -> float:
+        """Of the recording, samples less one."""
+        return float(self.time[self.known][-1])
 
     @property
     def clock(self) -> Array:
@@ -94,7 +108,7 @@ class Scene:
         values = values or self.values
         laws = (*self.hard.terms(self.rig, values), *terms)
         found = solve(Operated(self.rig, values, self.given, laws), self.plain)
-        around = _ambient(self.rig, self.temperature, self.level, self.suction, self.density)
+        around = ambient(self.rig, self.temperature, self.level, self.suction, self.density)
         return {**around, **self.given, **found}
 
     def shown(self, truth: Mapping[str, Array], terms: Sequence[Change] = ()) -> dict[str, Array]:
@@ -181,7 +195,7 @@ def scene(
     values = drawn(rig, stream(seed, "parameters"))
     laws = hard.terms(rig, values)
     found = solve(Operated(rig, values, given, laws))
-    around = _ambient(rig, temperatures, levels, suctions, densities)
+    around = ambient(rig, temperatures, levels, suctions, densities)
     plain = {**around, **given, **found}
     time = np.maximum(seconds - before, 0.0)
     return Scene(
@@ -200,6 +214,7 @@ def scene(
         plain,
         hard,
         pace,
+        correlated,
     )
 
 
@@ -231,13 +246,14 @@ def opened_slowly(seconds: Array, setting: Array) -> Array:
     return approach(seconds, setting, INERTIA.speed)
 
 
-def _ambient(
+def ambient(
     rig: Rig,
     temperature: Mapping[str, Array],
     level: Mapping[str, Array],
     suction: Mapping[str, Array],
     density: Mapping[str, Array],
 ) -> dict[str, Array]:
+    """True values of signals that nothing in the plant causes, SI."""
     found = {f"{m}.T": v for m, v in temperature.items() if f"{m}.T" in rig.sensors}
     found |= {f"{m}.{rig.gauge}": values for m, values in suction.items()}
     found |= {f"{m}.rho": values for m, values in density.items()}

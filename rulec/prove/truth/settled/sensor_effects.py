@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from ..units import BAR, Array
-from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, middle, quantile, warmer
+from .effect import DISPLACEMENT, DOSING, Effect, Made, Make, middle, quantile, span, warmer
 from .scene import Scene
 from .term import Kind, Reading, Term
 
@@ -19,7 +20,7 @@ def _follows(
 
     def make(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
         sign = float(random.choice([-1.0, 1.0]))
-        length = float(scene.time[-1])
+        length = scene.length
         course = warmer(scene, module) if by == "T" else scene.time / length
         amount = sign * size * course
         reading = Reading(f"{module}.{signal}", lambda value: shown(value, amount))
@@ -43,7 +44,7 @@ def misadjusted(scene: Scene, module: str, size: float, random: np.random.Genera
     `z` is what it reads too much at its median reading.
     """
     gain = float(random.choice([-1.0, 1.0])) * size
-    true = middle(scene.plain[f"{module}.dp"])
+    true = middle(scene, scene.plain[f"{module}.dp"])
     zero = -gain * true * float(random.uniform(0.3, 1.2))
 
     def shown(value: Array) -> Array:
@@ -54,7 +55,7 @@ def misadjusted(scene: Scene, module: str, size: float, random: np.random.Genera
 
 def two_slope(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """Above a pressure the transmitter shows each further one larger by the share `size`."""
-    kink = quantile(scene.plain[f"{module}.dp"], float(random.uniform(0.3, 0.7)))
+    kink = quantile(scene, scene.plain[f"{module}.dp"], float(random.uniform(0.3, 0.7)))
 
     def shown(value: Array) -> Array:
         return value + size * np.maximum(value - kink, 0.0)
@@ -65,7 +66,7 @@ def two_slope(scene: Scene, module: str, size: float, random: np.random.Generato
 def bent(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """What is shown too much rises with the square of the distance from the usual pressure."""
     values = scene.plain[f"{module}.dp"]
-    usual, reach = middle(values), 0.5 * float(np.ptp(values))
+    usual, reach = middle(scene, values), 0.5 * span(scene, values)
 
     def shown(value: Array) -> Array:
         return value + size * (value - usual) ** 2 / reach
@@ -82,10 +83,11 @@ def speed_gain(scene: Scene, module: str, size: float, random: np.random.Generat
 
 def _present(scene: Scene, random: np.random.Generator) -> Array:
     """1 while a fault is there: from a third on, to the end or for a while."""
-    length = float(scene.time[-1])
+    length = scene.length
     begin = float(random.uniform(0.25, 0.6)) * length
-    end = length if random.uniform() < 0.6 else begin + float(random.uniform(0.15, 0.3)) * length
-    end = min(end, length)
+    # What lasts to the end lasts on where the plant is recorded further.
+    lasts = random.uniform() < 0.6
+    end = math.inf if lasts else begin + float(random.uniform(0.15, 0.3)) * length
     return ((scene.time >= begin) & (scene.time <= end)).astype(float)
 
 

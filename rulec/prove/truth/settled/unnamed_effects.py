@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..units import RPM
-from .effect import DOSING, Effect, Made, middle, quantile
+from .effect import DOSING, Effect, Made, middle, quantile, span
 from .scene import Scene
 from .term import Term
 
@@ -13,9 +13,9 @@ from .term import Term
 def resonance(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """In a band of speeds the frame shakes and takes power; size over the median power."""
     speed = scene.given[f"{module}.n"]
-    peak = quantile(speed, float(random.uniform(0.35, 0.65)))
-    width = 0.12 * float(np.ptp(speed))
-    load = middle(scene.plain[f"{module}.P_el"])
+    peak = quantile(scene, speed, float(random.uniform(0.35, 0.65)))
+    width = 0.12 * span(scene, speed)
+    load = middle(scene, scene.plain[f"{module}.P_el"])
     bump = size * load * np.exp(-(((speed - peak) / width) ** 2))
     return Made((Term("power", module, lambda s: bump),), {"peak": peak / RPM})
 
@@ -26,7 +26,7 @@ def play(scene: Scene, module: str, size: float, random: np.random.Generator) ->
     state, last = np.zeros_like(speed), float(speed[0])
     side = 1.0
     for k, now in enumerate(speed):
-        if abs(now - last) > 0.02 * float(np.ptp(speed)):
+        if abs(now - last) > 0.02 * span(scene, speed):
             side, last = float(np.sign(now - last)), float(now)
         state[k] = side
     return Made((Term("friction", module, lambda s: size * state),), {"share": size})
@@ -45,7 +45,7 @@ def pattern(scene: Scene, module: str, size: float, random: np.random.Generator)
     feeding = [n for n in scene.rig.pumps if module in scene.rig.path(n)]
     flows = np.array([scene.plain[f"{n}.Q"] for n in feeding])
     share = flows[0] / flows.sum(axis=0)
-    over = (share > quantile(share, 0.55)).astype(float)
+    over = (share > quantile(scene, share, 0.55)).astype(float)
     return Made((Term("friction", module, lambda s: size * over),), {"share": size})
 
 

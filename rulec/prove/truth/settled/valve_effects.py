@@ -46,7 +46,7 @@ def late(scene: Scene, module: str, size: float, random: np.random.Generator) ->
 
 def stopped(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
     """A stop in the way: the valve opens no further; `size` is how often it would have to."""
-    limit = quantile(scene.given[f"{module}.x"], 1.0 - size)
+    limit = quantile(scene, scene.given[f"{module}.x"], 1.0 - size)
     law = _opened(module, lambda x: np.asarray(np.minimum(x, limit)))
     return Made((law,), {"s": limit})
 
@@ -56,7 +56,7 @@ def heavy(scene: Scene, module: str, size: float, random: np.random.Generator) -
 
     The flow coefficient holds at the median density.
     """
-    ratio = scene.density[module] / middle(scene.density[module])
+    ratio = scene.density[module] / middle(scene, scene.density[module])
     return Made((Term("gain", module, lambda s: 1.0 - ratio ** (-0.5 * size)),), {"s": size})
 
 
@@ -77,7 +77,8 @@ def in_row(scene: Scene, module: str, size: float, random: np.random.Generator) 
 
     `size` is their loss over the valve's where that passes the median flow at the median pressure.
     """
-    flow, pressure = middle(scene.plain[f"{module}.Q"]), middle(scene.given[f"{module}.dp"])
+    flow = middle(scene, scene.plain[f"{module}.Q"])
+    pressure = middle(scene, scene.given[f"{module}.dp"])
     fittings = size * pressure / flow**2
     coefficient, reference = (scene.values[f"{module}.{name}"] for name in ("Kv", "p_ref"))
 

@@ -1,0 +1,220 @@
+"""A second round in the terminal: what it was worth, beside baselines of equal length."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import fmean, median
+
+from rich.console import Console
+from rich.table import Table
+from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.report.text import counted, fixed, number, percent
+
+from rulec.prove.further_inputs import ARMS, RECIPE
+from rulec.prove.limits import TOLD, WORST_CASES
+from rulec.prove.results import Further, Judged
+from rulec.prove.scores import FALSE_NAMES as FALSE
+from rulec.prove.scores import Row, table
+from rulec.prove.tables import planted_words, said_words, value_of
+
+FALSE_NAMES = 6
+SCORES = {0: "place right", 1: "name right", 2: "clean", 3: "unnamed", FALSE_NAMES: "false names"}
+"""Scores of `scores.table` that a second recording is judged by."""
+
+OUTCOMES = {
+    "run": "run again as proposed",
+    "alike": "no set points tell them apart, the tool says; the first answer stays",
+    "refused": "the tool plans nothing; the first answer stays",
+    "stalled": "the plant cannot be run as proposed; the first answer stays",
+    "alone": "one explanation stood alone: no second recording is asked for",
+}
+
+BAR = 20
+"""Characters of a bar from 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Gained:
+    """Recipes by the certainty that they foretell, from `low` to `high`.
+
+    `said` and `found` are mean probabilities of the true explanation, foretold and realised;
+    `stood` and `found_of_stood` are how many had the truth among what they tell apart, and what was
+    realised of those.
+    """
+
+    low: float
+    high: float
+    count: int
+    said: float
+    found: float
+    stood: int
+    found_of_stood: float
+
+
+def gained(further: Sequence[Further]) -> list[Gained]:
+    """Expected against realised certainty; bins with recipes only."""
+    ran, found = [f for f in further if f.outcome == "run"], []
+    for low, high in pairwise(TOLD):
+        own = [f for f in ran if low <= f.expected[1] < high or f.expected[1] == high == 1.0]
+        if own:
+            stood = [f.sure[RECIPE] for f in own if f.stood]
+            found.append(
+                Gained(
+                    low,
+                    high,
+                    len(own),
+                    fmean(f.expected[1] for f in own),
+                    fmean(f.sure[RECIPE] for f in own),
+                    len(stood),
+                    fmean(stood) if stood else float("nan"),
+                )
+            )
+    return found
+
+
+def tell_further(out: Console, judged: Sequence[Judged], further: Sequence[Further]) -> None:
+    """Write what became of the cases, scores before and after, and what was foretold."""
+    first = {j.case: j for j in judged}
+    ran = [f for f in further if f.outcome == "run"]
+    out.print(styled("\n[bold]{}[/]", headline(further)))
+    counts = Counter(f.outcome for f in further)
+    for outcome, words in OUTCOMES.items():
+        if counts[outcome]:
+            out.print(styled("{}  {}", f"{counts[outcome]:>5}", words))
+        for why, count in Counter(f.why for f in further if f.outcome == outcome and f.why).items():
+            out.print(styled("[dim]{}  {}[/]", f"{count:>9}", one_line(why)))
+    if ran:
+        total = sum(f.minutes for f in ran)
+        out.print(
+            styled(
+                "plant time: {} min in all, {} min and {} in the middle",
+                number(total, 3),
+                number(median(f.minutes for f in ran), 3),
+                counted(round(median(f.steps for f in ran)), "step"),
+            )
+        )
+        out.print(styled("\n[bold]Of cases that were run again[/]"))
+        out.print(_scores([first[f.case] for f in ran], ran))
+        out.print(styled("\n[bold]Of all cases[/]"))
+        out.print(_scores(list(judged), further))
+        for arm in sorted({arm for f in ran for arm in f.after}, key=list(ARMS).index):
+            out.print(styled("[dim]{}: {}[/]", arm, ARMS[arm]))
+        out.print(styled("\n[bold]How sure of the true explanation: foretold and realised[/]"))
+        out.print(_gained(gained(further)))
+        for line in _remarks(ran):
+            out.print(styled("[dim]{}[/]", line))
+    lost = [
+        (first[f.case], f.after[RECIPE])
+        for f in ran
+        if _right(f.after[RECIPE]) < _right(first[f.case])
+    ]
+    if lost:
+        out.print(styled("\n[bold]Worse with the second recording[/]"))
+        shown = Table("case", "planted", "first said", "then said", box=None, pad_edge=False)
+        for before, after in lost[:WORST_CASES]:
+            row = (before.case, planted_words(before), said_words(before), said_words(after))
+            shown.add_row(*(one_line(words) for words in row))
+        out.print(shown)
+
+
+def headline(further: Sequence[Further]) -> str:
+    """What was open, and how sure of the truth the answers are after it, in one sentence."""
+    ran = [f for f in further if f.outcome == "run"]
+    open_ = [f for f in further if f.outcome != "alone"]
+    what = f"Round two: more than one explanation stood in {len(open_)} of {len(further)} cases"
+    if not ran:
+        return f"{what}; none was run again."
+    before, after = (fmean(values) for values in zip(*_sure(ran), strict=True))
+    return (
+        f"{what}; {len(ran)} were run again. There the true one was {percent(before)} sure on "
+        f"average, and is {percent(after)} sure now."
+    )
+
+
+def _sure(ran: Sequence[Further]) -> Iterator[tuple[float, float]]:
+    for f in ran:
+        yield f.sure_before, f.sure[RECIPE]
+
+
+def after_of(judged: Sequence[Judged], further: Sequence[Further], arm: str) -> list[Judged]:
+    """Answers with a second recording; the first one where there is none."""
+    changed: Mapping[str, Judged] = {f.case: f.after[arm] for f in further if arm in f.after}
+    return [changed.get(j.case, j) for j in judged]
+
+
+def _scores(judged: Sequence[Judged], further: Sequence[Further]) -> Table:
+    """Scores of the first answers, and with a second recording of each kind."""
+    arms = [arm for arm in ARMS if any(arm in f.after for f in further)]
+    columns = [table(judged), *(table(after_of(judged, further, arm)) for arm in arms)]
+    shown = Table(box=None, pad_edge=False, collapse_padding=True)
+    shown.add_column("score", max_width=24)
+    for title in ("first", *arms):
+        shown.add_column(title, justify="right", no_wrap=True)
+    for place, title in SCORES.items():
+        rows = [column[place] for column in columns]
+        of = "" if place == FALSE_NAMES else f" ({rows[0].count})"
+        shown.add_row(title + of, *map(_cell, rows))
+    shown.add_row(
+        "sure of the truth",
+        percent(fmean(f.sure_before for f in further)),
+        *(percent(fmean(f.sure.get(arm, f.sure_before) for f in further)) for arm in arms),
+    )
+    return shown
+
+
+def _cell(row: Row) -> str:
+    """A share; of false names how many, and of how many that are told as certain."""
+    return f"{row.hits:g} of {row.count}" if row.score == FALSE else value_of(row)
+
+
+def _gained(bins: Sequence[Gained]) -> Table:
+    shown = Table(box=None, pad_edge=False, collapse_padding=True)
+    for title in ("foretold", "recipes", "mean", "realised", "truth stood", "realised"):
+        shown.add_column(title, justify="right", no_wrap=True)
+    shown.add_column("0         to         1", no_wrap=True)
+    for one in bins:
+        shown.add_row(
+            f"{percent(one.low)} to {percent(one.high)}",
+            str(one.count),
+            percent(one.said),
+            percent(one.found),
+            str(one.stood),
+            percent(one.found_of_stood) if one.stood else "–",
+            _bar(one),
+        )
+    return shown
+
+
+def _bar(one: Gained) -> str:
+    filled = round(BAR * one.found_of_stood) if one.stood else 0
+    cells = ["█"] * filled + ["·"] * (BAR - filled)
+    cells[min(round(BAR * one.said), BAR - 1)] = "|"
+    return "".join(cells)
+
+
+def _remarks(ran: Sequence[Further]) -> Iterator[str]:
+    """Log Bayes factors, and how often the truth was not among what a recipe could tell apart."""
+    stood = [f for f in ran if f.stood]
+    yield "bars: realised where the truth stood; |: foretold"
+    yield (
+        f"truth stood: the true explanation was among those that the recipe tells apart, in "
+        f"{len(stood)} of {len(ran)}"
+    )
+    known = [f for f in stood if f.nats is not None and f.nats_expected is not None]
+    if known:
+        expected = median(f.nats_expected or 0.0 for f in known)
+        realised = median(f.nats or 0.0 for f in known)
+        yield (
+            f"log Bayes factor of the true explanation against the likeliest other, middle of "
+            f"{len(known)}: expected {fixed(expected, 1)} nats, realised {fixed(realised, 1)} "
+            "at least"
+        )
+
+
+def _right(judged: Judged) -> float:
+    """Score of a case by which it can become worse."""
+    scores = (judged.name_right, judged.clean_right, judged.unnamed_right)
+    return next((float(s) for s in scores if s is not None), 0.0)

@@ -1,0 +1,127 @@
+"""A second round of a run: plan for every answer, run the same true plants, ask again.
+
+The tool's processes get paths of folders; the truth's get the recipe and give recordings. Nothing
+is opened before all is asked.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.output.write_file import write_text
+
+from rulec.prove import campaign
+from rulec.prove.analyst import FORM
+from rulec.prove.ask_again import FIRST, PLAN, ROUND, SECOND, ask_again, plan
+from rulec.prove.campaign import Changed, OnProgress, folder_of
+from rulec.prove.dated import dated
+from rulec.prove.further_inputs import ARMS, RECIPE, courses
+from rulec.prove.further_scores import further_of
+from rulec.prove.partition import Partition, Planned
+from rulec.prove.results import Further, Judged
+from rulec.prove.truth.recording import write_csv
+from rulec.prove.truth.settled.further import recorded_further
+from rulec.prove.truth.settled.plan import SettledCase
+
+
+def arms_of(baselines: bool) -> tuple[str, ...]:
+    """How plants are run again."""
+    return tuple(ARMS) if baselines else (RECIPE,)
+
+
+def asked_again(
+    partition: Partition,
+    work: Path,
+    seals: Sequence[str],
+    arms: Sequence[str],
+    jobs: int,
+    on_progress: OnProgress,
+) -> None:
+    """Plan, run and ask about every case whose first answer leaves something open.
+
+    What a folder has already is kept. Raises Changed where an answer is not what was sealed.
+    """
+
+    def done(work_: Callable[..., object], what: str, todo: list[tuple[Any, ...]]) -> None:
+        on_progress(what, 0, len(todo))
+        for _ in campaign.spread(work_, todo, jobs, lambda n: on_progress(what, n, len(todo))):
+            pass
+
+    folders = [folder_of(work, i) for i, seal in enumerate(seals) if seal]
+    done(plan, "planning", [(f,) for f in folders if not (f / PLAN).exists()])
+    lacking = [
+        (case, folder_of(work, i), seals[i], arms)
+        for i, case in enumerate(partition.cases())
+        if seals[i] and any(not recorded(folder_of(work, i), arm) for arm in arms)
+    ]
+    done(_run, "running again", [words for words in lacking if _recipe(words[1])])
+    again = [f / ROUND / arm for f in folders if _recipe(f) for arm in arms]
+    done(ask_again, "asking again", [(f,) for f in again if not (f / FORM).exists()])
+
+
+def judged_again(
+    partition: Partition,
+    work: Path,
+    seals: Sequence[str],
+    first: Sequence[Judged],
+    arms: Sequence[str],
+    jobs: int,
+    on_progress: OnProgress,
+) -> list[Further]:
+    """Open the answers once more, and judge what was said of both recordings."""
+    cases = [(case, i) for i, case in enumerate(partition.cases()) if seals[i]]
+    todo = [(case, folder_of(work, i), j, arms) for (case, i), j in zip(cases, first, strict=True)]
+    what = "judging again"
+    return list(campaign.spread(_judge, todo, jobs, lambda n: on_progress(what, n, len(todo))))
+
+
+def recorded(folder: Path, arm: str) -> bool:
+    """Is there a further recording of a case, or the word that the plant cannot be run so?"""
+    own = folder / ROUND / arm
+    return (own / SECOND).exists() or (own / FORM).exists()
+
+
+def _recipe(folder: Path) -> dict[str, Any]:
+    """The recipe of a case; empty where it has no step."""
+    found: dict[str, Any] = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+    return found if found.get("steps") else {}
+
+
+def _run(case: Planned, folder: Path, seal: str, arms: Sequence[str]) -> None:
+    """Write the first recording with dates, and one for each way to run the plant."""
+    made = case.make()
+    assert isinstance(made, SettledCase)
+    if made.answer.digest != seal:
+        raise Changed(f"{folder}: the answer of {case.name} is not the one that was sealed")
+    own = folder / ROUND
+    own.mkdir(exist_ok=True)
+    write_text(own / FIRST, dated((folder / "recording.csv").read_text(encoding="utf-8")))
+    for arm in arms:
+        if recorded(folder, arm):
+            continue
+        (own / arm).mkdir(exist_ok=True)
+        try:
+            course = courses(made, _recipe(folder), arm, made.answer.seed)
+            columns = recorded_further(made, course)
+        except ValueError as refused:
+            # The plant cannot be run so: the operator is left with the first answer.
+            write_text(own / arm / FORM, json.dumps({"not_run": str(refused)}))
+            continue
+        seconds = own / arm / "seconds.csv"
+        write_csv(seconds, columns)
+        write_text(own / arm / SECOND, dated(seconds.read_text(encoding="utf-8")))
+        seconds.unlink()
+
+
+def _judge(case: Planned, folder: Path, first: Judged, arms: Sequence[str]) -> Further:
+    recipe = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+    before = json.loads((folder / FORM).read_text(encoding="utf-8"))
+    after = {
+        arm: json.loads((folder / ROUND / arm / FORM).read_text(encoding="utf-8"))
+        for arm in arms
+        if recipe.get("steps")
+    }
+    return further_of(case.make().answer, first, recipe, before, after)

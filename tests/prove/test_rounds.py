@@ -1,0 +1,281 @@
+"""A second round: further recordings of the same true plant, and what is told of them."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rulec_runtime.output.terminal import Terminal
+
+from rulec.prove import campaign
+from rulec.prove.analyst import FORM
+from rulec.prove.ask_again import FIRST, PLAN, ROUND
+from rulec.prove.campaign import folder_of, sealed
+from rulec.prove.command import main as suite
+from rulec.prove.dated import dated
+from rulec.prove.further_inputs import ARMS, courses, samples_of
+from rulec.prove.further_scores import further_of, right_set
+from rulec.prove.further_told import after_of, gained, tell_further
+from rulec.prove.partition import Partition
+from rulec.prove.results import Further, Run, run_from_json
+from rulec.prove.second_round import asked_again, judged_again
+from rulec.prove.truth.sealed import Answer, Planted
+from rulec.prove.truth.settled.further import displayed, longer, recorded_further, repeated
+from rulec.prove.truth.settled.plan import Planned, SettledCase
+from tests.prove.made import judged, planted
+
+
+@pytest.fixture(scope="module")
+def fault() -> SettledCase:
+    """A leak that lasts to the end, or not."""
+    return Planned("a leak", "fault", "dosing", "steps", ("leak",), aim=300.0, small=True).make()
+
+
+def recipe_for(case: SettledCase) -> dict[str, Any]:
+    """Two steps of 12 s and 9 s at the lowest and highest set points."""
+    sensors, ranges = case.scene.rig.sensors, case.scene.given
+    steps = [
+        {
+            "from": 0.0 if end == "min" else 12.0,
+            "until": 12.0 if end == "min" else 21.0,
+            "inputs": {
+                name: {
+                    "value": displayed(case, name, float(getattr(ranges[name], end)())),
+                    "unit": sensors[name].unit,
+                }
+                for name in case.scene.rig.inputs
+            },
+        }
+        for end in ("min", "max")
+    ]
+    return {"steps": steps, "certainty": [0.6, 0.8, 0.95], "factors": [[0.0, 3.0], [3.0, 0.0]]}
+
+
+def test_a_further_recording_is_of_the_same_plant(fault: SettledCase) -> None:
+    """Its first part is the recording that was; lasting errors of sensors stay, noise is new, and
+    what was planted is as large."""
+    scene = fault.scene
+    on = longer(scene, repeated(scene, 400))
+    assert on.known == slice(scene.time.size)
+    assert on.length == scene.length
+    for name, values in scene.plain.items():
+        assert on.plain[name][on.known] == pytest.approx(values, rel=1e-9)
+        assert len(on.plain[name]) == scene.time.size + 400
+    before = scene.recorded(scene.truly(fault.terms), fault.terms)
+    again = recorded_further(fault, repeated(scene, scene.time.size - scene.first))
+    assert again["time [s]"][0] == before["time [s]"][-1] - before["time [s]"][scene.first] + 1.0
+    for name in scene.rig.inputs:
+        header = f"{name} [{scene.rig.sensors[name].unit}]"
+        off = again[header] - before[header][scene.first :]
+        noise = 0.3 * 0.5 * scene.rig.sensors[name].bound
+        assert abs(off.mean()) < 5.0 * noise * np.sqrt(2.0 / off.size)
+        assert off.std() == pytest.approx(noise * np.sqrt(2.0), rel=0.3)
+
+
+def test_ways_to_run_again_are_of_equal_length(fault: SettledCase) -> None:
+    """And stay within what each input was in the recording."""
+    recipe = recipe_for(fault)
+    assert samples_of(recipe, 1.0) == [12, 9]
+    for arm in ARMS:
+        found = courses(fault, recipe, arm, seed=1)
+        for name, course in found.items():
+            known = fault.scene.given[name]
+            assert len(course) == 21
+            assert known.min() - 1e-9 <= course.min() <= course.max() <= known.max() + 1e-9
+    held = courses(fault, recipe, "recipe", seed=1)
+    for name, course in held.items():
+        assert course[11] == pytest.approx(fault.scene.given[name].min(), rel=1e-3)
+        assert course[20] == pytest.approx(fault.scene.given[name].max(), rel=1e-3)
+
+
+def test_what_nobody_can_set_is_refused(fault: SettledCase) -> None:
+    recipe = recipe_for(fault)
+    recipe["steps"][0]["inputs"]["A.T"] = {"value": 20.0, "unit": "degC"}
+    with pytest.raises(ValueError, match=r"A\.T: nobody can set this"):
+        courses(fault, recipe, "recipe", seed=1)
+
+
+def test_both_recordings_stand_on_one_axis_of_time() -> None:
+    assert dated("time [s],A.n [rpm]\n0,5\n90,\n").splitlines() == [
+        "time,A.n [rpm]",
+        "2026-01-05 06:00:00,5",
+        "2026-01-05 06:01:30,",
+    ]
+
+
+LEAK = Planted(
+    effect="leak",
+    title="leak",
+    sort="fault",
+    module="A",
+    place="leak",
+    names=("leakage",),
+    places=("A.bypass",),
+    parameters={},
+    gain=50.0,
+    margin=20.0,
+    rival="",
+)
+OPEN = Answer(
+    case="a case",
+    half="stationary",
+    plant="a plant",
+    profile="steps",
+    seed=1,
+    samples=300,
+    verdict="fault",
+    concealed=("open",),
+    effects=(LEAK,),
+)
+
+
+def form_of(**sets: float) -> dict[str, Any]:
+    """An answer in which sets stand, by the id of their only part (`none` for the empty one)."""
+    named = [
+        {"names": [] if n == "none" else [f"A.{n}!"], "probability": p} for n, p in sets.items()
+    ]
+    best = max(sets, key=lambda name: sets[name])
+    effect = {
+        "effect": best,
+        "id": f"A.{best}",
+        "module": "A",
+        "modules": ["A"],
+        "place": "bypass",
+        "sort": "fault",
+        "probability": sets[best],
+        "alternatives": [],
+        "parameters": {},
+    }
+    return {"verdict": "fault", "effects": [effect], "standing": named}
+
+
+def test_the_true_explanation_is_what_is_planted_and_no_more() -> None:
+    """A nameless effect is right at its place; on a clean plant nothing is."""
+    assert right_set(OPEN, ["A.leakage!"], {})
+    assert right_set(OPEN, ["A.leakage/"], {})
+    assert not right_set(OPEN, ["A.leakage!", "A.clogging!"], {})
+    assert not right_set(OPEN, ["B.leakage!"], {})
+    assert not right_set(OPEN, ["signal:A.bypass~A.n"], {})
+    nameless = replace(OPEN, verdict="unnamed", effects=(replace(LEAK, names=()),))
+    assert right_set(nameless, ["signal:A.bypass~A.n"], {})
+    assert not right_set(nameless, ["signal:B.dp~A.n"], {})
+    assert right_set(replace(OPEN, verdict="none", effects=()), [], {})
+
+
+def test_gain_is_told_beside_what_was_expected() -> None:
+    """Certainty and log Bayes factor of the true explanation, before and after."""
+    recipe = {
+        "steps": [{"until": 120.0}],
+        "certainty": [0.55, 0.9],
+        "factors": [[0.0, 2.0], [3.0, 0.0]],
+        "explanations": form_of(clogging=0.6, leakage=0.4)["standing"],
+    }
+    before, after = form_of(clogging=0.6, leakage=0.4), form_of(leakage=0.9, clogging=0.1)
+    first = planted("a case", "leakage", 50.0, said="clogging", name_right=0.0)
+    found = further_of(OPEN, first, recipe, before, {"recipe": after, "same": {"not_run": "no"}})
+    assert (found.outcome, found.steps, found.minutes) == ("run", 1, 2.0)
+    assert (found.sure_before, found.sure) == (0.4, {"recipe": 0.9, "same": 0.4})
+    assert (found.stood, found.expected, found.nats_expected) == (True, (0.55, 0.9), 3.0)
+    assert found.nats == pytest.approx(np.log(9.0) + np.log(1.5))
+    assert found.after["recipe"].name_right == 1.0
+    assert found.after["same"] == first
+
+
+@pytest.mark.parametrize(
+    ("recipe", "outcome"),
+    [
+        ({"alone": True}, "alone"),
+        ({"error": "no input was changed"}, "refused"),
+        ({"steps": []}, "alike"),
+    ],
+)
+def test_without_a_recipe_the_first_answer_stays(recipe: dict[str, Any], outcome: str) -> None:
+    first = planted("a case", "leakage", 50.0)
+    found = further_of(OPEN, first, recipe, form_of(leakage=0.6, clogging=0.4), {})
+    assert (found.outcome, found.sure_before, found.after) == (outcome, 0.6, {})
+    assert after_of([first], [found], "recipe") == [first]
+
+
+def test_a_second_round_is_told_within_80_columns() -> None:
+    """The finding first; kept as JSON and read again."""
+    cases = [
+        planted("missed", "leakage", 50.0, said="filling-loss"),
+        planted("named", "leakage", 50.0),
+        judged("clean"),
+    ]
+    better, worse = cases[1], replace(cases[0], case="named")
+    usual: dict[str, Any] = {"steps": 6, "minutes": 4.5, "expected": (0.6, 0.92), "stood": True}
+    further = (
+        Further(
+            case="missed", outcome="run", sure_before=0.3, sure=dict.fromkeys(ARMS, 0.8),
+            after=dict.fromkeys(ARMS, replace(better, case="missed")), nats=2.0, nats_expected=3.0,
+            **usual,
+        ),
+        Further(
+            case="named", outcome="run", sure_before=0.5, sure=dict.fromkeys(ARMS, 0.2),
+            after=dict.fromkeys(ARMS, worse), **{**usual, "stood": False},
+        ),
+        Further(case="clean", outcome="alone"),
+    )  # fmt: skip
+    (bin_,) = gained(further)
+    assert (bin_.count, bin_.stood, bin_.found, bin_.found_of_stood) == (2, 1, 0.5, 0.8)
+    out = Terminal(file=io.StringIO(), width=80, color_system=None)
+    tell_further(out, cases, further)
+    assert isinstance(out.file, io.StringIO)
+    told = out.file.getvalue()
+    assert "2 of 3 cases; 2 were run again" in told
+    assert "Worse with the second recording" in told
+    assert max(map(len, told.splitlines())) <= 80
+    run = Run(tuple(cases), further=further)
+    assert run_from_json(run.to_json()) == run
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_second_round_goes_on_where_it_was(tmp_path: Path) -> None:
+    """What was recorded and answered is kept, what is not the sealed plant is not run, and all is
+    judged from the files."""
+    few, arms = Partition("development", 1, quick=True, only="fault-leak"), ("recipe",)
+    seals = sealed(few, tmp_path, 1, lambda *told: None)
+    (folder,) = [folder_of(tmp_path, i) for i, seal in enumerate(seals) if seal]
+    before, after = form_of(leakage=0.6, clogging=0.4), form_of(leakage=0.95, clogging=0.05)
+    recipe = {
+        "steps": [{"until": 60.0}],
+        "certainty": [0.52, 0.9],
+        "factors": [[0.0, 2.0], [2.0, 0.0]],
+        "explanations": before["standing"],
+    }
+    own = folder / ROUND / "recipe"
+    own.mkdir(parents=True)
+    (folder / PLAN).write_text(json.dumps(recipe))
+    (folder / FORM).write_text(json.dumps(before))
+    with pytest.raises(campaign.Changed, match="not the one that was sealed"):
+        asked_again(few, tmp_path, ["0" * 64], arms, 1, lambda *told: None)
+    (own / FORM).write_text(json.dumps(after))
+    asked_again(few, tmp_path, seals, arms, 1, lambda *told: None)
+    assert [FORM] == [file.name for file in own.iterdir()]
+    assert not (folder / ROUND / FIRST).exists()
+    first = [judged(few.cases()[0].name, planted=("leak@A",), concealed=("open",))]
+    (found,) = judged_again(few, tmp_path, seals, first, arms, 1, lambda *told: None)
+    assert (found.outcome, found.steps, found.expected) == ("run", 1, (0.52, 0.9))
+    assert (found.sure_before == 0.6) == (found.sure["recipe"] == 0.95)
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--baselines"], "add --rounds 2"),
+        (["--rounds", "2"], "add --only stationary"),
+        (["--rounds", "2", "--hard"], "leave --hard out"),
+        (["--rounds", "2", "--real"], "leave --real out"),
+    ],
+)
+def test_mistakes_are_told_before_the_work(
+    words: list[str], why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert suite(["--quick", *words] if "--real" not in words else words) == 2
+    assert why in capsys.readouterr().err
