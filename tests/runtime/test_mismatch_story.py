@@ -374,6 +374,7 @@ def test_machine_form_carries_the_repair() -> None:
         "checks": [],
         "recalibrated": None,
         "misread": [],
+        "rewired": [],
     } == repair
 
 

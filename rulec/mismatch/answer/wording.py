@@ -70,7 +70,7 @@ def symbol(mismatch: Mismatch) -> str:
 
 def meaning(mismatch: Mismatch) -> str:
     """The verdict in words."""
-    if mismatch.verdict == "named" and mismatch.findings[0].name == CONNECTION:
+    if mismatch.verdict == "named" and [f.name for f in mismatch.findings[:1]] == [CONNECTION]:
         return MISCONNECTED
     words = VERDICTS.get(mismatch.verdict, ("C", mismatch.verdict))[1]
     return words[:1].upper() + words[1:]
