@@ -13,8 +13,7 @@ from rulec.algebra.tangent import run_with_slopes
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import CHANGE, Configuration
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.search.settled.geometry import Geometry, Term
-from rulec.mismatch.search.settled.nameless import driver_of
+from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model
 

@@ -21,8 +21,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
-from rulec.mismatch.search.settled.geometry import Geometry, Term
-from rulec.mismatch.search.settled.nameless import driver_of
+from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.scan import at_points

@@ -25,6 +25,7 @@ class Basis:
     high: float
     length: float
     says: str = ""
+    price: float = 0.0
 
     def at(self, values: Array) -> Array:
         """Independent functions of unit prior size at values, shape (n, functions)."""

@@ -14,6 +14,7 @@ from rulec.mismatch.answer.verdict import next_step
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import HiddenDriver
 from rulec.mismatch.search.settled.sets import Posterior, explain, with_terms
+from rulec.mismatch.search.settled.standing import refitted_again, standing_of
 from rulec.mismatch.search.settled.switching import Switching, price
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
@@ -32,10 +33,15 @@ def share(found: Posterior, mark: str) -> float:
 
 
 def test_friction_by_the_way_there_is_told_as_that(tmp_path: Path) -> None:
-    """Of all terms at the place, the one with memory gains most."""
-    found = with_terms(rows_of("unnamed", "play", tmp_path), {"A.loss"})
+    """Of all terms at the place, the one with memory gains most. No experiment is planned with it:
+    what it does at other set points is not known."""
+    rows = rows_of("unnamed", "play", tmp_path)
+    found = with_terms(rows, {"A.loss"})
     (term,) = found.models[found.best].terms
     assert "a law with memory" in term.basis.says
+    standing = standing_of(found)
+    assert term.basis.says in standing[0].titles[0]
+    assert standing[0] not in refitted_again(rows, standing).sets
 
 
 def test_a_driver_that_turns_is_told_as_a_course(tmp_path: Path) -> None:

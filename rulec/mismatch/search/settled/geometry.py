@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.special import gammaln
 
-from rulec.effects.candidate import Candidate, Spot, Unknown
+from rulec.effects.candidate import TIME, Candidate, Spot, Unknown
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import ERROR, Configuration
 from rulec.mismatch.evidence.steady.extent import usual_size
@@ -18,7 +18,14 @@ from rulec.mismatch.evidence.steady.fit import Fitted, evaluated, prior_of
 from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import likeness
+from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.settled.sizes import Size, size_of
+
+
+def driver_of(system: System, name: str) -> Array:
+    """Values of a driver at all points, shape (n,), SI; NaN where it was not read."""
+    values: Array = system.data.time if name == TIME else system.data.values[name]
+    return values
 
 
 def number_of_terms(rows: Rows) -> int:
@@ -59,13 +66,17 @@ def _smooth_in_time(time: Array, source: NDArray[np.intp]) -> Array:
 
 
 class Functions(Protocol):
-    """Functions of a driver; `length` tells those of one name apart, `says` what they are."""
+    """Functions of a driver; `length` tells smooth ones of one name apart, `says` what switches the
+    others. `price` is what it takes to tell them, nats."""
 
     @property
     def length(self) -> float: ...
 
     @property
     def says(self) -> str: ...
+
+    @property
+    def price(self) -> float: ...
 
     def at(self, values: Array) -> Array:
         """The functions at values of the driver, shape (n, functions)."""
@@ -79,8 +90,7 @@ class Term:
     `spot` is the id of the place, `changed` that place, or the parameter of its law that changes.
     `slopes`, shape (seen rows,), are those of the residuals by `changed`, SI. `columns`, shape
     (seen rows, functions), are the functions of `basis`, each as it shows, over their `norm`; how
-    large they are is found with the errors of form. `price` is what it takes to tell the functions,
-    nats.
+    large they are is found with the errors of form.
     """
 
     name: str
@@ -91,7 +101,32 @@ class Term:
     basis: Functions
     norm: float
     columns: Array
-    price: float = 0.0
+
+
+def term_of(
+    geometry: Geometry, place: str, changed: Spot, slopes: Array, driver: str, basis: Functions
+) -> Term | None:
+    """A term with functions of a driver; None where it does not show.
+
+    `place` is the id of the place, `slopes`, shape (seen rows,), are those of the residuals by what
+    is `changed` there.
+    """
+    values = driver_of(geometry.rows.system, driver)
+    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
+    table = slopes[:, None] * basis.at(known)
+    size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
+    if not (size > 0.0 and np.isfinite(table).all()):
+        return None
+    return Term(
+        name=f"{changed.id}~{driver}",
+        spot=place,
+        changed=changed,
+        driver=driver,
+        slopes=slopes,
+        basis=basis,
+        norm=size,
+        columns=table / size,
+    )
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from rulec.mismatch.evidence.steady.fit import Fitted
 from rulec.mismatch.evidence.steady.locate import spot_column, variables_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.basis import basis_over
-from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of, term_of
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.switching import by_the_way
 from rulec.mismatch.search.time_varying import wandering
@@ -47,30 +47,16 @@ def _over(
 ) -> Iterator[Term]:
     """Terms over a driver: what happens in a band of it may be a resonance; what turns in time, a
     driver that nobody recorded."""
-    values = driver_of(geometry.rows.system, name)
-    known = np.nan_to_num(values, nan=float(np.nanmedian(values)))[geometry.point]
-    own = slopes[geometry.seen]
+    own, values = slopes[geometry.seen], driver_of(geometry.rows.system, name)
     for length in limits.TERM_LENGTHS:
-        basis = basis_over(values, length)
-        table = own[:, None] * basis.at(known)
-        size = float(np.sqrt(np.mean(table[:, 0] ** 2)))
-        if size > 0.0 and np.isfinite(table).all():
-            yield Term(
-                name=f"{changed.id}~{name}",
-                spot=place,
-                changed=changed,
-                driver=name,
-                slopes=own,
-                basis=basis,
-                norm=size,
-                columns=table / size,
-            )
+        term = term_of(geometry, place, changed, own, name, basis_over(values, length))
+        if term is not None:
+            yield term
 
 
-def driver_of(system: System, name: str) -> Array:
-    """Values of a driver at all points, shape (n,), SI; NaN where it was not read."""
-    values: Array = system.data.time if name == TIME else system.data.values[name]
-    return values
+def smooth(every: Sequence[Term]) -> list[Term]:
+    """Those that do not switch: only these are told apart by their names and lengths."""
+    return [term for term in every if not term.basis.says]
 
 
 def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float, Term]]:
@@ -96,7 +82,7 @@ def nameless(model: Model, every: Sequence[Term], most: int) -> list[tuple[float
             (
                 max(gains)
                 + limits.TERM_ODDS
-                - term.price
+                - term.basis.price
                 - float(np.log(len(every) * len(limits.TERM_SIZES))),
                 term,
             )

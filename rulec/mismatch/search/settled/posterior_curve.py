@@ -10,8 +10,7 @@ from rulec_runtime.contract.plan import Array
 
 from rulec.mismatch import limits
 from rulec.mismatch.search.curve_found import CurveFound
-from rulec.mismatch.search.settled.geometry import Geometry, Term
-from rulec.mismatch.search.settled.nameless import driver_of
+from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.refit import Model
 
 

@@ -16,7 +16,7 @@ from rulec.mismatch.evidence.steady.screen import InitialCandidate, with_open_re
 from rulec.mismatch.evidence.steady.states import rows_of_states
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.search.settled.geometry import Geometry, Term
-from rulec.mismatch.search.settled.nameless import nameless, terms
+from rulec.mismatch.search.settled.nameless import nameless, smooth, terms
 from rulec.mismatch.search.settled.nested import beside, holds
 from rulec.mismatch.search.settled.refit import Model, refitted
 from rulec.mismatch.search.settled.resampled import Names, shares
@@ -96,7 +96,7 @@ class Search:
         expected -= ends * float(np.log(limits.ONSETS))
         places = max(self.geometry.terms, 1)
         expected += len(model.terms) * (limits.TERM_ODDS - float(np.log(places)))
-        expected -= sum(term.price for term in model.terms)
+        expected -= sum(term.basis.price for term in model.terms)
         return model.evidence + float(expected)
 
     @property
@@ -215,10 +215,11 @@ def _take_up(search: Search, part: Posterior) -> None:
     """Refit the sets that stand in a part of the recordings: the way that the search goes among all
     of them may miss one."""
     plain, time = search.models[frozenset()], search.geometry.rows.system.data.time
-    known = {(t.name, t.basis.length): t for t in terms(search.geometry, plain)}
+    known = {(t.name, t.basis.length): t for t in smooth(terms(search.geometry, plain))}
     likely = sorted(part.sets, key=lambda names: (-part.sets[names], sorted(names)))
     for names in likely[: limits.SETS_STANDING]:
         model = part.models[names]
+        # What switched does so at other times in another recording.
         own = [known.get((t.name, t.basis.length)) for t in model.terms]
         there = tuple(term for term in own if term is not None)
         if part.sets[names] < limits.REPORTED or len(there) < len(own) or not names:

@@ -13,7 +13,7 @@ from rulec.mismatch.evidence.steady.configuration import Configuration, Course, 
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.result import Presence, Standing
 from rulec.mismatch.search.settled.geometry import Geometry, Term
-from rulec.mismatch.search.settled.nameless import terms
+from rulec.mismatch.search.settled.nameless import smooth, terms
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.resampled import Names
 from rulec.mismatch.search.settled.sets import Posterior, begun
@@ -77,10 +77,10 @@ def refitted_again(every: Rows, sets: Sequence[Standing]) -> Again:
     """
     search = begun(every)
     plain = search.models[frozenset()]
-    named = {(t.name, t.basis.length): t for t in terms(search.geometry, plain)}
+    named = {(t.name, t.basis.length): t for t in smooth(terms(search.geometry, plain))}
     kept, models = [], []
     for one in sets:
-        if any(name not in named and not name[1] for name in one.terms):
+        if any(not length for _, length in one.terms):
             continue
         own = tuple(named[name] for name in one.terms)
         first = search.refit(_setting(search.geometry, one), plain, own)

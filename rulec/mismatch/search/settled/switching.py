@@ -23,7 +23,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.rows import Rows
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.search.branches import ways_there
-from rulec.mismatch.search.settled.geometry import Geometry, Term
+from rulec.mismatch.search.settled.geometry import Geometry, Term, term_of
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.time_varying import wandering
 
@@ -64,7 +64,7 @@ def by_the_way(
         came = np.where(side == 0.0, before, side)
         ends = np.flatnonzero(np.diff(came) != 0) + 1
         way = Switching(data.time[ends], came[np.append(0, ends)], says, float(np.log(2.0)))
-        term = _term(geometry, place, changed, slopes, way)
+        term = term_of(geometry, place, changed, slopes, TIME, way)
         if term is not None:
             yield term
 
@@ -101,7 +101,7 @@ def with_set_points(
             continue
         ways = [(spot, column), *((w.spot, w.column) for w in wandering(model.fitted, spot))]
         for changed, slopes in ways:
-            term = _term(geometry, spot.id, changed, slopes[geometry.seen], way)
+            term = term_of(geometry, spot.id, changed, slopes[geometry.seen], TIME, way)
             if term is not None:
                 yield term
 
@@ -117,23 +117,3 @@ def price(ends: int, borders: int) -> float:
     """What it takes to tell at which of some borders there is an end, nats."""
     ways = gammaln(borders + 1) - gammaln(ends + 1) - gammaln(borders - ends + 1)
     return float(ways + np.log(borders + 1))
-
-
-def _term(
-    geometry: Geometry, place: str, changed: Spot, slopes: Array, way: Switching
-) -> Term | None:
-    table = slopes[:, None] * way.at(geometry.rows.system.data.time)[geometry.point]
-    size = float(np.sqrt(np.mean(table**2)))
-    if not (size > 0.0 and np.isfinite(table).all()):
-        return None
-    return Term(
-        name=f"{changed.id}~{TIME}",
-        spot=place,
-        changed=changed,
-        driver=TIME,
-        slopes=slopes,
-        basis=way,
-        norm=size,
-        columns=table / size,
-        price=way.price,
-    )
