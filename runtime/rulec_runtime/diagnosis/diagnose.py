@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +12,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
-from rulec_runtime.diagnosis.steady.seen import judgeable, see_stretches
+from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Timeline, timeline_of
 from rulec_runtime.recordings.wall_clock import Calendar
 
 
@@ -81,19 +83,24 @@ def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
 def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
     """Number of judged samples, and what the settled stretches say."""
     stretches, noise = judgeable(recording, ruleset, mode)
-    found = Found([], [], [])
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])
-        found.not_judged.append(Period(since, until, _restless(len(recording))))
-        return 0, found
-    judged = np.zeros(len(stretches), dtype=bool)
-    for seen in see_stretches(recording, ruleset, stretches, noise, mode):
-        own = findings_of(recording.time, ruleset, stretches, seen)
+        return 0, Found([], [], [Period(since, until, _restless(len(recording)))])
+    seen = see_stretches(recording, ruleset, stretches, noise, mode)
+    return told_of(ruleset, timeline_of(recording.time, stretches), seen)
+
+
+def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:
+    """Number of judged samples, and what all blocks of estimates say of settled stretches."""
+    found = Found([], [], [])
+    judged = np.zeros(len(timeline), dtype=bool)
+    for part in seen:
+        own = findings_of(timeline, ruleset, part)
         found.findings.extend(own.findings)
         found.unknown.extend(own.unknown)
         found.not_judged.extend(own.not_judged)
-        judged |= seen.isolation.judged
-    return int(stretches.lengths[judged].sum()), found
+        judged |= part.isolation.judged
+    return int(timeline.samples[judged].sum()), found
 
 
 def _restless(samples: int) -> str:

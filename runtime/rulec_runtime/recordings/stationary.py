@@ -37,6 +37,39 @@ class Stretches:
         return self.last - self.first
 
 
+@dataclass(frozen=True)
+class Timeline:
+    """When stretches were, whether or not their samples are still there.
+
+    Attributes
+    ----------
+    since, until : shape (n,), s, times of the first and the last sample of each.
+    samples : shape (n,), how many each has.
+    later : shape (n,), how many came after it.
+    interval : s, the usual time between samples.
+    """
+
+    since: Array
+    until: Array
+    samples: NDArray[np.intp]
+    later: NDArray[np.intp]
+    interval: float
+
+    def __len__(self) -> int:
+        return len(self.since)
+
+
+def timeline_of(time: Array, stretches: Stretches) -> Timeline:
+    """When the stretches of a recording were."""
+    return Timeline(
+        since=time[stretches.first],
+        until=time[stretches.last - 1],
+        samples=stretches.lengths,
+        later=len(time) - stretches.last,
+        interval=float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
+    )
+
+
 def noise_of(values: Array) -> float:
     """Standard deviation of white noise in a record, by second differences: steps and slopes hardly
     move it."""

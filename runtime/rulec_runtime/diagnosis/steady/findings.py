@@ -8,7 +8,6 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
@@ -18,7 +17,7 @@ from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
-from rulec_runtime.recordings.stationary import Stretches
+from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
 
@@ -110,26 +109,23 @@ class Found:
     not_judged: list[Period]
 
 
-def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen) -> Found:
+def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
-    verdicts = [verdict_at(ruleset, seen, i) for i in range(len(stretches))]
-    found = Found([], [], _in_part(time, ruleset, stretches, seen))
+    verdicts = [verdict_at(ruleset, seen, i) for i in range(len(timeline))]
+    found = Found([], [], _in_part(timeline, ruleset, seen))
     known: frozenset[int] = frozenset()
-    for kind, members in runs_of(
-        verdicts, seen.isolation, _pauses(time, stretches), _slow(ruleset, seen)
-    ):
-        since = float(time[stretches.first[members[0]]])
-        until = float(time[stretches.last[members[-1]] - 1])
+    for kind, members in runs_of(verdicts, seen.isolation, _pauses(timeline), _slow(ruleset, seen)):
+        since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
-        if kind == "fault" and _too_brief(seen, stretches, members):
+        if kind == "fault" and _too_brief(seen, timeline, members):
             found.not_judged.append(Period(since, until, _brief(ruleset, verdicts[members[0]])))
         elif kind == "fault":
             causes = causes_of(ruleset, seen, members, known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
-                times = _when(time, stretches, seen, cause, members)
+                times = _when(timeline, seen, cause, members)
                 one = _finding(ruleset, seen, cause, members, times)
-                behind = OVER if cause.when == ENDED else _behind(time, stretches, seen, members)
+                behind = OVER if cause.when == ENDED else _behind(timeline, seen, members)
                 found.findings.append(replace(one, behind=behind))
         elif kind == "blind":
             found.not_judged.append(Period(since, until, text))
@@ -140,13 +136,13 @@ def findings_of(time: Array, ruleset: Ruleset, stretches: Stretches, seen: Seen)
     return found
 
 
-def _too_brief(seen: Seen, stretches: Stretches, members: list[int]) -> bool:
+def _too_brief(seen: Seen, timeline: Timeline, members: list[int]) -> bool:
     """Is a deviation short, and not so large that no end of a transient explains it?"""
     isolation = seen.isolation
     strongest = members[int(np.argmax(isolation.misfit[members]))]
     limit = accepted(int(isolation.freedom[strongest]), 0, isolation.chance)
     far = isolation.misfit[strongest] > limits.FAR_BEYOND * limit
-    return bool(stretches.lengths[members].sum() < limits.PERSISTENCE and not far)
+    return bool(timeline.samples[members].sum() < limits.PERSISTENCE and not far)
 
 
 def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
@@ -155,39 +151,32 @@ def _brief(ruleset: Ruleset, verdict: Verdict) -> str:
     return f"{fault.id} would fit, but a finding takes {limits.PERSISTENCE} samples"
 
 
-def _when(
-    time: Array, stretches: Stretches, seen: Seen, cause: Cause, members: list[int]
-) -> tuple[float, float]:
+def _when(timeline: Timeline, seen: Seen, cause: Cause, members: list[int]) -> tuple[float, float]:
     """First and last time of a cause: that of the run, of its baseline, or of both."""
     points = list(members)
     learned = list(seen.baselines.states[seen.baselines.at[members[0]]].learned)
     if cause.when != ONSET:
         points = learned if cause.when == ENDED else learned + points
-    return float(time[stretches.first[points[0]]]), float(time[stretches.last[points[-1]] - 1])
+    return float(timeline.since[points[0]]), float(timeline.until[points[-1]])
 
 
-def _behind(time: Array, stretches: Stretches, seen: Seen, members: list[int]) -> str | None:
+def _behind(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
     """What follows a run: stretches that were judged, the end, or what could not be."""
     last = members[-1]
     if seen.isolation.judged[last + 1 :].any():
         return OVER
-    if len(time) - stretches.last[last] < limits.PERSISTENCE:
+    if timeline.later[last] < limits.PERSISTENCE:
         return TO_THE_END
-    return UNSETTLED if last + 1 == len(stretches) else UNJUDGED
+    return UNSETTLED if last + 1 == len(timeline) else UNJUDGED
 
 
-def _in_part(
-    time: Array,
-    ruleset: Ruleset,
-    stretches: Stretches,
-    seen: Seen,
-) -> list[Period]:
+def _in_part(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> list[Period]:
     """Periods in which some estimates were missing, neighbouring ones joined."""
     found: list[Period] = []
     last = ""
-    for i in range(len(stretches)):
+    for i in range(len(timeline)):
         text = partly_blind(ruleset, seen, i)
-        since, until = float(time[stretches.first[i]]), float(time[stretches.last[i] - 1])
+        since, until = float(timeline.since[i]), float(timeline.until[i])
         if text and text == last:
             found[-1] = replace(found[-1], until=until)
         elif text:
@@ -202,12 +191,10 @@ def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
-def _pauses(time: Array, stretches: Stretches) -> set[int]:
+def _pauses(timeline: Timeline) -> set[int]:
     """Stretches before which nothing was recorded for long."""
-    if len(time) < 2:
-        return set()
-    limit = limits.LONGEST_STRETCH * float(np.median(np.diff(time)))
-    between = time[stretches.first[1:]] - time[stretches.last[:-1] - 1]
+    limit = limits.LONGEST_STRETCH * timeline.interval
+    between = timeline.since[1:] - timeline.until[:-1]
     return {int(i) + 1 for i in np.flatnonzero(between > limit)}
 
 

@@ -15,6 +15,7 @@ from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
 from rulec_runtime.diagnosis.steady.observe import (
     Observed,
+    Points,
     observe,
     points_of_samples,
     points_of_stretches,
@@ -66,8 +67,13 @@ def see_stretches(
     mode: str,
 ) -> list[Seen]:
     """Observe the stretches, learn the baseline of each block, isolate."""
-    whole = observe(ruleset, points_of_stretches(recording, ruleset, stretches, noise))
-    halves = halves_of(recording, ruleset, stretches, noise)
+    points = points_of_stretches(recording, ruleset, stretches, noise)
+    return see_points(ruleset, points, halves_of(recording, ruleset, stretches, noise), mode)
+
+
+def see_points(ruleset: Ruleset, points: Points, halves: Halves, mode: str) -> list[Seen]:
+    """The same of stretches whose samples are gone."""
+    whole = observe(ruleset, points)
     return [see_block(ruleset, whole, block, mode, halves) for block in blocks_of(ruleset)]
 
 
