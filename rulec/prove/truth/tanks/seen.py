@@ -84,8 +84,11 @@ def _rivals(case: Case, one: Planted, change: Callable[[Plant], Array]) -> Itera
         def built(size: float, placed: Placed = placed) -> Built:
             return make(case.scene, plain, placed, size, case.drawn)
 
-        def changed(size: float, built: Callable[[float], Built] = built) -> Array:
-            return change(built(size).plant)
+        def changed(size: float, built: Callable[[float], Built] = built) -> Array | None:
+            try:
+                return change(built(size).plant)
+            except RuntimeError:  # so large that the plant has no course: it explains nothing
+                return None
 
         low, high = placed.effect.low, placed.effect.high
         moderate = built(math.sqrt(low * high))
