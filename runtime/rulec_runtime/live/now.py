@@ -1,0 +1,40 @@
+"""All that an operator may look at at one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.recordings.wall_clock import Calendar
+
+
+@dataclass(frozen=True, kw_only=True)
+class Now:
+    """The plant as it is told now.
+
+    Attributes
+    ----------
+    time : s, of the last row; None before any. `calendar` says what that is on the clock.
+    status : letter of NE 107 of all that is active, or ``ok``.
+    source, connected, remark : where rows come from, whether they do, and what was last said of it.
+    rows : how many have come.
+    active : episodes that have not ended, the worst first.
+    past : the latest events, newest first.
+    acknowledged : ids of episodes that somebody has taken note of.
+    diagnosis : what the rows say that are remembered; None before anything could be judged.
+    """
+
+    plant: str
+    title: str
+    time: float | None
+    calendar: Calendar | None
+    status: str
+    source: str
+    connected: bool
+    remark: str
+    rows: int
+    active: tuple[Episode, ...]
+    past: tuple[Event, ...]
+    acknowledged: frozenset[str]
+    diagnosis: Diagnosis | None
