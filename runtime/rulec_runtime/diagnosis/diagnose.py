@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.recordings.recording import Recording
@@ -43,41 +43,56 @@ def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> D
     mode : ``default`` compares whole residual vectors, ``paper`` is Eqs. 17-19 of the seed paper.
     """
     health = examine(recording, ruleset)
-    found = _of_sound(health.recording, ruleset, mode)
-    letters = {f.condition.status for f in health.findings} | {found.status}
-    return replace(
-        found,
-        status=_worst(letters),
+    sound = health.recording
+    notes: tuple[str, ...] = ()
+    if ruleset.dynamics is None:
+        judged, found = _of_settled(sound, ruleset, mode)
+    else:
+        judged, found, notes = _of_stores(sound, ruleset, mode)
+    return assembled(health, ruleset, mode, judged=judged, found=found, notes=notes)
+
+
+def assembled(
+    health: Health,
+    ruleset: Ruleset,
+    mode: str,
+    *,
+    judged: int,
+    found: Found,
+    notes: tuple[str, ...] = (),
+) -> Diagnosis:
+    """What sensors and physics say, put together and in order of time."""
+    recording = health.recording
+    missing = (f"{name} is not in the recording" for name in recording.missing)
+    letters = {f.condition.status for f in health.findings} | {_status(found, judged)}
+    return Diagnosis(
+        ruleset=ruleset,
+        mode=mode,
+        samples=len(recording),
+        judged=judged,
+        status=worst(letters),
+        findings=tuple(sorted(found.findings, key=lambda f: f.since)),
+        unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
+        not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
+        notes=(*recording.notes, *missing, *notes),
         sensors=health.findings,
         calendar=recording.calendar,
     )
 
 
-def _of_sound(recording: Recording, ruleset: Ruleset, mode: str) -> Diagnosis:
-    """The diagnosis of a recording without the readings that are none."""
-    notes = [*recording.notes, *(f"{name} is not in the recording" for name in recording.missing)]
-    if ruleset.dynamics is None:
-        samples, found = _of_settled(recording, ruleset, mode)
-    else:
-        # The integrator takes a second to load, and plants that store nothing do without it.
-        from rulec_runtime.diagnosis.stores.diagnose import judge_stores
+def _of_stores(
+    recording: Recording, ruleset: Ruleset, mode: str
+) -> tuple[int, Found, tuple[str, ...]]:
+    """The same of a plant that stores, with what the reader should know of it."""
+    # The integrator takes a second to load, and plants that store nothing do without it.
+    from rulec_runtime.diagnosis.stores.diagnose import judge_stores
 
-        if mode != "default":
-            notes.append(f"mode {mode} knows no balances of what is stored: judged as by default")
-        said = judge_stores(recording, ruleset)
-        samples, found = int(said.covered.sum()), said.found
-        notes += said.notes
-    return Diagnosis(
-        ruleset=ruleset,
-        mode=mode,
-        samples=len(recording),
-        judged=samples,
-        status=_status(found, samples),
-        findings=tuple(sorted(found.findings, key=lambda f: f.since)),
-        unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
-        not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
-        notes=tuple(notes),
-    )
+    said = judge_stores(recording, ruleset)
+    notes = said.notes
+    if mode != "default":
+        odd = f"mode {mode} knows no balances of what is stored: judged as by default"
+        notes = (odd, *notes)
+    return int(said.covered.sum()), said.found, notes
 
 
 def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int, Found]:
@@ -85,7 +100,7 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
     stretches, noise = judgeable(recording, ruleset, mode)
     if not len(stretches):
         since, until = float(recording.time[0]), float(recording.time[-1])
-        return 0, Found([], [], [Period(since, until, _restless(len(recording)))])
+        return 0, Found([], [], [Period(since, until, restless(len(recording)))])
     seen = see_stretches(recording, ruleset, stretches, noise, mode)
     return told_of(ruleset, timeline_of(recording.time, stretches), seen)
 
@@ -103,7 +118,7 @@ def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple
     return int(timeline.samples[judged].sum()), found
 
 
-def _restless(samples: int) -> str:
+def restless(samples: int) -> str:
     """Why nothing could be judged at all."""
     needed = limits.SHORTEST_STRETCH
     if samples < needed:
@@ -113,10 +128,11 @@ def _restless(samples: int) -> str:
 
 
 def _status(found: Found, judged: int) -> str:
-    """NE 107 letter of the whole: F over C over S over M."""
+    """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
-    return _worst(letters if judged else letters | {"C"})
+    return worst(letters if judged else letters | {"C"})
 
 
-def _worst(letters: set[str]) -> str:
+def worst(letters: set[str]) -> str:
+    """NE 107 letter of the whole: F over C over S over M."""
     return next((letter for letter in "FCSM" if letter in letters), "ok")

@@ -50,8 +50,3 @@ class Event:
     what: What
     text: str
     episode: Episode
-
-
-def worst(letters: set[str]) -> str:
-    """NE 107 letter of the whole: F over C over S over M."""
-    return next((letter for letter in "FCSM" if letter in letters), "ok")

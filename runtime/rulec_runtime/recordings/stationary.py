@@ -46,14 +46,14 @@ class Timeline:
     since, until : shape (n,), s, times of the first and the last sample of each.
     samples : shape (n,), how many each has.
     later : shape (n,), how many came after it.
-    interval : s, the usual time between samples.
+    paused : shape (n,), whether nothing was recorded for long before it.
     """
 
     since: Array
     until: Array
     samples: NDArray[np.intp]
     later: NDArray[np.intp]
-    interval: float
+    paused: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.since)
@@ -61,13 +61,16 @@ class Timeline:
 
 def timeline_of(time: Array, stretches: Stretches) -> Timeline:
     """When the stretches of a recording were."""
-    return Timeline(
-        since=time[stretches.first],
-        until=time[stretches.last - 1],
-        samples=stretches.lengths,
-        later=len(time) - stretches.last,
-        interval=float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
-    )
+    since, until = time[stretches.first], time[stretches.last - 1]
+    paused = np.zeros(len(stretches), dtype=bool)
+    paused[1:] = since[1:] - until[:-1] > long_pause(time)
+    return Timeline(since, until, stretches.lengths, len(time) - stretches.last, paused)
+
+
+def long_pause(time: Array) -> float:
+    """From which time without samples on what was before is another matter, s."""
+    interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    return limits.LONGEST_STRETCH * interval
 
 
 def noise_of(values: Array) -> float:

@@ -114,7 +114,8 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     verdicts = [verdict_at(ruleset, seen, i) for i in range(len(timeline))]
     found = Found([], [], _in_part(timeline, ruleset, seen))
     known: frozenset[int] = frozenset()
-    for kind, members in runs_of(verdicts, seen.isolation, _pauses(timeline), _slow(ruleset, seen)):
+    pauses = set(np.flatnonzero(timeline.paused).tolist())
+    for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
         if kind == "fault" and _too_brief(seen, timeline, members):
@@ -189,13 +190,6 @@ def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
     """Stretches in which a reading moves that an estimate reads."""
     lag = seen.plain.points.lag
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
-
-
-def _pauses(timeline: Timeline) -> set[int]:
-    """Stretches before which nothing was recorded for long."""
-    limit = limits.LONGEST_STRETCH * timeline.interval
-    between = timeline.since[1:] - timeline.until[:-1]
-    return {int(i) + 1 for i in np.flatnonzero(between > limit)}
 
 
 def _finding(

@@ -1,0 +1,115 @@
+"""What is remembered of rows that are gone: operating points, when they were, and what they showed.
+
+A fault may last for days; what tells it is how the readings were before. Of each settled stretch
+remains what a diagnosis takes from it, so the same passes judge it as if its rows were there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of
+from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches, Timeline, long_pause, timeline_of
+
+
+@dataclass(frozen=True)
+class History:
+    """Settled stretches, n of them in order of time, without their samples."""
+
+    points: Points
+    halves: Halves
+    timeline: Timeline
+
+    def __len__(self) -> int:
+        return len(self.timeline)
+
+
+def history_of(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: dict[str, float]
+) -> History:
+    """What a diagnosis takes from settled stretches."""
+    return History(
+        points_of_stretches(recording, ruleset, stretches, noise),
+        halves_of(recording, ruleset, stretches, noise),
+        timeline_of(recording.time, stretches),
+    )
+
+
+def joined(before: History, recording: Recording, behind: History) -> History:
+    """Stretches that are gone with those of the recording that goes on.
+
+    A signal that one of them lacks has no reading there.
+    """
+    if not len(before):
+        return behind
+    old, new = before.points, behind.points
+    sizes = (len(before), len(behind))
+    names = [*old.values, *(n for n in new.values if n not in old.values)]
+
+    def table(a: Mapping[str, Array], b: Mapping[str, Array], blank: float) -> dict[str, Array]:
+        return {
+            n: np.concatenate(
+                [a.get(n, np.full(sizes[0], blank)), b.get(n, np.full(sizes[1], blank))]
+            )
+            for n in names
+        }
+
+    lag = table(old.lag, new.lag, 0.0)
+    points = Points(
+        values=table(old.values, new.values, np.nan),
+        u=table(old.u, new.u, np.nan),
+        systematic=table(old.systematic, new.systematic, np.nan),
+        bad={n: c.astype(bool) for n, c in table(old.bad, new.bad, 1.0).items()},
+        why={**old.why, **{n: w for n, w in new.why.items() if w}},
+        time=np.concatenate([times(old), times(new)]),
+        lag={n: part for n, part in lag.items() if part.any()},
+    )
+    first, second = before.timeline, behind.timeline
+    timeline = Timeline(
+        since=np.concatenate([first.since, second.since]),
+        until=np.concatenate([first.until, second.until]),
+        samples=np.concatenate([first.samples, second.samples]),
+        later=np.concatenate([first.later + len(recording), second.later]),
+        paused=np.concatenate([first.paused, second.paused]),
+    )
+    if len(second):
+        pause = second.since[0] - first.until[-1]
+        timeline.paused[len(first)] = pause > long_pause(recording.time)
+    halves = Halves(
+        np.concatenate([before.halves.apart, behind.halves.apart], axis=1),
+        np.concatenate([before.halves.excess, behind.halves.excess]),
+    )
+    return History(points, halves, timeline)
+
+
+def some(history: History, chosen: np.ndarray) -> History:
+    """Some of the stretches, by flags, shape (n,); a pause before one that goes is one before the
+    next."""
+    if not len(history):
+        return history
+    before = history.timeline
+    group = np.cumsum(np.concatenate([[0], chosen[:-1].astype(int)]))
+    paused = np.zeros(group[-1] + 1, dtype=bool)
+    np.logical_or.at(paused, group, before.paused)
+    timeline = Timeline(
+        since=before.since[chosen],
+        until=before.until[chosen],
+        samples=before.samples[chosen],
+        later=before.later[chosen],
+        paused=paused[: int(chosen.sum())],
+    )
+    halves = Halves(history.halves.apart[:, chosen], history.halves.excess[chosen])
+    return History(history.points.at(chosen), halves, timeline)
+
+
+def times(points: Points) -> Array:
+    """When points were, s."""
+    assert points.time is not None
+    return points.time
