@@ -21,6 +21,7 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model
@@ -75,7 +76,7 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
         system = replace(system, data=_moved(rows, fitted))
     rows = rows_of(system, Configuration())
     there = Geometry(rows)
-    views = [_seen_by(there, own) for own in models]
+    views = [_seen_by(geometry, there, own) for own in models]
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
     off, covariance = zip(*views, strict=True)
@@ -178,11 +179,12 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
     return replace(data, points=replace(data.points, values=values))
 
 
-def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
-    """How far off a model finds readings, shape (rows,), and the covariance of that, shape (rows,
-    rows): of noise, its values, terms without a name, errors of form, and of sensors anew."""
+def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, Array]:
+    """How far off a model of `geometry` finds readings, shape (rows,), and the covariance of that,
+    shape (rows, rows): of noise, its values, when faults began to grow, terms without a name,
+    errors of form, and of sensors anew."""
     fitted = _evaluated(there.rows, model)
-    solution, known = solved(model)
+    solution, known = solved(model)[0], known_with_onsets(geometry, model)
     off = fitted.residual[there.seen]
     kept, stay, added = _kept(model)
     slopes_by_value = fitted.jacobian[there.seen]
@@ -193,6 +195,8 @@ def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
         off = off + columns @ solution[own]
         table.append(columns)
         numbers += own.tolist()
+    table.append(slopes_by_onsets(fitted)[there.seen])
+    numbers += range(len(solution), len(known))
     slopes = np.concatenate(table, axis=1)
     forms = model.sizes.form * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T

@@ -15,6 +15,7 @@ from rulec_runtime.recordings.recording import read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.choose import certain, chosen, factors_of
 from rulec.mismatch.experiment.foretell import Foretold, foretold
 from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
@@ -56,8 +57,31 @@ def test_the_place_is_chosen_where_they_differ() -> None:
     """Where they are alike a step is worth nothing, and none is taken."""
     choice = chosen(told(4.0, 1.0), HALVES, 1)
     assert choice.places == (1,)
-    assert choice.certainty[1] > 0.99
+    assert choice.worth[1] > 0.99
     assert chosen(told(0.0, 1.0), HALVES, 3).places == ()
+
+
+def test_what_can_be_expected_is_less_than_what_the_expected_factor_gives() -> None:
+    """One reading three deviations apart; by one dimension's integral, with the weight of a part
+    drawn as an exponential distribution has it."""
+    apart = 3.0
+    weight, read = np.meshgrid(np.linspace(0.0, 30.0, 3001), np.linspace(-8.0, 8.0, 801))
+    factor = weight * (0.5 * apart**2 + apart * read)
+    density = np.exp(-weight - 0.5 * read**2)
+    mean = float(np.sum(density / (1.0 + np.exp(-factor))) / np.sum(density))
+    before, after = expected_certainty(told(apart, 1.0), HALVES, [1])
+    assert before == pytest.approx(0.5)
+    assert after == pytest.approx(mean, abs=0.01)
+    assert after < certain(HALVES, factors_of(told(apart, 1.0), [1]))
+
+
+def test_what_is_not_listed_is_never_sure() -> None:
+    """However far the others are apart, it keeps its part against the true one, and is no gain
+    where it is true itself."""
+    listed = 0.5 * HALVES
+    before, after = expected_certainty(told(60.0, 1.0), listed, [1])
+    assert before == pytest.approx(2 * 0.25**2)
+    assert after == pytest.approx(2 * 0.25 * (0.25 / 0.75), abs=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +107,9 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
     assert len(found["explanations"]) >= 2
     assert found["steps"]
     assert found["certainty"] == sorted(found["certainty"])
+    assert found["unlisted"] == pytest.approx(
+        1.0 - sum(one["probability"] for one in found["explanations"])
+    )
     assert found["certainty"][-1] > found["certainty"][0] + 0.1
     recorded = columns(ambiguous / "recording.csv")
     for step in found["steps"]:
