@@ -25,7 +25,6 @@ from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onset
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model
-from rulec.mismatch.search.settled.scan import at_points
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:
 
 def _flows(system: System, model: Model) -> dict[str, Array]:
     """Flows of modules by a model, m3/s, shape (n,) each."""
-    setting = at_points(model.setting, system.data.time)
+    setting = _later(model.setting, system.data.time)
     values = system.flows(setting).values
     members: dict[str, list[int]] = {}
     for i, observer in enumerate(system.observers):
@@ -141,9 +140,14 @@ def data_at(data: Data, places: Places) -> Data:
     )
 
 
+def _later(setting: Configuration, time: Array) -> Configuration:
+    """A setting at other times, s, its values as they are: what grows has grown further there."""
+    return replace(setting, courses=tuple(course.at_times(time) for course in setting.courses))
+
+
 def _evaluated(rows: Rows, model: Model) -> Fitted:
     """A model at points of a further recording."""
-    setting = at_points(model.setting, rows.system.data.time)
+    setting = _later(model.setting, rows.system.data.time)
     at = model.at * _kept(model)[0]
     return evaluated(rows, setting, model.prior, at, rows.system.data.open)
 
