@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -433,7 +434,7 @@ def flows_told(name: str, folder: Path, joined: bool) -> dict[str, np.ndarray]:
     usual = {n: float(np.median(v)) for n, v in own_of({**truth, **drawn.plain}).items()}
     stated = even.parameters(usual, made.parameters)
     shown = drawn.shown(truth, made.changes)
-    values = {**truth, **shown, **drawn.values, "time": drawn.time}
+    values: dict[str, Any] = {**truth, **shown, **drawn.values, "time": drawn.time}
     values |= {f"{entry}.{n}": v for n, v in stated.items()}
     told = plan.run({n: values[n] for n in plan.inputs if n in values})
     true, lead = truth[f"{even.module}.Q"], f"q:{even.module}."
