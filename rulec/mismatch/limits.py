@@ -889,6 +889,10 @@ SHORTEST_STEP = 60.0
 WORTH_A_STEP = 0.002
 """By how much a step must raise the probability of the truth. Origin: numerical."""
 
+DRAWN = 2000
+"""Draws of what is read, for the certainty that an experiment can be expected to give: to a percent
+or two. Origin: numerical."""
+
 TOLD_APART = 3.0
 """Expected log Bayes factor from which on two explanations are told apart, nats: 20 to 1. Origin:
 source (Kass and Raftery 1995, strong evidence)."""

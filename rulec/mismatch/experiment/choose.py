@@ -1,8 +1,8 @@
 """Which operating points tell explanations apart best, one after the other.
 
-What a step is worth is the probability that the true explanation has after it, as it can be
-expected: for each explanation as the true one, its odds against each other grow by the expected log
-Bayes factor. Under two normal distributions of what is read, that is their divergence.
+A step is worth the probability that the true explanation has after it, if its odds against each
+other one grow by the expected log Bayes factor. Under two normal distributions of what is read,
+that is their divergence. How sure the true one can be expected to be is less: see `certainty.py`.
 
 Source: Box and Hill 1967; Hunter and Reiner 1965 (discrimination between models); Kullback and
 Leibler 1951.
@@ -24,15 +24,15 @@ from rulec.mismatch.experiment.foretell import Foretold
 
 @dataclass(frozen=True)
 class Choice:
-    """Places in the order in which they were chosen, how sure the truth is before the first and
-    after each, and the `factors` by which all tell explanations apart.
+    """Places in the order in which they were chosen, what is `worth` nothing and each of them, and
+    the `factors` by which all tell explanations apart.
 
     `factors`, shape (explanations, explanations), are expected log Bayes factors, nats: of the one
     of a row, if it is true, against the one of a column.
     """
 
     places: tuple[int, ...]
-    certainty: tuple[float, ...]
+    worth: tuple[float, ...]
     factors: Array
 
 
@@ -52,7 +52,7 @@ def chosen(
     places: list[int] = []
     count = len(odds)
     factors = np.zeros((count, count))
-    certainty = [certain(odds, factors)]
+    worth = [certain(odds, factors)]
     every = sorted(set(foretold[0].point.tolist()).intersection(*(f.point for f in foretold)))
     if among is not None:
         every = [place for place in every if among[place]]
@@ -63,16 +63,16 @@ def chosen(
             if in_time([*places, place])
         ]
         best, told = max(trials, key=lambda trial: certain(odds, trial[1]), default=(-1, factors))
-        if best < 0 or certain(odds, told) < certainty[-1] + limits.WORTH_A_STEP:
+        if best < 0 or certain(odds, told) < worth[-1] + limits.WORTH_A_STEP:
             break
         places.append(best)
         factors = told
-        certainty.append(certain(odds, factors))
-    return Choice(tuple(places), tuple(certainty), factors)
+        worth.append(certain(odds, factors))
+    return Choice(tuple(places), tuple(worth), factors)
 
 
 def certain(odds: Array, factors: Array) -> float:
-    """Probability of the true explanation, as it can be expected."""
+    """Probability of the true explanation where factors are as large as they are expected to be."""
     with np.errstate(divide="ignore"):
         logs = np.log(odds)
     after = logs[:, None] - logs[None, :] + factors

@@ -21,10 +21,10 @@ from rulec.mismatch.evidence.steady.locate import spot_column
 from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
+from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
 from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model
-from rulec.mismatch.search.settled.scan import at_points
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def foretold(geometry: Geometry, models: Sequence[Model], true: int, places: Pla
         system = replace(system, data=_moved(rows, fitted))
     rows = rows_of(system, Configuration())
     there = Geometry(rows)
-    views = [_seen_by(there, own) for own in models]
+    views = [_seen_by(geometry, there, own) for own in models]
     outputs = {name for cell in rows.cells for name in cell.outputs}
     readings = {name: rows.system.data.values[name] for name in sorted(outputs)}
     off, covariance = zip(*views, strict=True)
@@ -100,7 +100,7 @@ def _spread(rows: Rows, there: Geometry, covariance: Array) -> dict[str, Array]:
 
 def _flows(system: System, model: Model) -> dict[str, Array]:
     """Flows of modules by a model, m3/s, shape (n,) each."""
-    setting = at_points(model.setting, system.data.time)
+    setting = _later(model.setting, system.data.time)
     values = system.flows(setting).values
     members: dict[str, list[int]] = {}
     for i, observer in enumerate(system.observers):
@@ -140,9 +140,14 @@ def data_at(data: Data, places: Places) -> Data:
     )
 
 
+def _later(setting: Configuration, time: Array) -> Configuration:
+    """A setting at other times, s, its values as they are: what grows has grown further there."""
+    return replace(setting, courses=tuple(course.at_times(time) for course in setting.courses))
+
+
 def _evaluated(rows: Rows, model: Model) -> Fitted:
     """A model at points of a further recording."""
-    setting = at_points(model.setting, rows.system.data.time)
+    setting = _later(model.setting, rows.system.data.time)
     at = model.at * _kept(model)[0]
     return evaluated(rows, setting, model.prior, at, rows.system.data.open)
 
@@ -178,11 +183,12 @@ def _moved(rows: Rows, fitted: Fitted) -> Data:
     return replace(data, points=replace(data.points, values=values))
 
 
-def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
-    """How far off a model finds readings, shape (rows,), and the covariance of that, shape (rows,
-    rows): of noise, its values, terms without a name, errors of form, and of sensors anew."""
+def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, Array]:
+    """How far off a model of `geometry` finds readings, shape (rows,), and the covariance of that,
+    shape (rows, rows): of noise, its values, when faults began to grow, terms without a name,
+    errors of form, and of sensors anew."""
     fitted = _evaluated(there.rows, model)
-    solution, known = solved(model)
+    solution, known = solved(model)[0], known_with_onsets(geometry, model)
     off = fitted.residual[there.seen]
     kept, stay, added = _kept(model)
     slopes_by_value = fitted.jacobian[there.seen]
@@ -193,6 +199,8 @@ def _seen_by(there: Geometry, model: Model) -> tuple[Array, Array]:
         off = off + columns @ solution[own]
         table.append(columns)
         numbers += own.tolist()
+    table.append(slopes_by_onsets(fitted)[there.seen])
+    numbers += range(len(solution), len(known))
     slopes = np.concatenate(table, axis=1)
     forms = model.sizes.form * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T

@@ -13,7 +13,7 @@ from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.text import percent, safe
 
 from rulec.mismatch import limits
-from rulec.mismatch.experiment.plan import Experiment, Step
+from rulec.mismatch.experiment.result import Experiment, Step
 from rulec.mismatch.experiment.words import as_read, as_set, duration, headline, in_words, remarks
 
 APART = 0.12

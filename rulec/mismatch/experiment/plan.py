@@ -1,10 +1,9 @@
-"""An experiment: what stands, which steps tell it apart, and what is read if each is true."""
+"""Plan an experiment: refit what stands, see what may be set, choose steps, and foretell them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -16,97 +15,28 @@ from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.prepare import prepare
 from rulec.mismatch.evidence.steady.rows import rows_of
-from rulec.mismatch.evidence.steady.system import system_of
+from rulec.mismatch.evidence.steady.system import System, system_of
+from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.choose import Choice
 from rulec.mismatch.experiment.foretell import Foretold, foretold
 from rulec.mismatch.experiment.reach import (
+    Reach,
     limited_reach,
     places_in,
     present_inputs,
     usual_reach,
 )
-from rulec.mismatch.experiment.sensors import Advised, advised
+from rulec.mismatch.experiment.result import Experiment, Reading, Step, alike
+from rulec.mismatch.experiment.sensors import advised
 from rulec.mismatch.experiment.within import Within, best_within, within
 from rulec.mismatch.result import Standing
 from rulec.mismatch.search.settled.refit import Model
-from rulec.mismatch.search.settled.standing import refitted_again
+from rulec.mismatch.search.settled.standing import Again, refitted_again
 from rulec.separation.allowed import PlantLimits, allowed_of
 
 
 class ExperimentRefused(Exception):
     """No experiment can be planned; the message says why and what to do."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What a signal shows in a step under each explanation, SI, how far the explanations are apart,
-    in units of the noise of one mean, and the standard deviation of each, SI."""
-
-    signal: str
-    values: tuple[float, ...]
-    apart: float
-    spread: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Step:
-    """An operating point to hold: from when until when, s; inputs, SI; what is read, the most
-    telling signal first.
-
-    The way there takes `ramp`, s, of that time. `costs` names inputs and modules that cost product,
-    `at_end` inputs with the end of what may be set that they are at.
-    """
-
-    since: float
-    until: float
-    inputs: Mapping[str, float]
-    given: Mapping[str, float]
-    readings: tuple[Reading, ...]
-    ramp: float = 0.0
-    costs: tuple[str, ...] = ()
-    at_end: tuple[tuple[str, str], ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Experiment:
-    """What to run, and what is known behind it.
-
-    `certainty` is the probability that the true explanation can be expected to have before the
-    first step and after each; `factors`, shape (explanations, explanations), are expected log Bayes
-    factors of all steps, nats; `set_by` the inputs with the range within which they were chosen,
-    SI, and `present` how they were last. With `limited` those ranges, and readings, have limits: of
-    which `hindering` are readings whose limits forbid steps that tell more, and `unwatched` those
-    that no explanation foretells. `time_is_short`: longer experiments tell more.
-    `left_out` still stand and are not foretold: they switched with set points.
-    `sensors` would tell apart what these steps do not. `sample` is the usual time between two
-    samples of the recording, s; `read` what an equation or an explanation reads.
-    """
-
-    standing: tuple[Standing, ...]
-    left_out: tuple[Standing, ...]
-    steps: tuple[Step, ...]
-    certainty: tuple[float, ...]
-    factors: Array
-    set_by: Mapping[str, tuple[float, float]]
-    present: Mapping[str, float]
-    limited: bool
-    hindering: tuple[str, ...]
-    unwatched: tuple[str, ...]
-    time_is_short: bool
-    sensors: tuple[Advised, ...]
-    sample: float
-    read: frozenset[str]
-
-    @property
-    def alike(self) -> tuple[tuple[int, int], ...]:
-        """Explanations that these steps do not tell apart, by their numbers."""
-        return _alike(self.factors)
-
-
-def _alike(factors: Array) -> tuple[tuple[int, int], ...]:
-    apart = np.minimum(factors, factors.T)
-    every = zip(*np.triu_indices(len(apart), 1), strict=True)
-    return tuple((int(i), int(j)) for i, j in every if apart[i, j] < limits.TOLD_APART)
 
 
 def planned(
@@ -124,10 +54,44 @@ def planned(
 
     Raises ExperimentRefused where one explanation stands alone, or nothing can be set.
     """
-    if len(standing) < 2:
-        raise ExperimentRefused("one explanation stands alone: there is nothing to tell apart")
     if most < 1:
         raise ExperimentRefused(f"--steps {most}: an experiment has one step at least")
+    again, left_out = _refitted(recording, ruleset, builder, standing)
+    system = again.geometry.rows.system
+    sample = _sample(recording.time)
+    reach = _reach(recording, ruleset, system, sample, given)
+    places = places_in(system, reach)
+    every = range(len(again.sets))
+    told = [foretold(again.geometry, again.models, i, places) for i in every]
+    limited = within(ruleset, places, reach, told)
+    _check_time(limited, reach, seconds)
+    odds = np.array([one.probability for one in again.sets])
+    best = best_within(told, odds / odds.sum(), most, seconds, limited)
+    return Experiment(
+        standing=again.sets,
+        left_out=left_out,
+        steps=_steps(best.choice, told, limited, system.data.noise, system.data.values),
+        certainty=expected_certainty(told, odds, best.choice.places),
+        unlisted=max(1.0 - float(odds.sum()), 0.0),
+        factors=best.choice.factors,
+        set_by=reach.ranges,
+        present=reach.present,
+        limited=given is not None,
+        hindering=best.hindering,
+        unwatched=limited.unwatched,
+        time_is_short=best.time_is_short,
+        sample=sample,
+        read=_read(ruleset, again.models),
+        sensors=advised(again.geometry, again.models, alike(best.choice.factors)),
+    )
+
+
+def _refitted(
+    recording: Recording, ruleset: Ruleset, builder: ModelBuilder, standing: Sequence[Standing]
+) -> tuple[Again, tuple[Standing, ...]]:
+    """What stands, refitted to what was recorded; and what cannot be foretold, for it switched."""
+    if len(standing) < 2:
+        raise ExperimentRefused("one explanation stands alone: there is nothing to tell apart")
     data = prepare(recording, ruleset)
     assert data is not None
     every = rows_of(system_of(ruleset, builder, data), Configuration())
@@ -137,18 +101,26 @@ def planned(
         raise ExperimentRefused(
             f"nothing in this plant is called {error.args[0]}; run rulec mismatch again"
         ) from None
-    left_out = tuple(one for one in standing if one not in again.sets)
-    standing = again.sets
-    if len(standing) < 2:
+    if len(again.sets) < 2:
         raise ExperimentRefused(
             "what stands besides one explanation switched with the set points that were recorded; "
             "what it does at others is not known, so no set points can be planned that tell it"
         )
-    geometry = again.geometry
-    system = geometry.rows.system
-    present, sample = present_inputs(ruleset, recording), _sample(recording.time)
-    reach = usual_reach(system, present, sample)
-    if given is not None:
+    return again, tuple(one for one in standing if one not in again.sets)
+
+
+def _reach(
+    recording: Recording,
+    ruleset: Ruleset,
+    system: System,
+    sample: float,
+    given: PlantLimits | None,
+) -> Reach:
+    """What may be set, within limits that are given or else within what was recorded."""
+    present = present_inputs(ruleset, recording)
+    if given is None:
+        reach = usual_reach(system, present, sample)
+    else:
         reach = limited_reach(system, present, allowed_of(ruleset, given), sample)
     if not reach.ranges:
         raise ExperimentRefused(
@@ -157,9 +129,11 @@ def planned(
             if given is None
             else "the limits leave no input of the recording that may be changed"
         )
-    places = places_in(system, reach)
-    told = [foretold(geometry, again.models, i, places) for i in range(len(standing))]
-    limited = within(ruleset, places, reach, told)
+    return reach
+
+
+def _check_time(limited: Within, reach: Reach, seconds: float) -> None:
+    """Refuse where there is no time for one step."""
     least = limited.times([0])[0][1]
     if not seconds >= least:
         raise ExperimentRefused(
@@ -170,24 +144,6 @@ def planned(
                 else "as the limits say"
             )
         )
-    odds = np.array([one.probability for one in standing])
-    best = best_within(told, odds / odds.sum(), most, seconds, limited)
-    return Experiment(
-        standing=tuple(standing),
-        left_out=left_out,
-        steps=_steps(best.choice, told, limited, system.data.noise, system.data.values),
-        certainty=best.choice.certainty,
-        factors=best.choice.factors,
-        set_by=reach.ranges,
-        present=reach.present,
-        limited=given is not None,
-        hindering=best.hindering,
-        unwatched=limited.unwatched,
-        time_is_short=best.time_is_short,
-        sample=sample,
-        read=_read(ruleset, again.models),
-        sensors=advised(geometry, again.models, _alike(best.choice.factors)),
-    )
 
 
 def _sample(time: Array) -> float:

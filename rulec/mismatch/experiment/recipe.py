@@ -12,7 +12,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.report.text import percent
 
 from rulec.mismatch import limits
-from rulec.mismatch.experiment.plan import Experiment, Reading
+from rulec.mismatch.experiment.result import Experiment, Reading
 from rulec.mismatch.experiment.words import as_read, as_set, duration, headline, in_words, remarks
 
 BAND = 50

@@ -157,12 +157,12 @@ def best_within(
     free = limited.may_run & np.array([not costs for costs in limited.costs])
     if any(limited.costs[place] for place in choice.places):
         spared = chosen(told, odds, most, among=free, in_time=in_time)
-        if spared.certainty[-1] >= choice.certainty[-1] - limits.WORTH_PRODUCT:
+        if spared.worth[-1] >= choice.worth[-1] - limits.WORTH_PRODUCT:
             choice = spared
     hindering: list[str] = []
     if any(np.any(where & limited.possible) for where in limited.forbidden.values()):
         wider = chosen(told, odds, most, among=limited.possible, in_time=in_time)
-        if wider.certainty[-1] > choice.certainty[-1] + limits.WORTH_A_STEP:
+        if wider.worth[-1] > choice.worth[-1] + limits.WORTH_A_STEP:
             at = list(wider.places)
             hindering = [name for name, where in limited.forbidden.items() if where[at].any()]
     short = len(choice.places) < most and bool(

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.report.text import counted, number, percent
 
-from rulec.mismatch.experiment.plan import Experiment, Reading
+from rulec.mismatch import limits
+from rulec.mismatch.experiment.result import Experiment, Reading
 from rulec.mismatch.result import Standing
 
 FEWEST_DIGITS, MOST_DIGITS = 3, 7
@@ -58,6 +59,8 @@ def duration(seconds: float) -> str:
 
 
 def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
+    if found.steps:
+        yield _meaning(found)
     for first, second in found.alike:
         if found.steps:
             yield (
@@ -79,6 +82,20 @@ def remarks(found: Experiment, ruleset: Ruleset) -> Iterator[str]:
             "set points is not known: it is not foretold."
         )
     yield from _limits(found)
+
+
+def _meaning(found: Experiment) -> str:
+    """What a certainty says, and what it cannot."""
+    listed = (
+        f" That none of these explanations is true ({percent(found.unlisted)}) counts as not sure."
+        if found.unlisted >= limits.PLAUSIBLE
+        else ""
+    )
+    return (
+        "Sure: the probability that the true explanation has then, on average over all that may be "
+        f"read.{listed} It is as right as the probabilities above: where the truth has too little "
+        "there, less is gained."
+    )
 
 
 def _sensor(found: Experiment, pair: tuple[int, int]) -> str:

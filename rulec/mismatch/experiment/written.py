@@ -9,7 +9,7 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import row_of
 
-from rulec.mismatch.experiment.plan import Experiment, Step
+from rulec.mismatch.experiment.result import Experiment, Step
 from rulec.mismatch.experiment.sensors import Advised
 from rulec.mismatch.experiment.words import headline, in_words
 
@@ -27,6 +27,7 @@ def experiment_form(found: Experiment, ruleset: Ruleset) -> dict[str, Any]:
             for one in found.standing
         ],
         "certainty": list(found.certainty),
+        "unlisted": found.unlisted,
         "factors": found.factors.tolist(),
         "alike": [list(pair) for pair in found.alike],
         "sensors": [_advised(one, signals) for one in found.sensors],

@@ -11,15 +11,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rulec_runtime.recordings.recording import read_recording
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording, read_recording
 
 from rulec.cli import main
 from rulec.effects.model_builder import open_builder
+from rulec.mismatch.experiment.certainty import expected_certainty
 from rulec.mismatch.experiment.choose import certain, chosen, factors_of
-from rulec.mismatch.experiment.foretell import Foretold, foretold
+from rulec.mismatch.experiment.foretell import Foretold, Places, foretold
+from rulec.mismatch.experiment.growing import known_with_onsets
 from rulec.mismatch.experiment.reach import places_in, present_inputs, usual_reach
 from rulec.mismatch.experiment.surroundings import surroundings
-from rulec.mismatch.search.settled.sets import explain
+from rulec.mismatch.search.settled.posterior_curve import solved
+from rulec.mismatch.search.settled.sets import Posterior, explain
 from rulec.prove.truth.settled.plan import Planned
 from tests.runtime.mismatch.made import rows_at
 
@@ -56,8 +60,31 @@ def test_the_place_is_chosen_where_they_differ() -> None:
     """Where they are alike a step is worth nothing, and none is taken."""
     choice = chosen(told(4.0, 1.0), HALVES, 1)
     assert choice.places == (1,)
-    assert choice.certainty[1] > 0.99
+    assert choice.worth[1] > 0.99
     assert chosen(told(0.0, 1.0), HALVES, 3).places == ()
+
+
+def test_what_can_be_expected_is_less_than_what_the_expected_factor_gives() -> None:
+    """One reading three deviations apart; by one dimension's integral, with the weight of a part
+    drawn as an exponential distribution has it."""
+    apart = 3.0
+    weight, read = np.meshgrid(np.linspace(0.0, 30.0, 3001), np.linspace(-8.0, 8.0, 801))
+    factor = weight * (0.5 * apart**2 + apart * read)
+    density = np.exp(-weight - 0.5 * read**2)
+    mean = float(np.sum(density / (1.0 + np.exp(-factor))) / np.sum(density))
+    before, after = expected_certainty(told(apart, 1.0), HALVES, [1])
+    assert before == pytest.approx(0.5)
+    assert after == pytest.approx(mean, abs=0.01)
+    assert after < certain(HALVES, factors_of(told(apart, 1.0), [1]))
+
+
+def test_what_is_not_listed_is_never_sure() -> None:
+    """However far the others are apart, it keeps its part against the true one, and is no gain
+    where it is true itself."""
+    listed = 0.5 * HALVES
+    before, after = expected_certainty(told(60.0, 1.0), listed, [1])
+    assert before == pytest.approx(2 * 0.25**2)
+    assert after == pytest.approx(2 * 0.25 * (0.25 / 0.75), abs=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +110,9 @@ def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]
     assert len(found["explanations"]) >= 2
     assert found["steps"]
     assert found["certainty"] == sorted(found["certainty"])
+    assert found["unlisted"] == pytest.approx(
+        1.0 - sum(one["probability"] for one in found["explanations"])
+    )
     assert found["certainty"][-1] > found["certainty"][0] + 0.1
     recorded = columns(ambiguous / "recording.csv")
     for step in found["steps"]:
@@ -165,26 +195,57 @@ def test_no_time_for_a_step_is_said(
     assert words in " ".join(capsys.readouterr().err.split())
 
 
-def test_what_follows_time_is_foretold_for_later(tmp_path: Path) -> None:
-    """A drift goes on while the experiment runs."""
+Worn = tuple[Ruleset, Recording, Posterior]
+
+
+@pytest.fixture(scope="module")
+def worn(tmp_path_factory: pytest.TempPathFactory) -> Worn:
+    """A pump that wears while it is recorded, and all sets of explanations of that."""
+    folder = tmp_path_factory.mktemp("worn")
     case = Planned("a case", "single", "dosing", "steps", ("wear",), aim=3000.0, small=True)
-    case.make().write(tmp_path)
-    opened = open_builder(tmp_path / "plant")
-    recording = read_recording(tmp_path / "recording.csv", opened[0])
-    rows = rows_at(opened, recording)
-    found = explain(rows, lambda text: None)
-    worn = next(n for n in found.models if any(".wear-slip@" in name for name in n))
-    models = [found.models[worn], found.models[frozenset()]]
+    case.make().write(folder)
+    opened = open_builder(folder / "plant")
+    recording = read_recording(folder / "recording.csv", opened[0])
+    return opened[0], recording, explain(rows_at(opened, recording), lambda text: None)
+
+
+def soon_and_late(worn: Worn) -> tuple[Places, Places]:
+    """The same operating points next, and ten times as long as the recording later."""
+    ruleset, recording, found = worn
     system = found.geometry.rows.system
-    present = present_inputs(opened[0], recording)
-    soon = places_in(system, usual_reach(system, present, 1.0))
-    late = replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
+    soon = places_in(system, usual_reach(system, present_inputs(ruleset, recording), 1.0))
+    return soon, replace(soon, time=soon.time + 10.0 * float(np.ptp(system.data.time)))
+
+
+def test_what_follows_time_is_foretold_for_later(worn: Worn) -> None:
+    """A drift goes on while the experiment runs."""
+    found = worn[2]
+    names = next(n for n in found.models if any(".wear-slip@" in name for name in n))
+    models = [found.models[names], found.models[frozenset()]]
     apart = []
-    for places in (soon, late):
+    for places in soon_and_late(worn):
         there = foretold(found.geometry, models, 0, places)
         assert np.abs(there.off[0]).max() < 1e-6
         apart.append(float(np.abs(there.off[1]).max()))
     assert apart[1] > 2.0 * apart[0]
+
+
+def test_when_a_fault_began_to_grow_is_doubted(worn: Worn) -> None:
+    """One more number makes nothing surer, and it is known to less than the recording is long. What
+    grows has grown further in a later reading, and is foretold the less surely."""
+    found = worn[2]
+    geometry = found.geometry
+    growing = {n: m for n, m in found.models.items() if any(c.grows for c in m.setting.courses)}
+    model = growing[max(growing, key=lambda names: found.odds[names])]
+    held, open_ = np.diag(solved(model)[1]), np.diag(known_with_onsets(geometry, model))
+    assert (open_[: len(held)] >= held * (1.0 - 1e-6)).all()
+    u_onsets = np.sqrt(open_[len(held) :])
+    length = float(np.ptp(geometry.rows.system.data.time))
+    assert ((u_onsets > 0.0) & (u_onsets <= length)).all()
+    plain = found.models[frozenset()]
+    soon, late = (foretold(geometry, [model, plain], 0, places) for places in soon_and_late(worn))
+    assert np.abs(late.off[1]).max() > 2.0 * np.abs(soon.off[1]).max()
+    assert max(late.covariance[0].diagonal()) > max(soon.covariance[0].diagonal())
 
 
 @pytest.mark.parametrize(

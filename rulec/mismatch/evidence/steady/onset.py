@@ -32,7 +32,7 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
     (span,), (name,) = course.periods, course.names()
     at = fitted.prior.names.index(name)
     value, length = fitted.setting.values[name], span.until - span.since
-    slope = _slope_by_onset(fitted, course, at)
+    slope = slope_by_onset(fitted, course, at)
     table = np.column_stack([fitted.jacobian, slope])
     half = table * np.sqrt(fitted.weights)[:, None]
     normal = half.T @ half
@@ -53,8 +53,9 @@ def onset_of(fitted: Fitted, course: Course) -> Onset:
     )
 
 
-def _slope_by_onset(fitted: Fitted, course: Course, at: int) -> Array:
-    """Slopes of the residuals by the onset, shape (rows,), 1/s."""
+def slope_by_onset(fitted: Fitted, course: Course, at: int) -> Array:
+    """Slopes of the residuals by the onset, shape (rows,), 1/s; `at` is the place of the degree
+    among the values."""
     (span,), (name,) = course.periods, course.names()
     assert course.risen is not None
     time, length = fitted.rows.system.data.time, span.until - span.since

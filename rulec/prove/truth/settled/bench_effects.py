@@ -7,6 +7,7 @@ import numpy as np
 from ..units import BAR, LITRE_PER_HOUR, Array
 from .effect import Effect, Made, middle, quantile
 from .scene import Scene
+from .solve import Operated
 from .term import State, Term
 
 AMBIENT, VAPOUR = 1.013 * BAR, 0.0234 * BAR
@@ -80,11 +81,20 @@ def worn_rings(scene: Scene, module: str, size: float, random: np.random.Generat
 
 
 def narrowed(scene: Scene, module: str, size: float, random: np.random.Generator) -> Made:
-    """Passages foul: the liquid in them is faster by the share `size` at the end."""
-    length = scene.length
-    faster = 1.0 + size * scene.time / length
-    gain = 1.0 - 1.0 / faster
-    return Made((Term("gain", module, lambda s: gain),), {"w": size / scene.days})
+    """Passages foul: the liquid in them is faster by the share `size` at the end.
+
+    The head is that of so much more flow. No flow comes back, so the power is that of the flow that
+    leaves: the head is lost in the passages.
+    """
+    faster = 1.0 + size * scene.time / scene.length
+    own = Operated(scene.rig, scene.values, scene.given).parameters(module)
+    head = scene.rig.kind(module).head
+    assert head is not None
+
+    def law(s: State) -> Array:
+        return np.asarray(head(own, s.speed, s.flow) - head(own, s.speed, faster * s.flow))
+
+    return Made((Term("head", module, law),), {"w": size / scene.days})
 
 
 METERED = ("metered",)
