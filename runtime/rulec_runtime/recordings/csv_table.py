@@ -78,14 +78,14 @@ def read_table(path: Path, choose: Choice) -> Table:
         whole = []
         for row in batch:
             count += 1
-            if _is_whole(row, len(header)):
+            if is_whole(row, len(header)):
                 whole.append(row)
             else:
                 left_out, first_left_out = left_out + 1, first_left_out or count
         if not kept and whole:
-            _refuse_words(path, whole[0], (text_index, *indexes))
+            refuse_words(path, whole[0], (text_index, *indexes))
         for column, index in zip(columns, indexes, strict=True):
-            _read(column, [row[index] for row in whole], len(kept), separator != ",")
+            read_cells(column, [row[index] for row in whole], len(kept), separator != ",")
         kept += [row[text_index] for row in whole]
     if not count:
         raise RecordingRefused(f"{path}: the file has a header but no rows below it")
@@ -105,7 +105,7 @@ def whole_rows(path: Path) -> tuple[list[str], Iterator[list[str]], str]:
     """Header, cells of the rows that `read_table` keeps, and separator of a file."""
     header, rows, separator = _opened(path)
     width = len(header)
-    return header, (row[:width] for row in rows if _is_whole(row, width)), separator
+    return header, (row[:width] for row in rows if is_whole(row, width)), separator
 
 
 def _opened(path: Path) -> tuple[list[str], Iterator[list[str]], str]:
@@ -159,14 +159,13 @@ def _rows(path: Path, text: str) -> tuple[Iterator[list[str]], str]:
     lines = io.StringIO(text, newline="")
     start, first, separator = 0, "", None
     while first := lines.readline():
-        line = first.strip().strip('"')
-        if line.lower().startswith("sep=") and len(line) == 5:
-            separator = line[4]
-        elif line and not line.startswith("#"):
+        stated, is_header = before_header(first)
+        separator = stated or separator
+        if is_header:
             break
         start = lines.tell()
     lines.seek(start)
-    separator = separator or max((";", "\t", ","), key=first.count)
+    separator = separator or separator_of(first)
 
     def rows() -> Iterator[list[str]]:
         try:
@@ -179,12 +178,31 @@ def _rows(path: Path, text: str) -> tuple[Iterator[list[str]], str]:
     return rows(), separator
 
 
-def _is_whole(row: Sequence[str], width: int) -> bool:
+def before_header(line: str) -> tuple[str | None, bool]:
+    """The separator that a line states (Excel's ``sep=``), and whether it is the header.
+
+    Blank lines and comments stand before it, too.
+
+    >>> before_header("sep=;"), before_header("# a remark"), before_header("time,A.dp")
+    ((';', False), (None, False), (None, True))
+    """
+    text = line.strip().strip('"')
+    if text.lower().startswith("sep=") and len(text) == 5:
+        return text[4], False
+    return None, bool(text) and not text.startswith("#")
+
+
+def separator_of(header: str) -> str:
+    """The separator that stands in a header most often."""
+    return max((";", "\t", ","), key=header.count)
+
+
+def is_whole(row: Sequence[str], width: int) -> bool:
     """Whether a row has all cells of the header, and none but blank ones behind them."""
     return len(row) >= width and not any(cell.strip() for cell in row[width:])
 
 
-def _refuse_words(path: Path, row: Sequence[str], indexes: Iterable[int]) -> None:
+def refuse_words(path: Path, row: Sequence[str], indexes: Iterable[int]) -> None:
     """A line of units below the header would be lost, and the units with it."""
     cells = [row[i].strip() for i in indexes]
     if len(cells) > 1 and all(_is_word(cell) for cell in cells):
@@ -199,8 +217,8 @@ def _is_word(cell: str) -> bool:
     return cell.lower() not in BLANK and not any(c.isdigit() for c in cell)
 
 
-def _read(column: Column, cells: list[str], before: int, comma: bool) -> None:
-    """Append cells to a column as numbers."""
+def read_cells(column: Column, cells: list[str], before: int, comma: bool) -> None:
+    """Append cells to a column as numbers, behind `before` rows; `comma`: it may be decimal."""
     if comma:
         column.decimals |= {sign for sign in ",." if any(sign in cell for cell in cells)}
         if "," in column.decimals:

@@ -99,10 +99,7 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     used = ruleset.read
     signals = sorted({name for part in parts for name in part.values})
     if not used.intersection(signals):
-        raise RecordingRefused(
-            f"{path}: no column belongs to this plant. Expected columns such as "
-            f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
-        )
+        raise foreign(str(path), ruleset)
     start = min(float(part.time[0]) for part in parts)
     parts, one_clock = _one_behind_the_other(path, parts, notes)
     calendar = _calendar(start, parts)
@@ -142,6 +139,14 @@ def _strangers(strangers: Iterable[str], missing: Sequence[str], ruleset: Rulese
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
         yield f"columns that belong to no signal of this plant: {shown}{more}"
+
+
+def foreign(name: str, ruleset: Ruleset) -> RecordingRefused:
+    """Why a file of which no column belongs to the plant is none of its recordings."""
+    return RecordingRefused(
+        f"{name}: no column belongs to this plant. Expected columns such as "
+        f"'{_example(ruleset)}'; foreign names need a column map (columns.yaml)"
+    )
 
 
 def _example(ruleset: Ruleset) -> str:

@@ -8,6 +8,7 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
@@ -74,7 +75,7 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     time, zones = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
     values = {}
     for column, target in zip(table.columns, header.targets, strict=True):
-        most = _largest(ruleset.signal_by_id[target.signal])
+        most = largest_reading(ruleset.signal_by_id[target.signal])
         values[target.signal] = _readings(path, column, target, most, notes)
     comma = any("," in column.decimals for column in table.columns)
     return RecordingFile(
@@ -88,12 +89,21 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     )
 
 
-def _largest(signal: SignalSpec) -> float:
+def largest_reading(signal: SignalSpec) -> float:
     """What a reading can be at most, SI."""
     ends = (signal.reference, signal.full_scale, signal.lowest, signal.highest)
     known = [abs(end) for end in ends if end is not None and isfinite(end)]
     scale = max(known, default=0.0)
     return min(limits.ABSURD, limits.BEYOND_SENSOR * scale) if scale else limits.ABSURD
+
+
+def in_si(numbers: Array, target: Target, most: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Numbers of a column in SI, and which are beyond any sensor: there it has no reading."""
+    with np.errstate(over="ignore"):
+        values = numbers * target.factor + target.offset
+    absurd = np.abs(values) > most
+    values[absurd] = np.nan
+    return values, absurd
 
 
 def _readings(path: Path, column: Column, target: Target, most: float, notes: list[str]) -> Array:
@@ -105,16 +115,13 @@ def _readings(path: Path, column: Column, target: Target, most: float, notes: li
             f"{path.name}: {column.words} cells of {target.signal} are words (the first, in data "
             f"row {row}: '{word}'); there it has no reading"
         )
-    with np.errstate(over="ignore"):
-        values = column.numbers() * target.factor + target.offset
-    absurd = np.abs(values) > most
+    values, absurd = in_si(column.numbers(), target, most)
     if absurd.any():
         count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
         notes.append(
             f"{path.name}: {count} cells of {target.signal} are beyond any sensor (the first in "
             f"data row {row}); there it has no reading"
         )
-        values[absurd] = np.nan
     if not np.isfinite(values).any():
         notes.append(f"{path.name}: {target.signal} has not one reading")
     return values

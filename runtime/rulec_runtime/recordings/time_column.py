@@ -25,11 +25,10 @@ def read_times(
 ) -> tuple[Array, Array | None]:
     """Seconds, NaN where there is no time; second, where they are dates (since 1970): their zones
     as seconds ahead of UTC, NaN where a date names none."""
-    numbers = _plain_times(cells)
+    numbers = plain_times(cells)
     if np.isfinite(numbers).any():
-        return numbers * _factor(path, title, unit, units), None
-    table = np.array([_date(cell) for cell in cells]).reshape(-1, 2)
-    dates, zones = table[:, 0], table[:, 1]
+        return numbers * factor_of_time(path, title, unit, units), None
+    dates, zones = dates_of(cells)
     if not np.isfinite(dates).any():
         raise RecordingRefused(
             f"{path}: the time column '{title}' holds '{cells[0].strip()[:30]}'; expected seconds, "
@@ -38,7 +37,14 @@ def read_times(
     return dates, zones
 
 
-def _plain_times(cells: Sequence[str]) -> Array:
+def dates_of(cells: Sequence[str]) -> tuple[Array, Array]:
+    """Seconds since 1970, NaN where a cell is no date, and seconds ahead of UTC as far as told."""
+    table = np.array([_date(cell) for cell in cells]).reshape(-1, 2)
+    return table[:, 0], table[:, 1]
+
+
+def plain_times(cells: Sequence[str]) -> Array:
+    """Cells as numbers, NaN where they are none."""
     try:
         return np.array(cells, dtype=float)
     except ValueError:
@@ -52,7 +58,7 @@ def _plain_times(cells: Sequence[str]) -> Array:
     return result
 
 
-def _factor(path: Path, title: str, text: str, units: Mapping[str, UnitSpec]) -> float:
+def factor_of_time(path: Path, title: str, text: str, units: Mapping[str, UnitSpec]) -> float:
     """Seconds per unit of the time column."""
     unit, second = parse_unit(text or "s", units), units["s"]
     if unit is None or unit.dimension != second.dimension:

@@ -1,0 +1,95 @@
+"""Values of several places put together to rows.
+
+A place is a server or, where each signal comes alone, a signal. A row is whole when every place
+that is heard has said something since the last one; else it ends an interval after its first
+value. Values hold until they are told anew or their place is lost.
+"""
+
+from __future__ import annotations
+
+import time as clocks
+from collections.abc import Iterable, Mapping
+from threading import RLock
+
+import numpy as np
+
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.handover import Handover, now
+from rulec_runtime.live.sources.map import SourceMap
+from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
+
+
+class Assembler:
+    """Rows from values; `place_of` names the place of each signal."""
+
+    def __init__(
+        self, source: SourceMap, place_of: Mapping[str, str], hand: Handover, remarks: Remarks
+    ) -> None:
+        self._interval = source.interval
+        self._hand, self._remarks = hand, remarks
+        self._index = {name: i for i, name in enumerate(place_of)}
+        self._place_of = place_of
+        self._values = np.full(len(place_of), np.nan)
+        self._silence = {place: Silence(source.stale) for place in place_of.values()}
+        self._heard = set(self._silence)
+        self._pending: set[str] = set()
+        self._first = self._first_time = 0.0
+        self._newest = self._last = -float("inf")
+        self._lock = RLock()
+
+    @property
+    def begun(self) -> bool:
+        """Whether there was a row."""
+        return self._last > -float("inf")
+
+    def put(self, places: Iterable[str], values: Mapping[str, float], time: float) -> None:
+        """What places say at a time, s since 1970; readings in SI, NaN where there is none."""
+        with self._lock:
+            here = set(places)
+            if here & self._pending and time - self._first_time >= self._interval / 2:
+                self._end_row()
+            if not self._pending:
+                self._first, self._first_time = clocks.monotonic(), time
+            for place in here:
+                self._silence[place].heard()
+            for name, value in values.items():
+                self._values[self._index[name]] = value
+            self._heard |= here
+            self._pending |= here
+            self._newest = max(self._newest, time)
+            if self._pending >= self._heard:
+                self._end_row()
+
+    def lost(self, place: str) -> None:
+        """A place says nothing any more: its signals have no reading."""
+        with self._lock:
+            self._heard.discard(place)
+            self._pending.discard(place)
+            for name, of in self._place_of.items():
+                if of == place:
+                    self._values[self._index[name]] = np.nan
+
+    def tick(self) -> None:
+        """To be called now and then: rows that wait for a place end, silent places are told."""
+        with self._lock:
+            if self._pending and clocks.monotonic() - self._first >= self._interval:
+                self._end_row()
+            for place, silence in self._silence.items():
+                if silence.begins():
+                    name = f"{place}: " if place else ""
+                    text = f"{name}no value for {silence.lasts:.0f} s"
+                    self._hand.notices([notice("stale", now(), text)])
+                    self.lost(place)
+
+    def _end_row(self) -> None:
+        """Hand a row out if it is later than the last; else its values stand in the next one."""
+        self._pending = set()
+        time, self._newest = self._newest, -float("inf")
+        if time > self._last:
+            self._last = time
+            self._hand.row(time, self._values.copy())
+        elif self._last - time > limits.LATE_INTERVALS * self._interval:
+            text = (
+                f"values are {self._last - time:.3g} s older than the last row; rows are left out"
+            )
+            self._hand.notices(self._remarks.tell("clock", "rows", now(), text))

@@ -1,0 +1,249 @@
+"""A CSV file that a logger writes on: read as it grows, through its rotations."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time as clocks
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.line_cutter import LineCutter
+from rulec_runtime.live.sources.remarks import Remarks, Silence, notice
+from rulec_runtime.live.sources.rotation import (
+    Head,
+    following,
+    head_of,
+    inode_of,
+    tail_of,
+    with_inode,
+)
+from rulec_runtime.live.sources.row_clock import RowClock
+from rulec_runtime.live.sources.table_stream import TableStream
+from rulec_runtime.recordings.csv_table import RecordingRefused
+
+
+class GrowingFile:
+    """Rows of a file and of those that replace it.
+
+    Half a line waits for its end. When the file is renamed or replaced, the old one is read to its
+    end, then the new one from its start, header included; when it is cut, from its start. A header
+    that is none of this plant is refused at the start; later it is told, and reading goes on with
+    the next file.
+    """
+
+    def __init__(
+        self, path: Path, ruleset: Ruleset, resume: Mapping[str, Any] | None = None
+    ) -> None:
+        self._path, self._ruleset = path, ruleset
+        self._remarks = Remarks()
+        self._clock = RowClock(path.name, self._remarks)
+        self._silence = Silence(limits.STALE)
+        self._file: BinaryIO | None = None
+        self._head: Head | None = None
+        self._cutter = LineCutter()
+        self._table = TableStream(path, ruleset, self._clock, self._remarks)
+        self._started = self._refused = self._missing = False
+        self._replaced: float | None = None
+        self._tail = b""
+        self._waiting: list[Rows | Notice] = []
+        self.ended = False
+        if path.name.lower().endswith(".gz"):
+            raise RecordingRefused(f"{path}: a packed file does not grow; name the one written to")
+        if resume:
+            self._resume(resume)
+        elif not path.is_file():
+            raise RecordingRefused(f"{path}: there is no such file; start the logger first")
+        if self._file is None and path.is_file():
+            self._open(path)
+            self._waiting += self._read_head()
+        self._started = True
+
+    @property
+    def dated(self) -> bool:
+        """Known from the first rows on."""
+        return bool(self._clock.dated)
+
+    @property
+    def position(self) -> dict[str, Any]:
+        """Where reading goes on after the rows handed out so far; it can be stored as JSON."""
+        if self._file is None or self._head is None:
+            return {}
+        return {
+            "inode": inode_of(self._file),
+            "offset": self._cutter.offset,
+            "header": self._head.digest,
+            "tail": hashlib.sha256(self._tail).hexdigest(),
+            "time": self._clock.last if self._clock.begun else None,
+            "step": self._clock.step,
+            "shift": self._clock.shift,
+            "dated": self._clock.dated,
+        }
+
+    def take(self, seconds: float) -> list[Rows | Notice]:
+        until = clocks.monotonic() + seconds
+        while not self.ended:
+            found, self._waiting = self._waiting, []
+            try:
+                found += self._look()
+            except OSError as error:
+                found += self._lost(f"cannot be read ({error.strerror})")
+            left = until - clocks.monotonic()
+            if found or left <= 0:
+                return found
+            clocks.sleep(min(limits.POLL, left))
+        return []
+
+    def close(self) -> None:
+        self.ended = True
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _look(self) -> list[Rows | Notice]:
+        """What has come since the last look."""
+        if self._file is None and not self._path.is_file():
+            return self._lost("is not there")
+        file = self._file or self._open(self._path)
+        if self._head is None:
+            return self._read_head() or self._end_of_file()
+        if self._was_cut(file):
+            return self._begin_again("was cut; what nobody had read of it is lost")
+        data = file.read(limits.PIECE)
+        if not data:
+            return self._end_of_file()
+        self._replaced = None
+        self._silence.heard()
+        before = self._cutter.offset
+        lines = self._cutter.feed(data)
+        if self._cutter.offset > before:
+            self._tail = tail_of(file, self._cutter.offset)
+        found = [*self._found_again(), *self._rows(lines)]
+        self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
+        return found
+
+    def _rows(self, lines: list[str]) -> list[Rows | Notice]:
+        found: list[Rows | Notice] = []
+        if self._cutter.too_long:
+            self._cutter.too_long = 0
+            text = f"{self._path.name}: lines of more than {limits.LONGEST_LINE} bytes are left out"
+            found += self._remarks.tell("refused", "too long", self._clock.now, text)
+        if self._refused:
+            return found
+        try:
+            return found + self._table.feed(lines)
+        except RecordingRefused as refused:
+            self._refused = True
+            return [*found, notice("refused", self._clock.now, str(refused))]
+
+    def _open(self, path: Path) -> BinaryIO:
+        """Begin with a file whose header nobody has read."""
+        self.close()
+        self._file = file = path.open("rb", buffering=0)
+        self._head, self._replaced, self.ended, self._refused = None, None, False, False
+        self._table = TableStream(self._path, self._ruleset, self._clock, self._remarks)
+        self._clock.begin()
+        return file
+
+    def _read_head(self) -> list[Rows | Notice]:
+        """Read up to the header, as soon as it is whole. Raises at the start of all alone."""
+        assert self._file is not None
+        try:
+            head = head_of(self._file, self._path)
+            if head is None:
+                return []
+            self._head = head
+            self._cutter = LineCutter(head.encoding, head.end)
+            self._tail = tail_of(self._file, head.end)
+            return self._table.feed(head.lines)
+        except RecordingRefused as refused:
+            if not self._started:
+                raise
+            self._head = self._head or Head()
+            self._refused = True
+            return [notice("refused", self._clock.now, str(refused))]
+        finally:
+            self._file.seek(self._cutter.offset if self._head else 0)
+
+    def _was_cut(self, file: BinaryIO) -> bool:
+        """Whether the file is shorter now, or was written anew up to here and beyond."""
+        size = os.fstat(file.fileno()).st_size
+        if size < self._cutter.offset + self._cutter.waiting:
+            return True
+        grown = size > self._cutter.offset + self._cutter.waiting
+        return grown and tail_of(file, self._cutter.offset) != self._tail
+
+    def _begin_again(self, why: str) -> list[Rows | Notice]:
+        self._open(self._path)
+        return [notice("gap", self._clock.now, f"{self._path.name} {why}")]
+
+    def _end_of_file(self) -> list[Rows | Notice]:
+        """Nothing more has come: was the file replaced, or is it silent for too long?"""
+        assert self._file is not None
+        there = self._path.is_file()
+        if there and self._path.stat().st_ino == inode_of(self._file):
+            self._replaced = None
+            return [*self._found_again(), *self._stale()]
+        now = clocks.monotonic()
+        self._replaced = self._replaced or now
+        if now - self._replaced < limits.LINGER:
+            return []
+        if not there:
+            return self._lost("was taken away; its successor is waited for")
+        found: list[Rows | Notice] = []
+        if self._cutter.waiting:
+            text = f"{self._path.name}: the last row before it was replaced has no end; left out"
+            found.append(notice("refused", self._clock.now, text))
+        self._open(following(self._file, self._path, self._head))
+        return found
+
+    def _stale(self) -> list[Rows | Notice]:
+        if not self._silence.begins():
+            return []
+        text = f"{self._path.name}: no row for {self._silence.lasts:.0f} s"
+        return [notice("stale", self._clock.now, text)]
+
+    def _lost(self, why: str) -> list[Rows | Notice]:
+        """Told once; and as long as it lasts the source grows stale."""
+        if self._missing:
+            return self._stale()
+        self._missing = True
+        return [notice("lost", self._clock.now, f"{self._path.name} {why}")]
+
+    def _found_again(self) -> list[Notice]:
+        if not self._missing:
+            return []
+        self._missing = False
+        return [notice("connected", self._clock.now, f"{self._path.name} is read again")]
+
+    def _resume(self, position: Mapping[str, Any]) -> None:
+        """Go on at a position, in the file that it belongs to, wherever that is now."""
+        if position["time"] is not None:
+            self._clock.last = float(position["time"])
+        self._clock.step, self._clock.shift = float(position["step"]), float(position["shift"])
+        self._clock.dated = position["dated"]
+        offset = int(position["offset"])
+        for path in with_inode(self._path, int(position["inode"])):
+            file = self._open(path)
+            tail, head = tail_of(file, offset), head_of(file, path)
+            known = head is not None and head.digest == position["header"]
+            if not known or hashlib.sha256(tail).hexdigest() != position["tail"]:
+                continue
+            self._read_head()
+            assert self._head is not None
+            self._cutter = LineCutter(self._head.encoding, offset)
+            self._tail = tail
+            file.seek(offset)
+            if self._clock.begun:
+                self._table.resume()
+            self._clock.resume()
+            return
+        self.close()
+        self.ended = False
+        self._clock.begin()
+        text = f"{self._path.name}: what was being read is gone; rows may be lost"
+        self._waiting.append(notice("gap", self._clock.now, text))

@@ -1,0 +1,104 @@
+"""How to get into a server: certificates, user, and secrets that stand elsewhere."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.map_entry import Entry
+
+ACCESS = ("security", "user", "password")
+"""Keys of a map that say how to get in."""
+
+POLICIES = ("Basic256Sha256", "Aes128_Sha256_RsaOaep", "Aes256_Sha256_RsaPss")
+MODES = ("SignAndEncrypt", "Sign")
+_SECURITY = ("policy", "mode", "certificate", "key", "server_certificate", "ca")
+_LOCAL = ("localhost", "127.0.0.1", "::1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Access:
+    """Certificates as files; `policy` is empty without any. The password is in no representation.
+
+    `ca` holds the authorities that a broker's certificate may come from.
+    """
+
+    policy: str = ""
+    mode: str = MODES[0]
+    certificate: Path | None = None
+    key: Path | None = None
+    server_certificate: Path | None = None
+    ca: Path | None = None
+    user: str = ""
+    password: str = field(default="", repr=False)
+
+
+def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Access:
+    """What a map says of it; files are relative to the map. Raises `SourceRefused`."""
+    own: Mapping[str, Entry] = {}
+    if "security" in entries:
+        own = entries["security"].items(_SECURITY)
+    policy = _one_of(own, "policy", POLICIES) if own else ""
+    files = {
+        name: _file(path, own[name])
+        for name in ("certificate", "key", "server_certificate", "ca")
+        if name in own
+    }
+    parts = urlsplit(endpoint)
+    if own and parts.scheme == "opc.tcp" and not {"certificate", "key"} <= files.keys():
+        raise entries["security"].refused(
+            "'security' needs 'certificate:' and 'key:', files of this computer's own certificate"
+        )
+    password = _secret(path, entries["password"]) if "password" in entries else ""
+    safe = parts.scheme == "mqtts" or bool(policy and parts.scheme == "opc.tcp")
+    if password and not safe and parts.hostname not in _LOCAL:
+        raise entries["password"].refused(
+            "a password would travel readable; write 'security:', or mqtts:// for a broker"
+        )
+    return Access(
+        policy=policy,
+        mode=_one_of(own, "mode", MODES),
+        user=entries["user"].text() if "user" in entries else "",
+        password=password,
+        **files,
+    )
+
+
+def _one_of(own: Mapping[str, Entry], name: str, known: tuple[str, ...]) -> str:
+    if name not in own:
+        return known[0]
+    text = own[name].text()
+    if text not in known:
+        raise own[name].refused(f"'{name}' is one of {', '.join(known)}")
+    return text
+
+
+def _file(path: Path, entry: Entry) -> Path:
+    file = path.parent / entry.text()
+    if not file.is_file():
+        raise entry.refused(f"{file}: there is no such file")
+    return file
+
+
+def _secret(path: Path, entry: Entry) -> str:
+    """A secret from the environment or a file; one that stands in the map is refused."""
+    remedy = "write 'password: {env: NAME}' or 'password: {file: PATH}'"
+    if entry.is_text:
+        raise entry.refused(f"a password does not stand in a map; {remedy}")
+    own = entry.items(("env", "file"))
+    if len(own) != 1:
+        raise entry.refused(remedy)
+    if "env" in own:
+        name = own["env"].text()
+        if not os.environ.get(name):
+            raise own["env"].refused(f"the environment has no variable '{name[:60]}'")
+        return os.environ[name]
+    try:
+        with _file(path, own["file"]).open(encoding="utf-8") as file:
+            return file.read(limits.LARGEST_MAP).strip()
+    except (OSError, UnicodeDecodeError):
+        raise own["file"].refused("the file of the password cannot be read") from None

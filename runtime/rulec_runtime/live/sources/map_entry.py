@@ -1,0 +1,101 @@
+"""YAML of a map with places: every mistake names its file, its line and what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.refused import SourceRefused, extra
+
+
+class Entry:
+    """A part of a map, and where it stands."""
+
+    def __init__(self, path: Path, node: Any, name: str) -> None:
+        self._path, self._node, self.name = path, node, name
+
+    @property
+    def place(self) -> str:
+        return f"{self._path}, line {self._node.start_mark.line + 1}"
+
+    def refused(self, text: str) -> SourceRefused:
+        return SourceRefused(f"{self.place}: {text}")
+
+    @property
+    def is_text(self) -> bool:
+        return bool(self._node.id == "scalar")
+
+    def text(self) -> str:
+        """A single value that is not empty."""
+        value = str(self._node.value).strip() if self.is_text else ""
+        if not value:
+            raise self.refused(f"'{self.name}' needs a single value")
+        return value
+
+    def number(self, least: float = -float("inf")) -> float:
+        try:
+            value = float(self.text())
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value) or value < least:
+            bound = f" of {least:g} or more" if isfinite(least) else ""
+            raise self.refused(f"'{self.name}' needs a number{bound}")
+        return value
+
+    def items(self, known: Iterable[str] | None = None) -> Mapping[str, Entry]:
+        """Entries by their keys, all of them `known`."""
+        if self._node.id != "mapping":
+            raise self.refused(f"'{self.name}' needs entries such as 'key: value'")
+        found: dict[str, Entry] = {}
+        for key, value in self._node.value:
+            name = str(key.value) if key.id == "scalar" else ""
+            here = Entry(self._path, key, name)
+            if not name or name in found:
+                raise here.refused(f"'{name}' stands twice" if name else "a key must be a name")
+            if known is not None and name not in known:
+                raise here.refused(f"unknown key '{name[:40]}'{hint(name, known)}")
+            found[name] = Entry(self._path, value, name)
+        return found
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """Which known name was meant, or all of them.
+
+    >>> hint("pollicy", ["policy", "mode"]), hint("x", ["policy", "mode"])
+    ("; did you mean 'policy'?", '; known are policy, mode')
+    """
+    names = list(known)
+    close = get_close_matches(name, names, 1)
+    if close:
+        return f"; did you mean '{close[0]}'?"
+    return f"; known are {', '.join(names[:12])}{' ...' if len(names) > 12 else ''}"
+
+
+def read_entries(path: Path, extra_of: str) -> Entry:
+    """The whole of a map. Raises `SourceRefused`."""
+    yaml = extra("yaml", extra_of)
+    try:
+        with path.open("rb") as file:
+            data = file.read(limits.LARGEST_MAP + 1)
+    except OSError as error:
+        raise SourceRefused(f"{path}: cannot be read ({error.strerror})") from None
+    if len(data) > limits.LARGEST_MAP:
+        raise SourceRefused(f"{path}: a map has less than {limits.LARGEST_MAP} bytes")
+    try:
+        node = yaml.compose(data.decode("utf-8-sig"), Loader=yaml.SafeLoader)
+    except UnicodeDecodeError:
+        raise SourceRefused(f"{path}: this is not UTF-8") from None
+    except RecursionError:
+        raise SourceRefused(f"{path}: it is nested too deep") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        why = getattr(error, "problem", None) or "it cannot be read"
+        raise SourceRefused(f"{path}{where}: this is not YAML: {why}") from None
+    if node is None:
+        raise SourceRefused(f"{path}: the map is empty; it needs 'signals:'")
+    return Entry(path, node, "map")

@@ -1,0 +1,179 @@
+"""MQTT: topics of a map, subscribed with QoS 1; nothing is published."""
+
+from __future__ import annotations
+
+import ssl
+from collections.abc import Sequence
+from threading import Event, Thread
+from typing import Any
+from urllib.parse import urlsplit
+
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.assembler import Assembler
+from rulec_runtime.live.sources.handover import Handover, now
+from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
+from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
+from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.recordings.recording_file import largest_reading
+
+
+class Mqtt:
+    """Rows of the topics of a broker.
+
+    A message that holds all signals is a row; else a row ends when every signal has come, or an
+    interval after its first value. paho connects again by itself.
+    """
+
+    dated = True
+    ended = False
+
+    def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
+        self._source, self._remarks = source, Remarks()
+        place_of = {c.signal.id: c.signal.id for c in source.channels}
+        self._hand = Handover(tuple(place_of))
+        self._rows = Assembler(source, place_of, self._hand, self._remarks)
+        self._by_topic: dict[str, list[Channel]] = {}
+        self._scales: dict[str, tuple[float, float, float]] = {}
+        for channel in source.channels:
+            self._by_topic.setdefault(channel.address, []).append(channel)
+            factor, offset = conversion(channel.signal, channel.unit, ruleset)
+            most = largest_reading(channel.signal)
+            own = (channel.scale * factor, channel.offset * factor + offset, most)
+            self._scales[channel.signal.id] = own
+        self._newest: dict[str, float] = {}
+        self._bad: dict[str, str] = {}
+        self._gone: float | None = None
+        self._stopped = Event()
+        self._client = self._connecting()
+        self._client.loop_start()
+        self._ticker = Thread(target=self._ticks, name="mqtt", daemon=True)
+        self._ticker.start()
+
+    def take(self, seconds: float) -> list[Rows | Notice]:
+        return [] if self.ended else self._hand.take(seconds)
+
+    def close(self) -> None:
+        self.ended = True
+        self._stopped.set()
+        self._client.disconnect()
+        self._client.loop_stop()
+        self._ticker.join()
+
+    def _connecting(self) -> paho.Client:
+        server = self._source.servers[0]
+        access, parts = server.access, urlsplit(server.endpoint)
+        known = self._source.client
+        client = paho.Client(CallbackAPIVersion.VERSION2, client_id=known, clean_session=not known)
+        if parts.scheme == "mqtts":
+            try:
+                client.tls_set(
+                    ca_certs=str(access.ca) if access.ca else None,
+                    certfile=str(access.certificate) if access.certificate else None,
+                    keyfile=str(access.key) if access.key else None,
+                )
+            except (OSError, ValueError, ssl.SSLError) as error:
+                raise SourceRefused(f"{server.endpoint}: {error}; look at 'security'") from None
+        if access.user:
+            client.username_pw_set(access.user, access.password or None)
+        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
+        client.reconnect_delay_set(1, int(limits.LAST_RETRY))
+        port = parts.port or (8883 if parts.scheme == "mqtts" else 1883)
+        client.connect_async(str(parts.hostname), port, limits.KEEP_ALIVE)
+        return client
+
+    def _ticks(self) -> None:
+        while not self._stopped.wait(self._source.interval / 4):
+            self._rows.tick()
+
+    def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, code: Any, _p: Any) -> None:
+        endpoint = self._source.servers[0].endpoint
+        if code.is_failure:
+            self._lost(f"the broker refuses: {code.getName()}")
+            return
+        client.subscribe([(topic, 1) for topic in self._by_topic])
+        text = f"{endpoint}: {len(self._scales)} signals of {len(self._by_topic)} topics"
+        unnamed = [c.signal for c in self._source.channels if not c.unit]
+        if unnamed:
+            text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
+        found = [notice("connected", now(), text)]
+        if self._gone is not None and self._rows.begun:
+            text = f"{endpoint}: not connected for {now() - self._gone:.3g} s"
+            found.append(notice("gap", self._gone, text))
+        self._gone = None
+        self._hand.notices(found)
+
+    def _on_disconnect(self, _c: Any, _data: Any, _flags: Any, code: Any, _p: Any) -> None:
+        if not self.ended:
+            self._lost(f"the connection ended: {code.getName()}")
+
+    def _on_connect_fail(self, _client: Any, _data: Any) -> None:
+        self._lost("the broker does not answer")
+
+    def _lost(self, why: str) -> None:
+        """Told once until the connection stands again."""
+        if self._gone is None:
+            self._gone = now()
+            text = f"{self._source.servers[0].endpoint}: {why}"
+            self._hand.notices([notice("lost", self._gone, text)])
+
+    def _on_message(self, _client: Any, _data: Any, message: paho.MQTTMessage) -> None:
+        self.receive(message.topic, bytes(message.payload))
+
+    def receive(self, topic: str, payload: bytes) -> None:
+        """A message as it came, whatever it holds."""
+        channels = self._by_topic.get(topic)
+        if channels is None:
+            return
+        try:
+            found = values_of(payload, channels, self._source.time)
+        except BadPayload as bad:
+            text = f"{topic}: a message is left out: {bad}"
+            self._hand.notices(self._remarks.tell("refused", (topic, str(bad)), now(), text))
+            return
+        here = now()
+        values, times = {}, []
+        for channel, value in found:
+            time = here if value.stamp is None else value.stamp
+            if self._is_news(channel, time, here):
+                values[channel.signal.id] = self._reading(channel, value)
+                times.append(time)
+        if values:
+            self._rows.put(values, values, max(times))
+
+    def _is_news(self, channel: Channel, time: float, here: float) -> bool:
+        """Whether a value is later than all before, and not of the future; else told once."""
+        signal = channel.signal.id
+        before = self._newest.get(signal, -float("inf"))
+        if time > here + limits.CLOCK_APART:
+            why = f"its stamp is {time - here:.0f} s ahead of our clock"
+            self._hand.notices(self._told(signal, "ahead", why))
+            return False
+        if time <= before:
+            why = "it came twice" if time == before else f"it is {before - time:.3g} s late"
+            self._hand.notices(self._told(signal, "twice" if time == before else "late", why))
+            return False
+        self._newest[signal] = time
+        return True
+
+    def _told(self, signal: str, key: str, why: str) -> Sequence[Notice]:
+        text = f"{signal}: a value is left out: {why}"
+        return self._remarks.tell("clock", (signal, key), now(), text)
+
+    def _reading(self, channel: Channel, value: Value) -> float:
+        """In SI; NaN where there is none, told when that begins."""
+        signal = channel.signal.id
+        factor, offset, most = self._scales[signal]
+        reading, bad = value.number * factor + offset, value.bad
+        if abs(reading) > most:
+            reading, bad = float("nan"), "beyond any sensor"
+        if bad and self._bad.get(signal) != bad:
+            self._hand.notices([notice("refused", now(), f"{signal} has no reading: {bad}")])
+        self._bad[signal] = bad
+        return reading

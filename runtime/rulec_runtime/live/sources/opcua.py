@@ -1,0 +1,79 @@
+"""OPC UA: subscriptions to the servers of a map, in a thread of their own; they only read."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time as clocks
+from threading import Thread
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.assembler import Assembler
+from rulec_runtime.live.sources.handover import Handover
+from rulec_runtime.live.sources.map import SourceMap
+from rulec_runtime.live.sources.opcua_link import Link
+from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.remarks import Remarks
+
+
+class OpcUa:
+    """Rows of one or more servers: a row per publishing interval, values held between changes.
+
+    A row's time is the newest stamp of what changed since the last one, else when the server said
+    that nothing did. Waits at the start for the servers' first answer; raises `SourceRefused`
+    where a node is not what the map says.
+    """
+
+    dated = True
+
+    def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
+        place_of = {c.signal.id: c.server for c in source.channels}
+        self._source, self._remarks = source, Remarks()
+        self._hand = Handover(tuple(place_of))
+        self._rows = Assembler(source, place_of, self._hand, self._remarks)
+        self._links = [
+            Link(source, s, ruleset, self._rows, self._hand, self._remarks) for s in source.servers
+        ]
+        self.ended = False
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._run, name="opcua", daemon=True)
+        self._thread.start()
+        until = clocks.monotonic() + limits.OPENING
+        for link in self._links:
+            link.answered.wait(max(0.0, until - clocks.monotonic()))
+        refused = [link.refused for link in self._links if link.refused]
+        if refused:
+            self.close()
+            raise SourceRefused(refused[0])
+
+    def take(self, seconds: float) -> list[Rows | Notice]:
+        return [] if self.ended else self._hand.take(seconds)
+
+    def close(self) -> None:
+        """Sessions are closed if they close in time, else abandoned."""
+        self.ended = True
+        self._loop.call_soon_threadsafe(self._stop)
+        self._thread.join(limits.CLOSING + 1)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._tasks = [self._loop.create_task(link.keep()) for link in self._links]
+        self._tasks.append(self._loop.create_task(self._ticks()))
+        self._loop.run_forever()
+
+    def _stop(self) -> None:
+        async def end() -> None:
+            for task in self._tasks:
+                task.cancel()
+            await asyncio.wait(self._tasks, timeout=limits.CLOSING)
+            self._loop.stop()
+
+        self._ending = self._loop.create_task(end())
+
+    async def _ticks(self) -> None:
+        while True:
+            await asyncio.sleep(self._source.interval / 4)
+            self._rows.tick()

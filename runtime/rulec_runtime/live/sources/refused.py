@@ -1,0 +1,24 @@
+"""Why a source cannot be used."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+from rulec_runtime.recordings.csv_table import RecordingRefused
+
+
+class SourceRefused(RecordingRefused):
+    """A source cannot be used; the message says why and what to do."""
+
+
+def extra(name: str, of: str) -> ModuleType:
+    """A module of a package that an extra `of` rulec-runtime brings. Raises `SourceRefused`."""
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ImportError:
+        raise SourceRefused(
+            f"this source needs the package '{name.partition('.')[0]}': "
+            f"pip install 'rulec-runtime[{of}]'"
+        ) from None

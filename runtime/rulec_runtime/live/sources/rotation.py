@@ -1,0 +1,103 @@
+"""Files that replace one another: which is which, and which comes next."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.line_cutter import LineCutter
+from rulec_runtime.recordings.csv_table import RecordingRefused, before_header
+
+
+@dataclass(frozen=True)
+class Head:
+    """A file up to the end of its header: `lines`, where they `end`, in bytes, and their digest."""
+
+    lines: tuple[str, ...] = ()
+    encoding: str = "utf-8"
+    end: int = 0
+    digest: str = ""
+
+
+def head_of(file: BinaryIO, path: Path) -> Head | None:
+    """The head of a file; None as long as its header has no end. The file stands at its start."""
+    file.seek(0)
+    data = b""
+    while len(data) <= limits.LONGEST_LINE and (piece := file.read(limits.PIECE)):
+        data += piece
+    file.seek(0)
+    if data.startswith(b"\x1f\x8b"):
+        raise RecordingRefused(f"{path}: a packed file does not grow; name the one written to")
+    cutter = LineCutter()
+    lines: list[str] = []
+    for line in data.splitlines(keepends=True):
+        for cut in cutter.feed(line):
+            lines.append(cut)
+            if "\0" in cut:
+                raise RecordingRefused(f"{path}: this is a binary file; a CSV file is read here")
+            if before_header(cut)[1]:
+                digest = hashlib.sha256(data[: cutter.offset]).hexdigest()
+                return Head(tuple(lines), cutter.encoding, cutter.offset, digest)
+    if len(data) > limits.LONGEST_LINE:
+        raise RecordingRefused(f"{path}: no header in its first {limits.LONGEST_LINE} bytes")
+    return None
+
+
+def tail_of(file: BinaryIO, offset: int) -> bytes:
+    """Some bytes before an offset. The file stands where it stood."""
+    here = file.tell()
+    start = max(0, offset - limits.TAIL)
+    file.seek(start)
+    tail = file.read(offset - start)
+    file.seek(here)
+    return tail
+
+
+def inode_of(file: BinaryIO) -> int:
+    return os.fstat(file.fileno()).st_ino
+
+
+def with_inode(path: Path, inode: int) -> Iterator[Path]:
+    """The file of an inode: this one, or one of the same folder that it was renamed to."""
+    for other in (path, *(p for p in sorted(path.parent.iterdir()) if p != path)):
+        try:
+            if other.is_file() and other.stat().st_ino == inode:
+                yield other
+        except OSError:
+            continue
+
+
+def following(file: BinaryIO, path: Path, head: Head | None) -> Path:
+    """Which file to read behind one that was replaced.
+
+    Mostly the one of the same name. Where there was more than one rotation meanwhile, the oldest
+    that was written later, has the same header, and a name such as ``x.csv.1``, ``x.csv-20260301``
+    or ``x-20260301.csv``.
+    """
+    last, current = os.fstat(file.fileno()).st_mtime_ns, path.stat().st_ino
+    later = []
+    for other in _rotated(path):
+        try:
+            about = other.stat()
+            if about.st_mtime_ns <= last or about.st_ino in (current, inode_of(file)):
+                continue
+            with other.open("rb", buffering=0) as opened:
+                found = head_of(opened, other)
+        except (OSError, RecordingRefused):
+            continue
+        if head is not None and found is not None and found.digest == head.digest:
+            later.append((about.st_mtime_ns, other))
+    return min(later)[1] if later else path
+
+
+def _rotated(path: Path) -> list[Path]:
+    """Files whose names say that they once were this one; ``x-2.csv`` may be another plant."""
+    name, stem, suffix = (re.escape(part) for part in (path.name, path.stem, path.suffix))
+    form = re.compile(rf"{name}[-_.]\d[-\dT:_.]*|{stem}[-_.]\d{{4}}[-\dT:_.]{{2,}}{suffix}")
+    return [p for p in sorted(path.parent.iterdir()) if form.fullmatch(p.name) and p.is_file()]

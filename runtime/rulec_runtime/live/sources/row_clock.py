@@ -1,0 +1,91 @@
+"""Times of rows: strictly increasing, whatever the clock of the source does."""
+
+from __future__ import annotations
+
+import time as clocks
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rulec_runtime import limits as readings
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.live.rows import Notice
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.remarks import Remarks
+
+
+class RowClock:
+    """Which rows are later than all before.
+
+    `last` is the time of the last row handed out, s; `step` the last step from row to row, s;
+    `shift` what is added to times that are no dates, s; `dated` whether they are, None before
+    anybody knows.
+    """
+
+    def __init__(self, name: str, remarks: Remarks) -> None:
+        self.last = -float("inf")
+        self.step = 1.0
+        self.shift = 0.0
+        self.dated: bool | None = None
+        self._name, self._remarks, self._begins = name, remarks, False
+
+    @property
+    def now(self) -> float:
+        """Time of a notice, as of rows; 0 before there are any."""
+        return self.last if self.begun else 0.0
+
+    @property
+    def begun(self) -> bool:
+        """Whether there was a row."""
+        return self.last > -float("inf")
+
+    def begin(self) -> None:
+        """A new file begins: a clock that is no date may begin anew with it."""
+        self._begins = True
+
+    def resume(self) -> None:
+        """No new file begins: an old one is read on."""
+        self._begins = False
+
+    def later(self, time: Array) -> tuple[Array, NDArray[np.bool_], list[Notice]]:
+        """Times as they are handed out, shape (n,), s; which of them are; what is odd about them.
+
+        A clock without dates that begins anew with a new file goes on where the last one ended, as
+        when a folder of files is diagnosed.
+        """
+        usable = np.isfinite(time) & (np.abs(time) < readings.ABSURD)
+        if self.dated:
+            usable &= time < clocks.time() + limits.FUTURE
+        found: list[Notice] = []
+        if not usable.all():
+            found += self._tell(int((~usable).sum()), "have no usable time", "unusable")
+        if self._begins and usable.any():
+            found += self._begin_anew(float(time[usable][0]))
+        time = time + self.shift
+        known = np.where(usable, time, -np.inf)
+        before = np.maximum.accumulate(np.concatenate([[self.last], known]))
+        kept = usable & (known > before[:-1])
+        late = int((usable & ~kept).sum())
+        if late:
+            found += self._tell(late, f"are not later than {before[-1]:.10g} s", "late")
+        if kept.any():
+            times = time[kept]
+            steps = np.diff(times)
+            if len(steps):
+                self.step = float(np.median(steps))
+            elif self.begun:
+                self.step = float(times[0] - self.last)
+            self.last = float(times[-1])
+        return time, kept, found
+
+    def _begin_anew(self, first: float) -> list[Notice]:
+        self._begins = False
+        if self.dated or first + self.shift > self.last:
+            return []
+        self.shift = self.last + self.step - first
+        text = f"{self._name}: its clock began anew; {self.shift:.10g} s are added to its times"
+        return self._remarks.tell("clock", ("anew", self.shift), self.last, text)
+
+    def _tell(self, rows: int, what: str, key: str) -> list[Notice]:
+        text = f"{self._name}: {rows} rows {what} and are left out"
+        return self._remarks.tell("clock", key, self.now, text)

@@ -1,0 +1,85 @@
+"""An OPC UA server on loopback, in a thread of its own, that can be killed and started again."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from collections.abc import Coroutine
+from datetime import UTC, datetime
+from threading import Thread
+from typing import Any
+
+import pytest
+from asyncua import Server, ua
+from asyncua.server.uaprocessor import UaProcessor
+
+UNITS = {"A.dp": "bar", "A.n": "rpm"}
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
+
+
+class PlantServer:
+    """Two signals of plant abc as Double nodes ``ns=2;s=A.dp``, with engineering units."""
+
+    def __init__(self, units: dict[str, str] | None = None, port: int = 0) -> None:
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
+        self.port = port or free_port()
+        self.url = f"opc.tcp://127.0.0.1:{self.port}"
+        self._units = UNITS if units is None else units
+        self._loop = asyncio.new_event_loop()
+        Thread(target=self._loop.run_forever, daemon=True).start()
+        self.nodes: dict[str, Any] = {}
+        self.start()
+
+    def run(self, work: Coroutine[Any, Any, Any]) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(20)
+
+    def start(self) -> None:
+        self.run(self._start())
+
+    def stop(self) -> None:
+        """The socket goes at once, as when the power fails."""
+        self.run(self._server.stop())
+
+    def write(self, signal: str, value: Any, code: int = 0, stamp: datetime | None = None) -> None:
+        kind = ua.VariantType.Double if isinstance(value, float) else None
+        data = ua.DataValue(
+            ua.Variant(value, kind),
+            ua.StatusCode(code),
+            SourceTimestamp=stamp or datetime.now(UTC),
+        )
+        self.run(self.nodes[signal].write_value(data))
+
+    async def _start(self) -> None:
+        self._server = server = Server()
+        await server.init()
+        server.set_endpoint(self.url)
+        await server.register_namespace("urn:plant")
+        for name, value in (("A.dp", 1.8), ("A.n", 900.0), ("text", "x")):
+            node = await server.nodes.objects.add_variable(
+                ua.NodeId(name, 2), ua.QualifiedName(name, 2), value
+            )
+            if name in self._units:
+                information = ua.EUInformation(DisplayName=ua.LocalizedText(self._units[name]))
+                await node.add_property(0, "EngineeringUnits", information)
+            self.nodes[name] = node
+        await server.start()
+
+
+def record_services(patch: pytest.MonkeyPatch) -> set[str]:
+    """Names of all requests that come over the network from now on."""
+    seen: set[str] = set()
+    process = UaProcessor._process_message
+
+    async def recorded(self: Any, kind: Any, *rest: Any) -> Any:
+        name = ua.ObjectIdNames.get(kind.Identifier, str(kind))
+        seen.add(name.removesuffix("_Encoding_DefaultBinary"))
+        return await process(self, kind, *rest)
+
+    patch.setattr(UaProcessor, "_process_message", recorded)
+    return seen
