@@ -18,6 +18,7 @@ from rulec_runtime.commands.frame import (
     json_option,
     message_of,
     prepare_process,
+    watch_options,
 )
 
 _COMMANDS = {
@@ -27,6 +28,7 @@ _COMMANDS = {
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
+    "watch": "judge a plant while it runs, and tell what begins, grows and ends",
     "simulate": "predict a recording from its inputs, with faults if asked for",
     "mismatch": "tell where simulation and recording differ, and what physics is left out",
     "experiment": "plan the set points that tell apart what a mismatch leaves open",
@@ -99,6 +101,7 @@ def _parser() -> argparse.ArgumentParser:
     json_option(made["calibrate"])
     diagnose_options(made["diagnose"], "PLANT_OR_RULESET")
     _limits(made["diagnose"])
+    watch_options(made["watch"], "PLANT_OR_RULESET")
     _experiment(made["experiment"])
     made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
     made["adopt"].add_argument(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 
 from rulec_runtime.commands.frame import (
     Parser,
@@ -10,6 +11,7 @@ from rulec_runtime.commands.frame import (
     diagnose_options,
     message_of,
     prepare_process,
+    watch_options,
 )
 
 
@@ -18,17 +20,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     prepare_process()
     parser = Parser(
         prog="rulec-runtime",
-        description="Diagnose a plant with the ruleset that rulec compile wrote.",
+        description="Diagnose a plant, also while it runs, with a ruleset from rulec compile.",
         epilog="Exit code: 0 done, 1 bad input, 2 wrong usage.",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "judge a recording: which fault, how large, and why"
     diagnose_options(commands.add_parser("diagnose", help=text), "RULESET.json")
+    text = "judge a plant while it runs, and tell what begins, grows and ends"
+    watch_options(commands.add_parser("watch", help=text), "RULESET.json")
     options = parser.parse_args(arguments)
 
     def run() -> int:
-        from rulec_runtime.commands.diagnose import run as diagnose
-
-        return diagnose(options)
+        return int(import_module(f"rulec_runtime.commands.{options.command}").run(options))
 
     return carried_out(run, message_of)

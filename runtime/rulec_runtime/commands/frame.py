@@ -96,6 +96,33 @@ def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
     json_option(diagnose)
 
 
+def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
+    """Options of `watch`; `plant` names what it takes."""
+    watch.add_argument("plant", metavar=plant)
+    watch.add_argument(
+        "--source",
+        metavar="SOURCE",
+        required=True,
+        help="a CSV file that grows, - for standard input, opc.tcp://HOST:PORT, mqtt://HOST",
+    )
+    watch.add_argument(
+        "--map", metavar="MAP.yaml", help="which signal is which node or topic (OPC UA, MQTT)"
+    )
+    watch.add_argument(
+        "--state", metavar="FILE", help="what is remembered, to go on with after the process ended"
+    )
+    watch.add_argument("--events", metavar="FILE.jsonl", help="put each event behind the others")
+    watch.add_argument(
+        "--until-end", action="store_true", help="end where a file ends, instead of waiting"
+    )
+    watch.add_argument(
+        "--fail-on",
+        metavar="LETTERS",
+        default="",
+        help="exit code 3 if something of these letters of NE 107 is active at the end, as in F,C",
+    )
+
+
 def json_option(parser: argparse.ArgumentParser) -> None:
     """The option that every command with a machine form has."""
     parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")

@@ -47,6 +47,9 @@ def changes(
     told: list[tuple[What, str, Episode]] = []
     kept: list[Episode] = []
     for old in known:
+        if old.kind == "source":
+            kept.append(old)
+            continue
         mine = [one for one in seen if _same(old, one, sight.pause)]
         seen = [one for one in seen if one not in mine]
         now = replace(

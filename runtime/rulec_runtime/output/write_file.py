@@ -32,6 +32,23 @@ def write_text(path: Path, text: str) -> None:
         file.write(text)
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file as a whole or not at all, and onto the disk: the machine may fail next."""
+    part = path.with_name(f".rulec-{secrets.token_hex(8)}.part")
+    try:
+        with _opened(part, through=False) as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except BaseException as error:
+        with suppress(OSError):
+            part.unlink()
+        if isinstance(error, OSError):
+            error.filename, error.filename2 = str(path), None
+        raise
+
+
 @contextmanager
 def written(path: Path) -> Iterator[TextIO]:
     """A file to write to, packed if its name ends with .gz; it is there when all is written.

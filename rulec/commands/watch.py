@@ -1,0 +1,14 @@
+"""`rulec watch`: judge a plant while it runs, with a ruleset or a plant compiled on the way."""
+
+from __future__ import annotations
+
+import argparse
+
+from rulec_runtime.commands.watch import run as watch
+
+from rulec.commands.diagnose import load
+
+
+def run(options: argparse.Namespace) -> int:
+    """Watch until the source ends."""
+    return watch(options, load)

@@ -1,0 +1,116 @@
+"""What is remembered, as bytes: it survives the end of the process. Data only, nothing is executed.
+
+An archive of arrays (npz without pickles) with one text in it: what is no array, as JSON.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.batch_means import Halves
+from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.live.episode import Episode
+from rulec_runtime.live.follower import Memory, nothing_yet
+from rulec_runtime.live.history import History
+from rulec_runtime.recordings.recording import RecordingRefused
+from rulec_runtime.recordings.stationary import Timeline
+
+FORM = 1
+TABLES = ("values", "u", "systematic", "bad", "lag")
+TIMELINE = ("since", "until", "samples", "later", "paused")
+
+
+def to_bytes(ruleset: Ruleset, memory: Memory, position: Mapping[str, Any]) -> bytes:
+    """All that is remembered, and how far the source was read."""
+    recent, before = memory.recent, memory.before
+    arrays: dict[str, Array] = {"recent/time": recent.time, "recent/segment": recent.segment}
+    arrays |= {f"recent/values/{name}": column for name, column in recent.values.items()}
+    why: Mapping[str, str] = {}
+    if before is not None:
+        why = before.points.why
+        arrays["before/time"] = np.asarray(before.points.time)
+        for table in TABLES:
+            columns = getattr(before.points, table)
+            arrays |= {f"before/{table}/{name}": column for name, column in columns.items()}
+        arrays |= {f"timeline/{name}": getattr(before.timeline, name) for name in TIMELINE}
+        arrays |= {"halves/apart": before.halves.apart, "halves/excess": before.halves.excess}
+    text = json.dumps(
+        {
+            "form": FORM,
+            "plant": ruleset.plant,
+            "sources": ruleset.sources,
+            "dated": recent.calendar is not None,
+            "count": memory.count,
+            "number": memory.number,
+            "episodes": [dataclasses.asdict(one) for one in memory.episodes],
+            "why": dict(why),
+            "before": before is not None,
+            "position": dict(position),
+        }
+    )
+    written = io.BytesIO()
+    np.savez(written, allow_pickle=False, text=np.array(text), **arrays)
+    return written.getvalue()
+
+
+def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[str, Any]]:
+    """What was remembered, and how far the source was read; `name` says in messages what it is.
+
+    Raises `RecordingRefused` for bytes that are no such state, or that of another ruleset.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = dict(archive)
+        text = json.loads(str(arrays.pop("text")))
+        own = (text["form"], text["plant"], text["sources"])
+    except (ValueError, KeyError, OSError, zipfile.BadZipFile, TypeError) as error:
+        raise RecordingRefused(
+            f"{name}: this is no state of a watch; remove it to begin anew"
+        ) from (error)
+    if own != (FORM, ruleset.plant, ruleset.sources):
+        raise RecordingRefused(
+            f"{name}: this state is of another ruleset (plant '{text['plant']}'); remove it to "
+            "begin anew, or name another file"
+        )
+    recent = nothing_yet(ruleset, text["dated"]).recent
+    values = _under(arrays, "recent/values/")
+    recent = dataclasses.replace(
+        recent,
+        time=arrays["recent/time"],
+        segment=arrays["recent/segment"],
+        values=values,
+        missing=tuple(s.id for s in ruleset.signals if s.id in ruleset.read and s.id not in values),
+    )
+    episodes = tuple(
+        Episode(**{**one, "alternatives": tuple((n, p) for n, p in one["alternatives"])})
+        for one in text["episodes"]
+    )
+    memory = Memory(
+        recent=recent,
+        before=_history(arrays, text["why"]) if text["before"] else None,
+        count=text["count"],
+        episodes=episodes,
+        number=text["number"],
+    )
+    return memory, text["position"]
+
+
+def _history(arrays: Mapping[str, Array], why: Mapping[str, str]) -> History:
+    tables = {table: _under(arrays, f"before/{table}/") for table in TABLES}
+    points = Points(**tables, why=why, time=arrays["before/time"])
+    times: dict[str, Any] = {name: arrays[f"timeline/{name}"] for name in TIMELINE}
+    timeline = Timeline(**times)
+    return History(points, Halves(arrays["halves/apart"], arrays["halves/excess"]), timeline)
+
+
+def _under(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array]:
+    return {name[len(prefix) :]: a for name, a in arrays.items() if name.startswith(prefix)}
