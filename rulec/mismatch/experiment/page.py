@@ -3,76 +3,94 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.report.chart import SYMBOLS, Axis, Panel, axis
-from rulec_runtime.report.document import document, facts, numbered, section
+from rulec_runtime.report.document import document, numbered, section
 from rulec_runtime.report.figure import Figure, plot
 from rulec_runtime.report.text import percent, safe
 
 from rulec.mismatch import limits
-from rulec.mismatch.experiment.result import Experiment, Step
+from rulec.mismatch.experiment.result import Experiment
 from rulec.mismatch.experiment.words import as_read, as_set, duration, headline, in_words, remarks
 
-APART = 0.12
-"""Distance of explanations in a picture, in steps."""
+SPREAD = 0.7
+"""Width in a picture over which the explanations of a step are spread, in steps."""
+
+FEWEST_SPREAD = 3
+"""Explanations from which on they fill that width; fewer stand as near to one another."""
 
 
 def experiment_page(found: Experiment, ruleset: Ruleset) -> str:
     """The page as HTML; the same experiment gives the same text."""
-    standing = facts(
-        (f"{place}", [f"{in_words(one)} ({percent(one.probability)})"])
-        for place, one in enumerate(found.standing, start=1)
+    standing = _items(
+        "ol", (f"{in_words(one)} ({percent(one.probability)})" for one in found.standing)
     )
-    first = f'<p>{safe(headline(found))}</p><div class="facts">{standing}</div>'
-    sections = [section("What can be told apart", first)]
+    sections = [section("What can be told apart", f"<p>{safe(headline(found))}</p>{standing}")]
     if found.steps:
-        sections.append(section("Steps", _table(found, ruleset)))
+        sections.append(section("What to set", _set(found, ruleset)))
+        sections.append(section("What is read", _read(found, ruleset)))
         sections.append(section("Pictures", "".join(numbered(_pictures(found, ruleset)))))
-    told = "".join(f"<p>{safe(line)}</p>" for line in remarks(found, ruleset))
-    sections.append(section("Remarks", told))
+    sections.append(section("Remarks", _items("ul", remarks(found, ruleset))))
     return document(ruleset.title, "the next experiment", "experiment", "".join(sections))
 
 
-def _table(found: Experiment, ruleset: Ruleset) -> str:
-    signals = ruleset.signal_by_id
+def _items(kind: str, lines: Iterable[str]) -> str:
+    return f"<{kind}>{''.join(f'<li>{safe(line)}</li>' for line in lines)}</{kind}>"
+
+
+def _set(found: Experiment, ruleset: Ruleset) -> str:
+    """Per step how long it takes, what to set, and how sure the truth can be after it."""
+    slowly = any(step.ramp for step in found.steps)
+    ways = {"way": True} if slowly else {}
+    columns = {"step": True, **ways, "hold": True, "set": False, "sure": True}
+    rows = []
+    for place, step in enumerate(found.steps):
+        inputs = [
+            as_set(ruleset.signal_by_id[name], value)
+            for name, value in step.inputs.items()
+            if name in found.set_by
+        ]
+        way = [duration(math.ceil(step.ramp))] if slowly else []
+        hold = duration(step.until - step.since - step.ramp)
+        sure = percent(found.certainty[place + 1])
+        rows.append([[str(place + 1)], *([w] for w in way), [hold], inputs, [sure]])
+    return _table(columns, rows)
+
+
+def _read(found: Experiment, ruleset: Ruleset) -> str:
+    """Per step the most telling readings, and what each explanation foretells of them."""
     count = len(found.standing)
-    titles = ["step", "way", "hold", "set", "read", *(f"if {i + 1}" for i in range(count)), "sure"]
-    numeric = ["step", "way", "hold", *titles[5:]]
+    columns = {"step": True, "read": False, **{f"if {i + 1}": True for i in range(count)}}
+    rows = []
+    for place, step in enumerate(found.steps):
+        told = step.readings[: limits.READINGS_TOLD]
+        signals = [ruleset.signal_by_id[r.signal] for r in told]
+        pairs = list(zip(signals, told, strict=True))
+        names = [f"{signal.id} [{signal.unit}]" for signal in signals]
+        values = [[as_read(signal, r, i) for signal, r in pairs] for i in range(count)]
+        rows.append([[str(place + 1)], names, *values])
+    return _table(columns, rows)
+
+
+def _table(columns: Mapping[str, bool], rows: Sequence[Sequence[Sequence[str]]]) -> str:
+    """Cells of some lines each, below titles of columns that tell whether these are numbers."""
+    numeric = [' class="num"' if number else "" for number in columns.values()]
     head = "".join(
-        f'<th class="num">{title}</th>' if title in numeric else f"<th>{title}</th>"
-        for title in titles
+        f"<th{style}>{title}</th>" for title, style in zip(columns, numeric, strict=True)
     )
-    body = "".join(
-        "<tr>"
-        + "".join(
-            f'<td class="num">{cell}</td>' if title in numeric else f"<td>{cell}</td>"
-            for title, cell in zip(titles, _cells(found, place, step, signals), strict=True)
-        )
-        + "</tr>"
-        for place, step in enumerate(found.steps)
-    )
+    body = "".join(f"<tr>{''.join(_cells(row, numeric))}</tr>" for row in rows)
     return (
         f'<div class="scroll"><table><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
 
 
-def _cells(
-    found: Experiment, place: int, step: Step, signals: Mapping[str, SignalSpec]
-) -> Iterator[str]:
-    told = step.readings[: limits.READINGS_TOLD]
-    inputs = [as_set(signals[n], v) for n, v in step.inputs.items() if n in found.set_by]
-    yield str(place + 1)
-    yield safe(duration(math.ceil(step.ramp)))
-    yield safe(duration(step.until - step.since - step.ramp))
-    yield "<br/>".join(map(safe, inputs))
-    yield "<br/>".join(safe(f"{r.signal} [{signals[r.signal].unit}]") for r in told)
-    for number in range(len(found.standing)):
-        yield "<br/>".join(safe(as_read(signals[r.signal], r, number)) for r in told)
-    yield percent(found.certainty[place + 1])
+def _cells(row: Sequence[Sequence[str]], styles: Sequence[str]) -> Iterator[str]:
+    for lines, style in zip(row, styles, strict=True):
+        yield f"<td{style}>{'<br/>'.join(map(safe, lines))}</td>"
 
 
 def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
@@ -83,19 +101,27 @@ def _pictures(found: Experiment, ruleset: Ruleset) -> Iterator[Figure]:
 
 
 def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
-    """What each explanation foretells of a signal, less what the likeliest does, step by step."""
-    readings = [next(r for r in s.readings if r.signal == signal.id) for s in found.steps]
+    """What each explanation foretells of a signal, less what the likeliest does, in each step in
+    which it is foretold."""
+    told = {
+        float(place): reading
+        for place, step in enumerate(found.steps, start=1)
+        for reading in step.readings
+        if reading.signal == signal.id
+    }
+    readings = list(told.values())
     values = np.array([r.values for r in readings]) / signal.factor
     spread = 2.0 * np.array([r.spread for r in readings]) / abs(signal.factor)
     off = values - values[:, :1]
     count = len(found.standing)
-    steps = np.arange(1.0, len(readings) + 1.0)
-    across = Axis(0.5, len(readings) + 0.5, tuple(steps.tolist()))
+    apart = SPREAD / max(count, FEWEST_SPREAD)
+    steps, last = np.array(list(told)), len(found.steps)
+    across = Axis(0.5, last + 0.5, tuple(float(place) for place in range(1, last + 1)))
     low, high = float(np.min(off - spread)), float(np.max(off + spread))
     panel = Panel(across, axis(low, high, 5), 240)
     bars, marks = [], []
     for number in range(count):
-        x = steps + APART * (number - (count - 1) / 2.0)
+        x = steps + apart * (number - (count - 1) / 2.0)
         style, shape = f"s{number % 6}", list(SYMBOLS)[number % len(SYMBOLS)]
         bars.append(panel.bars(x, (off - spread)[:, number], (off + spread)[:, number], style))
         marks.append(panel.marks(x, off[:, number], shape, style))
@@ -113,4 +139,5 @@ def _picture(found: Experiment, signal: SignalSpec, index: int) -> Figure:
         caption=f"What {signal.id} reads in each step tells which explanation is true. A band has "
         "all that an explanation leaves open; much of that is the same in all steps, so these tell "
         "more together than one by one.",
+        narrow=True,
     )

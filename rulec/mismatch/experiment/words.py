@@ -45,7 +45,8 @@ def as_read(signal: SignalSpec, reading: Reading, place: int) -> str:
     apart = max(reading.values) - min(reading.values)
     noise = apart / reading.apart if reading.apart > 0.0 else abs(value)
     digits = math.ceil(math.log10(max(abs(value) / max(noise, 1e-300), 1.0))) + 1
-    return f"{signal.shown(value):.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+    shown = f"{signal.shown(value):#.{min(max(digits, FEWEST_DIGITS), MOST_DIGITS)}g}"
+    return shown.rstrip(".")
 
 
 def as_set(signal: SignalSpec, value: float) -> str:
