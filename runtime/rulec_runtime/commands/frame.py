@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
-REFUSALS = ("RecordingRefused", "RulesetRefused")
+REFUSALS = ("RecordingRefused", "RulesetRefused", "SourceRefused")
 """Exceptions of the runtime whose message is for the user."""
 
 

@@ -72,7 +72,7 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
             arrays = dict(archive)
         text = json.loads(str(arrays.pop("text")))
         own = (text["form"], text["plant"], text["sources"])
-    except (ValueError, KeyError, OSError, zipfile.BadZipFile, TypeError) as error:
+    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, TypeError) as error:
         raise RecordingRefused(
             f"{name}: this is no state of a watch; remove it to begin anew"
         ) from (error)

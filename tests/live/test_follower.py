@@ -1,0 +1,172 @@
+"""Rows in, events out: the same mathematics as of a whole recording, in bounded memory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.live import limits, state
+from rulec_runtime.live.connection import noticed
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.follower import Memory, follow, nothing_yet
+from rulec_runtime.live.rows import Notice, Rows
+from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+
+from tests.conftest import ROOT, compiled
+
+ABC = ROOT / "plants" / "abc" / "examples"
+
+
+def recording_of(plant: str, name: str) -> tuple[Ruleset, Recording]:
+    rules = compiled(plant)
+    return rules, read_recording(ROOT / "plants" / plant / "examples" / name, rules)
+
+
+def part_of(recording: Recording, first: int, last: int) -> Rows:
+    return Rows(recording.time[first:last], {n: v[first:last] for n, v in recording.values.items()})
+
+
+def followed(
+    rules: Ruleset, recording: Recording, step: int, memory: Memory | None = None
+) -> tuple[Memory, list[Event], Diagnosis]:
+    memory = memory or nothing_yet(rules, False)
+    events: list[Event] = []
+    for first in range(0, len(recording), step):
+        for told in follow(rules, memory, part_of(recording, first, first + step)):
+            memory = told.memory
+            events += told.events
+    return memory, events, told.diagnosis
+
+
+@pytest.mark.parametrize(
+    ("plant", "name"),
+    [("abc", "leakage_A.csv"), ("abc", "healthy.csv"), ("mixing-rig", "clogging_D.csv")],
+)
+def test_the_end_is_the_diagnosis_of_the_whole(plant: str, name: str) -> None:
+    rules, recording = recording_of(plant, name)
+    whole = diagnose(recording, rules)
+    _, events, last = followed(rules, recording, 13)
+    assert last.findings == whole.findings
+    assert last.sensors == whole.sensors
+    told = {e.episode.subject for e in events if e.episode.kind == "fault"}
+    assert told == {f.fault.id for f in whole.findings}
+
+
+def test_row_by_row_each_fault_is_told_once_and_soon() -> None:
+    rules, recording = recording_of("abc", "leakage_A.csv")
+    some = replace(
+        recording,
+        time=recording.time[:45],
+        values={n: v[:45] for n, v in recording.values.items()},
+        segment=recording.segment[:45],
+    )
+    _, events, _ = followed(rules, some, 1)
+    told = [(e.what, e.episode.subject, e.episode.since) for e in events]
+    assert told == [
+        ("began", "A.leakage", 11.0),
+        ("ended", "A.leakage", 11.0),
+        ("began", "A.leakage", 31.0),
+        ("ended", "A.leakage", 31.0),
+    ]
+    # Three samples make a settled stretch, the first of them behind the jump is left out.
+    assert [e.time - e.episode.since for e in events if e.what == "began"] == [2.0, 2.0]
+    assert [e.number for e in events] == [1, 2, 3, 4]
+
+
+def long_recording(rules: Ruleset, faulty: int) -> Recording:
+    """Healthy rows ten times over, and a leakage of 20 % for many rows at the end."""
+    _, healthy = recording_of("abc", "healthy.csv")
+    _, leaking = recording_of("abc", "leakage_A.csv")
+    many = -(-3 * limits.KEPT_ROWS // len(healthy))
+    values = {
+        n: np.concatenate([np.tile(v, many), np.tile(leaking.values[n][12:19], faulty // 7)])
+        for n, v in healthy.values.items()
+    }
+    n = len(values["A.n"])
+    return replace(healthy, time=np.arange(float(n)), values=values, segment=np.zeros(n, dtype=int))
+
+
+def test_memory_stays_bounded_and_a_long_fault_stays_one() -> None:
+    rules = compiled("abc")
+    recording = long_recording(rules, 3 * limits.KEPT_ROWS)
+    memory, events, last = followed(rules, recording, 500)
+    assert len(memory.recent) < 2 * limits.KEPT_ROWS
+    assert memory.before is not None
+    assert len(memory.before) <= limits.MOST_POINTS
+    assert [(e.what, e.episode.subject) for e in events if e.episode.kind == "fault"][:1] == [
+        ("began", "A.leakage")
+    ]
+    (active,) = (one for one in memory.episodes if one.active)
+    assert active.subject == "A.leakage"
+    assert active.lower < 0.2 < active.upper
+    # Rows that it rests on are long gone.
+    assert active.since < recording.time[-1] - 2.5 * limits.KEPT_ROWS
+    assert last.samples == len(recording)
+
+
+def test_what_is_remembered_survives_as_bytes() -> None:
+    rules = compiled("abc")
+    recording = long_recording(rules, 70)
+    half = len(recording) - 100
+    memory, _, _ = followed(rules, _first(recording, half), 1000)
+    again, position = state.from_bytes(rules, state.to_bytes(rules, memory, {"offset": 7}), "x")
+    assert position == {"offset": 7}
+    rest = part_of(recording, half, len(recording))
+    one, other = ([*follow(rules, m, rest)][-1] for m in (memory, again))
+    assert one.events == other.events
+    assert one.diagnosis.findings == other.diagnosis.findings
+    assert any(e.episode.subject == "A.leakage" for e in one.events)
+
+
+def _first(recording: Recording, n: int) -> Recording:
+    return replace(
+        recording,
+        time=recording.time[:n],
+        values={name: v[:n] for name, v in recording.values.items()},
+        segment=recording.segment[:n],
+    )
+
+
+def test_states_that_are_none_are_refused() -> None:
+    rules = compiled("abc")
+    data = state.to_bytes(rules, nothing_yet(rules, True), {})
+    assert state.from_bytes(rules, data, "x")[0].count == 0
+    with pytest.raises(RecordingRefused, match="of another ruleset"):
+        state.from_bytes(compiled("mixing-rig"), data, "x")
+    for bad in (b"", b"no state", data[: len(data) // 2]):
+        with pytest.raises(RecordingRefused, match="no state of a watch"):
+            state.from_bytes(rules, bad, "x")
+
+
+def test_readings_that_stay_away_are_an_alarm() -> None:
+    memory = nothing_yet(compiled("abc"), False)
+    told = []
+    for notice in (
+        Notice("connected", 0.0, "server: 7 of 7 signals"),
+        Notice("lost", 5.0, "server: no answer"),
+        Notice("stale", 6.0, "server: nothing new"),
+        Notice("gap", 7.0, "9 s are missing"),
+        Notice("connected", 9.0, "server is back"),
+    ):
+        memory, events = noticed(memory, notice)
+        told += [(e.what, e.episode.since, e.episode.active) for e in events]
+    assert told == [
+        ("noted", 0.0, False),
+        ("began", 5.0, True),
+        ("noted", 7.0, False),
+        ("ended", 5.0, False),
+    ]
+    assert not any(one.active for one in memory.episodes)
+
+
+def test_a_plant_that_stores_is_followed(tmp_path: Path) -> None:
+    rules = compiled("cascaded-tanks")
+    names = sorted(rules.read)
+    time = np.arange(60.0)
+    rows = Rows(time, {n: np.full(60, rules.signal_by_id[n].reference) for n in names})
+    told = [*follow(rules, nothing_yet(rules, False), rows)]
+    assert told[-1].memory.count == 60

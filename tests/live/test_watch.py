@@ -1,0 +1,120 @@
+"""`watch` as a process: killed at any moment, it tells everything, and nothing twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import ROOT, compiled
+
+LEAKAGE = ROOT / "plants" / "abc" / "examples" / "leakage_A.csv"
+
+
+@pytest.fixture
+def rules(tmp_path: Path) -> Path:
+    file = tmp_path / "abc.ruleset.json"
+    file.write_text(compiled("abc").to_json(), encoding="utf-8")
+    return file
+
+
+def watching(rules: Path, *options: str) -> list[str]:
+    return [sys.executable, "-m", "rulec_runtime", "watch", str(rules), *options]
+
+
+def environment() -> dict[str, str]:
+    path = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
+    return {**os.environ, "PYTHONPATH": path}
+
+
+def run(rules: Path, *options: str, **more: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        watching(rules, *options),
+        capture_output=True,
+        text=True,
+        env=environment(),
+        check=False,
+        timeout=60,
+        **more,
+    )
+
+
+def events_in(file: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_file_to_its_end(rules: Path, tmp_path: Path) -> None:
+    file = tmp_path / "events.jsonl"
+    options = ("--source", str(LEAKAGE), "--until-end", "--events", str(file))
+    done = run(rules, *options, "--state", str(tmp_path / "state"))
+    assert done.returncode == 0, done.stderr
+    assert "began A.leakage 0.600" in done.stdout
+    first = events_in(file)
+    assert [e["number"] for e in first] == list(range(1, len(first) + 1))
+    again = run(rules, *options, "--state", str(tmp_path / "state"))
+    assert again.returncode == 0, again.stderr
+    assert events_in(file) == first
+
+
+def test_standard_input(rules: Path) -> None:
+    done = run(rules, "--source", "-", input=LEAKAGE.read_text(encoding="utf-8"))
+    assert done.returncode == 0, done.stderr
+    assert "began A.leakage 0.600" in done.stdout
+
+
+def test_kill_at_any_moment(rules: Path, tmp_path: Path) -> None:
+    """The logger writes on; each time the process is killed it goes on where it was."""
+    lines = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
+    log, file = tmp_path / "log.csv", tmp_path / "events.jsonl"
+    log.write_text("".join(lines[:12]), encoding="utf-8")
+    options = ("--source", str(log), "--events", str(file), "--state", str(tmp_path / "state"))
+    for step in range(3):
+        process = subprocess.Popen(
+            watching(rules, *options), env=environment(), stdout=subprocess.DEVNULL
+        )
+        with log.open("a", encoding="utf-8") as out:
+            out.writelines(lines[12 + 20 * step : 32 + 20 * step])
+        time.sleep(1.0 + 0.4 * step)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    with log.open("a", encoding="utf-8") as out:
+        out.writelines(lines[72:])
+    done = run(rules, *options, "--until-end")
+    assert done.returncode == 0, done.stderr
+    told = events_in(file)
+    assert [e["number"] for e in told] == list(range(1, len(told) + 1))
+    faults = [(e["what"], e["episode"]["since"]) for e in told if e["episode"]["kind"] == "fault"]
+    assert [x for x in faults if x[0] == "began"] == [
+        ("began", 11.0),
+        ("began", 31.0),
+        ("began", 51.0),
+    ]
+    assert [x for x in faults if x[0] == "ended"] == [
+        ("ended", 11.0),
+        ("ended", 31.0),
+        ("ended", 51.0),
+    ]
+
+
+def test_mistakes_of_the_user(rules: Path, tmp_path: Path) -> None:
+    other = tmp_path / "notes.txt"
+    other.write_text("not events\n", encoding="utf-8")
+    for options, words in (
+        (("--source", str(tmp_path / "none.csv")), "there is no such file"),
+        (("--source", "ftp://x"), "is no source"),
+        (("--source", "opc.tcp://localhost:1"), "--map"),
+        (("--source", str(LEAKAGE), "--events", str(other)), "this is no file of events"),
+        (("--source", str(LEAKAGE), "--state", str(other)), "no state of a watch"),
+    ):
+        done = run(rules, *options, "--until-end")
+        assert done.returncode == 1, (options, done.stdout)
+        assert words in done.stderr
+        assert "Traceback" not in done.stderr
+    assert other.read_text(encoding="utf-8") == "not events\n"
