@@ -139,6 +139,21 @@ def test_rows_that_are_not_later_are_left_out_and_told(tmp_path: Path, abc: Rule
     assert taken.kinds() == ["connected", "clock"]
 
 
+def test_one_stamp_far_ahead_does_not_blind_the_watch(tmp_path: Path, abc: Ruleset) -> None:
+    """A clock without dates goes on behind it; one with dates has no stamp of next year."""
+    path = tmp_path / "x.csv"
+    path.write_text(lines([0, 1, 1e9]))
+    taken = Taken(GrowingFile(path, abc)).take()
+    for i in range(2, 40):
+        append(path, lines([i], header=False))
+        taken.take()
+    assert len(taken.times) == 3 + 38 - limits.SET_BACK
+    assert (np.diff(taken.times) > 0).all()
+    dated = tmp_path / "dated.csv"
+    dated.write_text("time,A.dp [bar]\n2026-03-01 10:00,1\n2999-01-01,1\n2026-03-01 10:01,1\n")
+    assert len(Taken(GrowingFile(dated, abc)).take().times) == 2
+
+
 def test_what_is_odd_is_told_once(tmp_path: Path, abc: Ruleset) -> None:
     """Words, values beyond any sensor, broken rows, a line without end: a file of any length."""
     path = tmp_path / "x.csv"

@@ -74,12 +74,14 @@ class Assembler:
         with self._lock:
             if self._pending and clocks.monotonic() - self._first >= self._interval:
                 self._end_row()
-            for place, silence in self._silence.items():
-                if silence.begins():
-                    name = f"{place}: " if place else ""
-                    text = f"{name}no value for {silence.lasts:.0f} s"
-                    self._hand.notices([notice("stale", now(), text)])
-                    self.lost(place)
+            silent = [place for place, silence in self._silence.items() if silence.begins()]
+            for place in silent:
+                self.lost(place)
+            if silent:
+                seconds = max(self._silence[place].lasts for place in silent)
+                names = f"{', '.join(silent)}: " if any(silent) else ""
+                text = f"{names}no value for {seconds:.0f} s"
+                self._hand.notices([notice("stale", now(), text)])
 
     def _end_row(self) -> None:
         """Hand a row out if it is later than the last; else its values stand in the next one."""

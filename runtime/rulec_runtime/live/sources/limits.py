@@ -41,6 +41,10 @@ LINGER = 1.0
 """Seconds that a file which was replaced must not grow until the new one is read. Origin: assumed;
 loggers write on into the old one until they open the new."""
 
+SET_BACK = 20
+"""Rows in a row that are not later than all before from which on a clock without dates was set
+back. Origin: assumed; as `ROWS_PER_STEP_BACK` of a recording."""
+
 STALE_STEPS = 5.0
 """Steps from row to row without a row from which on a file is stale, if that is longer than
 `STALE`. Origin: assumed."""

@@ -82,6 +82,7 @@ class Mqtt:
         if access.user:
             client.username_pw_set(access.user, access.password or None)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_subscribe = self._on_subscribe
         client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
         client.reconnect_delay_set(1, int(limits.LAST_RETRY))
         port = parts.port or (8883 if parts.scheme == "mqtts" else 1883)
@@ -93,11 +94,18 @@ class Mqtt:
             self._rows.tick()
 
     def _on_connect(self, client: paho.Client, _data: Any, _flags: Any, code: Any, _p: Any) -> None:
-        endpoint = self._source.servers[0].endpoint
         if code.is_failure:
             self._lost(f"the broker refuses: {code.getName()}")
             return
         client.subscribe([(topic, 1) for topic in self._by_topic])
+
+    def _on_subscribe(self, _c: Any, _data: Any, _id: Any, codes: Sequence[Any], _p: Any) -> None:
+        """Only now does a message of a topic reach us."""
+        endpoint = self._source.servers[0].endpoint
+        denied = [t for t, code in zip(self._by_topic, codes, strict=False) if code.is_failure]
+        if denied:
+            text = f"{endpoint}: the broker denies the topics {', '.join(denied)}"
+            self._hand.notices([notice("refused", now(), text)])
         text = f"{endpoint}: {len(self._scales)} signals of {len(self._by_topic)} topics"
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:

@@ -17,6 +17,9 @@ from rulec_runtime.live.sources.remarks import Remarks
 class RowClock:
     """Which rows are later than all before.
 
+    One stamp far ahead would make all rows behind it late: a clock without dates begins anew after
+    some of them, one with dates is never more than a day ahead of this computer's.
+
     `last` is the time of the last row handed out, s; `step` the last step from row to row, s;
     `shift` what is added to times that are no dates, s; `dated` whether they are, None before
     anybody knows.
@@ -28,6 +31,7 @@ class RowClock:
         self.shift = 0.0
         self.dated: bool | None = None
         self._name, self._remarks, self._begins = name, remarks, False
+        self._late = 0
 
     @property
     def now(self) -> float:
@@ -59,7 +63,7 @@ class RowClock:
         found: list[Notice] = []
         if not usable.all():
             found += self._tell(int((~usable).sum()), "have no usable time", "unusable")
-        if self._begins and usable.any():
+        if (self._begins or self._late >= limits.SET_BACK) and usable.any():
             found += self._begin_anew(float(time[usable][0]))
         time = time + self.shift
         known = np.where(usable, time, -np.inf)
@@ -68,6 +72,8 @@ class RowClock:
         late = int((usable & ~kept).sum())
         if late:
             found += self._tell(late, f"are not later than {before[-1]:.10g} s", "late")
+        behind = int(np.flatnonzero(kept)[-1]) if kept.any() else -1
+        self._late = int(usable[behind + 1 :].sum()) + (0 if kept.any() else self._late)
         if kept.any():
             times = time[kept]
             steps = np.diff(times)
@@ -79,12 +85,14 @@ class RowClock:
         return time, kept, found
 
     def _begin_anew(self, first: float) -> list[Notice]:
-        self._begins = False
+        """Where all that comes is earlier than `last`, its clock was set back, or `last` was no
+        time: it goes on from there."""
+        self._begins, self._late = False, 0
         if self.dated or first + self.shift > self.last:
             return []
         self.shift = self.last + self.step - first
         text = f"{self._name}: its clock began anew; {self.shift:.10g} s are added to its times"
-        return self._remarks.tell("clock", ("anew", self.shift), self.last, text)
+        return self._remarks.tell("clock", "anew", self.last, text)
 
     def _tell(self, rows: int, what: str, key: str) -> list[Notice]:
         text = f"{self._name}: {rows} rows {what} and are left out"

@@ -1,0 +1,171 @@
+"""MQTT against a broker on loopback that is killed and started again."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import math
+import time
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import pytest
+from amqtt.broker import Broker
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.sources.map import MQTT, read_map
+from rulec_runtime.live.sources.mqtt import Mqtt
+from rulec_runtime.live.sources.open import open_source
+
+from tests.live.sources.plant_server import free_port
+from tests.live.sources.taking import Taken
+
+MAP = """
+interval: 0.2
+stale: 0.6
+signals:
+  A.dp: {topic: plant/A, name: dp, unit: mbar}
+  A.n: {topic: plant/A, name: n, unit: rpm}
+"""
+
+
+class PlantBroker:
+    """A broker in a thread of its own, and a client that publishes."""
+
+    def __init__(self) -> None:
+        for name in ("amqtt", "transitions"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        self.port = free_port()
+        self.url = f"mqtt://127.0.0.1:{self.port}"
+        self._loop = asyncio.new_event_loop()
+        Thread(target=self._loop.run_forever, daemon=True).start()
+        self.start()
+
+    def start(self) -> None:
+        self._run(self._start())
+        self._client = paho.Client(CallbackAPIVersion.VERSION2)
+        self._client.connect("127.0.0.1", self.port)
+        self._client.loop_start()
+
+    def stop(self) -> None:
+        self._client.disconnect()
+        self._client.loop_stop()
+        self._run(self._broker.shutdown())
+
+    def send(self, topic: str, payload: Any) -> None:
+        text = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
+        self._client.publish(topic, text, qos=1).wait_for_publish(5)
+
+    def _run(self, work: Any) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(20)
+
+    async def _start(self) -> None:
+        listener = {"type": "tcp", "bind": f"127.0.0.1:{self.port}"}
+        plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
+        self._broker = Broker({"listeners": {"default": listener}, "plugins": plugins})
+        await self._broker.start()
+
+
+def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> Taken:
+    """A source that hears what tests tell it."""
+    path = tmp_path / "map.yaml"
+    path.write_text(f"endpoint: mqtt://127.0.0.1:{free_port()}\n{text}", encoding="utf-8")
+    return Taken(Mqtt(read_map(path, MQTT, abc), abc))
+
+
+def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
+    """A message with all signals is a row; lost, stale, connected and the gap are told."""
+    path = tmp_path / "map.yaml"
+    path.write_text(MAP, encoding="utf-8")
+    broker = PlantBroker()
+    taken = Taken(open_source(broker.url, abc, path)).until(lambda t: "connected" in t.kinds())
+    stamp = time.time() - 5
+    for i in range(5):
+        broker.send("plant/A", {"time": stamp + 0.1 * i, "dp": 1800.0 + i, "n": 900})
+    taken.until(lambda t: len(t.times) == 5)
+    np.testing.assert_allclose(taken.times, stamp + 0.1 * np.arange(5))
+    np.testing.assert_allclose(taken.of("A.dp"), 1.8e5 + 100 * np.arange(5))
+    broker.stop()
+    taken.until(lambda t: {"lost", "stale"} <= set(t.kinds()))
+    broker.start()
+    taken.until(lambda t: "gap" in t.kinds(), 15.0)
+    broker.send("plant/A", {"time": stamp + 2, "dp": 1900, "n": 900})
+    taken.until(lambda t: len(t.times) == 6)
+    taken.source.close()
+    broker.stop()
+    kinds = taken.kinds()
+    assert [kinds.count(k) for k in ("connected", "lost", "gap")] == [2, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("address", "payload", "bar", "stamp"),
+    [
+        ("t", 1.5, 1.5, None),
+        ("t", {"value": 1.5, "timestamp": 1_790_000_000_000, "quality": "GOOD"}, 1.5, 1.79e9),
+        ("t", {"value": 1.5, "timestamp": "2026-09-21T14:13:20Z", "quality": 192}, 1.5, 1.79e9),
+        ("t", {"value": 1.5, "ts": 1.79e9, "quality": 0}, math.nan, 1.79e9),
+        ("t", {"value": "1.5", "ts": 1.79e9}, math.nan, 1.79e9),
+        ("{topic: t, name: x}", {"x": 1.5, "t": 1.79e18}, 1.5, 1.79e9),
+        ("{topic: t, name: x}", {"x": {"value": 1.5, "t": 1.79e9}}, 1.5, 1.79e9),
+        (
+            "{topic: t, name: a/x}",
+            {
+                "timestamp": 1_790_000_000_000,
+                "metrics": [
+                    {"name": "other", "value": 1},
+                    {"name": "a/x", "value": 1.5, "timestamp": 1_790_000_001_000},
+                ],
+            },
+            1.5,
+            1.79e9 + 1,
+        ),
+    ],
+)
+def test_forms_of_messages(
+    address: str, payload: Any, bar: float, stamp: float | None, abc: Ruleset, tmp_path: Path
+) -> None:
+    """One signal per topic, objects, and messages like those of Sparkplug."""
+    text = "signals: {A.dp: {topic: t, unit: bar}}\n"
+    if address != "t":
+        text = f"signals:\n  A.dp: {address[:-1]}, unit: bar}}\n"
+    taken = without_broker(abc, tmp_path, text)
+    source = taken.source
+    assert isinstance(source, Mqtt)
+    source.receive("t", json.dumps(payload).encode())
+    taken.until(lambda t: t.rows)
+    source.close()
+    np.testing.assert_allclose(taken.of("A.dp"), [bar * 1e5])
+    expected = time.time() if stamp is None else stamp
+    assert taken.times[0] == pytest.approx(expected, abs=5 if stamp is None else 1e-3)
+
+
+def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> None:
+    """Twice and late are left out and told once; what falls silent has no reading."""
+    text = "interval: 0.2\nstale: 0.5\nsignals: {A.dp: t/dp, A.n: t/n}\n"
+    taken = without_broker(abc, tmp_path, text)
+    source = taken.source
+    assert isinstance(source, Mqtt)
+    start = time.time() - 100
+
+    def send(topic: str, value: float, at: float) -> None:
+        source.receive(topic, json.dumps({"value": value, "time": start + at}).encode())
+
+    for i in range(4):
+        send("t/dp", 1.8, i)
+        send("t/dp", 1.8, i)
+        send("t/n", 900, i + 0.01)
+        send("t/n", 900, i - 0.5)
+    taken.take()
+    np.testing.assert_allclose(np.array(taken.times) - start, np.arange(4) + 0.01, atol=1e-6)
+    assert taken.kinds().count("clock") == 2
+    for i in range(4, 30):
+        send("t/n", 900, i)
+        time.sleep(0.03)
+    taken.until(lambda t: math.isnan(t.of("A.dp")[-1]))
+    assert "stale" in taken.kinds()
+    source.close()
+    assert (np.diff(taken.times) > 0).all()
