@@ -7,12 +7,15 @@ import logging
 import socket
 from collections.abc import Coroutine
 from datetime import UTC, datetime
+from pathlib import Path
 from threading import Thread
 from typing import Any
 
 import pytest
 from asyncua import Server, ua
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.server.uaprocessor import UaProcessor
+from cryptography.x509.oid import ExtendedKeyUsageOID
 
 UNITS = {"A.dp": "bar", "A.n": "rpm"}
 
@@ -26,11 +29,14 @@ def free_port() -> int:
 class PlantServer:
     """Two signals of plant abc as Double nodes ``ns=2;s=A.dp``, with engineering units."""
 
-    def __init__(self, units: dict[str, str] | None = None, port: int = 0) -> None:
+    def __init__(
+        self, units: dict[str, str] | None = None, port: int = 0, certified: Path | None = None
+    ) -> None:
         logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
         self.port = port or free_port()
         self.url = f"opc.tcp://127.0.0.1:{self.port}"
         self._units = UNITS if units is None else units
+        self._certified = certified
         self._loop = asyncio.new_event_loop()
         Thread(target=self._loop.run_forever, daemon=True).start()
         self.nodes: dict[str, Any] = {}
@@ -59,6 +65,12 @@ class PlantServer:
         self._server = server = Server()
         await server.init()
         server.set_endpoint(self.url)
+        if self._certified:
+            await server.set_application_uri("urn:plant")
+            await certificate(self._certified, "plant", "urn:plant")
+            await server.load_certificate(str(self._certified / "plant.der"))
+            await server.load_private_key(str(self._certified / "plant.pem"))
+            server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
         await server.register_namespace("urn:plant")
         for name, value in (("A.dp", 1.8), ("A.n", 900.0), ("text", "x")):
             node = await server.nodes.objects.add_variable(
@@ -69,6 +81,13 @@ class PlantServer:
                 await node.add_property(0, "EngineeringUnits", information)
             self.nodes[name] = node
         await server.start()
+
+
+async def certificate(folder: Path, name: str, uri: str) -> None:
+    """A certificate NAME.der with its key NAME.pem."""
+    usage = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]
+    key, der = folder / f"{name}.pem", folder / f"{name}.der"
+    await setup_self_signed_certificate(key, der, uri, "localhost", usage, {})
 
 
 def record_services(patch: pytest.MonkeyPatch) -> set[str]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import logging
 import math
+import subprocess
+import sys
 import time
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
 import pytest
-from amqtt.broker import Broker
 from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 from rulec_runtime.contract.ruleset import Ruleset
@@ -33,20 +31,35 @@ signals:
 """
 
 
+BROKER = """
+import asyncio, sys
+from amqtt.broker import Broker
+async def main():
+    plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
+    listener = {"type": "tcp", "bind": f"127.0.0.1:{sys.argv[1]}"}
+    await Broker({"listeners": {"default": listener}, "plugins": plugins}).start()
+    print("up", flush=True)
+    await asyncio.Event().wait()
+asyncio.run(main())
+"""
+
+
 class PlantBroker:
-    """A broker in a thread of its own, and a client that publishes."""
+    """A broker in a process of its own, which is killed, and a client that publishes."""
 
     def __init__(self) -> None:
-        for name in ("amqtt", "transitions"):
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.port = free_port()
         self.url = f"mqtt://127.0.0.1:{self.port}"
-        self._loop = asyncio.new_event_loop()
-        Thread(target=self._loop.run_forever, daemon=True).start()
         self.start()
 
     def start(self) -> None:
-        self._run(self._start())
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", BROKER, str(self.port)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == b"up\n"
         self._client = paho.Client(CallbackAPIVersion.VERSION2)
         self._client.connect("127.0.0.1", self.port)
         self._client.loop_start()
@@ -54,20 +67,11 @@ class PlantBroker:
     def stop(self) -> None:
         self._client.disconnect()
         self._client.loop_stop()
-        self._run(self._broker.shutdown())
+        self._process.kill()
+        self._process.communicate()
 
     def send(self, topic: str, payload: Any) -> None:
-        text = payload if isinstance(payload, bytes) else json.dumps(payload).encode()
-        self._client.publish(topic, text, qos=1).wait_for_publish(5)
-
-    def _run(self, work: Any) -> None:
-        asyncio.run_coroutine_threadsafe(work, self._loop).result(20)
-
-    async def _start(self) -> None:
-        listener = {"type": "tcp", "bind": f"127.0.0.1:{self.port}"}
-        plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
-        self._broker = Broker({"listeners": {"default": listener}, "plugins": plugins})
-        await self._broker.start()
+        self._client.publish(topic, json.dumps(payload), qos=1).wait_for_publish(5)
 
 
 def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> Taken:

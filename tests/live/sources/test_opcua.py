@@ -18,7 +18,7 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import SourceRefused
 
-from tests.live.sources.plant_server import PlantServer, free_port, record_services
+from tests.live.sources.plant_server import PlantServer, certificate, free_port, record_services
 from tests.live.sources.taking import Taken
 
 MAP = """
@@ -47,6 +47,8 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "FIRST_RETRY", 0.1)
     monkeypatch.setattr(limits, "SILENT", 1.0)
     monkeypatch.setattr(limits, "OPENING", 3.0)
+    monkeypatch.setattr(limits, "REQUEST", 2.0)
+    monkeypatch.setattr(limits, "CLOSING", 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -90,28 +92,30 @@ def test_rows_come_each_interval_and_nothing_is_written(
 
 
 def test_a_server_that_is_killed_is_read_again(abc: Ruleset, tmp_path: Path) -> None:
-    """Lost, stale, connected and the gap are told once each time, and rows go on."""
-    server = PlantServer()
-    taken = opened(server.url, abc, tmp_path).until(lambda t: len(t.times) >= 2)
-    for i in range(1, 3):
-        server.stop()
-        taken.until(lambda t, i=i: t.kinds().count("lost") == i)  # type: ignore[misc]
-        if i == 1:
-            taken.until(lambda t: "stale" in t.kinds())
-        count = len(taken.times)
-        server.start()
-        taken.until(lambda t, n=count: len(t.times) > n + 1)  # type: ignore[misc]
+    """Lost, stale, connected and the gap are told once each time, and rows go on; a plant that is
+    off at the start is waited for."""
+    port = free_port()
+    taken = opened(f"opc.tcp://127.0.0.1:{port}", abc, tmp_path).take()
+    assert taken.kinds() == ["lost"]
+    server = PlantServer(port=port)
+    taken.until(lambda t: len(t.times) >= 2)
+    server.stop()
+    taken.until(lambda t: {"lost", "stale"} <= set(t.kinds()[-2:]))
+    count = len(taken.times)
+    server.start()
+    taken.until(lambda t: len(t.times) > count + 1)
     taken.source.close()
     server.stop()
     kinds = taken.kinds()
-    assert [kinds.count(k) for k in ("lost", "gap", "connected")] == [2, 2, 3]
+    assert [kinds.count(k) for k in ("lost", "gap", "connected")] == [2, 1, 2], taken.told
     assert (np.diff(taken.times) > 0).all()
 
 
-def test_a_server_that_falls_silent_is_given_up(abc: Ruleset, tmp_path: Path) -> None:
+def test_a_server_that_falls_silent_is_given_up(
+    plant: PlantServer, abc: Ruleset, tmp_path: Path
+) -> None:
     """A half-open connection: the way to the server swallows all, and the socket stays open."""
-    server = PlantServer()
-    way = Way(server.port)
+    way = Way(plant.port)
     taken = opened(way.url, abc, tmp_path).until(lambda t: len(t.times) >= 2)
     way.swallows = True
     taken.until(lambda t: {"stale", "lost"} <= set(t.kinds()))
@@ -122,48 +126,42 @@ def test_a_server_that_falls_silent_is_given_up(abc: Ruleset, tmp_path: Path) ->
     way.swallows = True
     taken.source.close()
     assert time.monotonic() - begun < limits.CLOSING + 1.5
-    server.stop()
 
 
 def test_what_is_not_as_the_map_says_is_refused(
     plant: PlantServer, abc: Ruleset, tmp_path: Path
 ) -> None:
-    """At once, by the name of the signal, with both units."""
-    other = PlantServer(units={"A.dp": "m", "A.n": "parrots"})
+    """At once, by the name of the signal, with both units; units that fit are converted."""
+    other = PlantServer(units={"A.dp": "mbar", "A.n": "parrots"})
     cases = (
         (plant.url, "A.dp: ns=2;s=none", r"map.yaml, line 2: A.dp \(ns=2;s=none\): .*BadNodeIdUnk"),
         (plant.url, "A.dp: parrot", "no node id"),
         (plant.url, "A.dp: ns=2;s=text", "holds String; a number is needed"),
         (plant.url, "A.dp: {node: ns=2;s=A.dp, unit: mbar}", "map says mbar, .* server says bar"),
-        (other.url, "A.dp: ns=2;s=A.dp", "A.dp is measured in bar, but this is in m"),
+        (other.url, "A.n: ns=2;s=A.dp", "A.n is measured in rpm, but this is in mbar"),
         (other.url, "A.n: ns=2;s=A.n", "gives its unit as 'parrots', which is not known"),
     )
     for url, line, why in cases:
         with pytest.raises(SourceRefused, match=why):
             opened(url, abc, tmp_path, f"signals:\n  {line}\n")
-    other.stop()
-
-
-def test_units_of_server_and_map_are_converted(abc: Ruleset, tmp_path: Path) -> None:
-    """The server's where the map states none; a scale is for counts, whose unit the map states."""
-    server = PlantServer(units={"A.dp": "mbar"})
     text = MAP.replace("unit: rpm", "unit: rpm, scale: 0.5, offset: 100")
-    taken = opened(server.url, abc, tmp_path, text).until(lambda t: t.times)
+    taken = opened(other.url, abc, tmp_path, text).until(lambda t: t.times)
     taken.source.close()
+    other.stop()
     assert taken.of("A.dp")[0] == pytest.approx(180.0)
-    rpm = abc.signal_by_id["A.n"].factor
-    assert taken.of("A.n")[0] == pytest.approx(550 * rpm)
-    server.stop()
+    assert taken.of("A.n")[0] == pytest.approx(550 * abc.signal_by_id["A.n"].factor)
 
 
-def test_modules_may_have_servers_of_their_own(abc: Ruleset, tmp_path: Path) -> None:
+def test_modules_may_have_servers_of_their_own(
+    plant: PlantServer, abc: Ruleset, tmp_path: Path
+) -> None:
     """One row of both; where one is lost, the other is read on."""
-    one, two = PlantServer(units={}), PlantServer(units={})
+    two = PlantServer(units={})
     text = f"""
 interval: 0.1
 stale: 0.5
 servers:
-  A: {{endpoint: "{one.url}"}}
+  A: {{endpoint: "{plant.url}"}}
   B: {{endpoint: "{two.url}"}}
 signals: {{A.dp: ns=2;s=A.dp, A.n: ns=2;s=A.n, B.dp: ns=2;s=A.dp}}
 """
@@ -175,18 +173,23 @@ signals: {{A.dp: ns=2;s=A.dp, A.n: ns=2;s=A.n, B.dp: ns=2;s=A.dp}}
     two.start()
     taken.until(lambda t: np.isfinite(t.of("B.dp")[-1]))
     taken.source.close()
-    one.stop()
     two.stop()
 
 
-def test_a_plant_that_is_off_is_waited_for(abc: Ruleset, tmp_path: Path) -> None:
-    port = free_port()
-    taken = opened(f"opc.tcp://127.0.0.1:{port}", abc, tmp_path)
-    assert taken.take().kinds() == ["lost"]
-    server = PlantServer(port=port)
-    taken.until(lambda t: t.times)
-    assert (taken.kinds()[0], taken.kinds()[-1]) == ("lost", "connected")
+def test_signed_and_encrypted_to_the_right_server_alone(abc: Ruleset, tmp_path: Path) -> None:
+    """With another server's certificate in the map nothing is read; an open way is not offered."""
+    server = PlantServer(certified=tmp_path)
+    server.run(certificate(tmp_path, "watch", "urn:watch"))
+    files = "certificate: watch.der, key: watch.pem, server_certificate"
+    right = f"security: {{policy: Basic256Sha256, {files}: plant.der}}\n"
+    taken = opened(server.url, abc, tmp_path, right + MAP).until(lambda t: t.times)
     taken.source.close()
+    assert "(Basic256Sha256, SignAndEncrypt): 2 signals" in taken.told[0][1]
+    for wrong in (right.replace("plant.der", "watch.der"), ""):
+        taken = opened(server.url, abc, tmp_path, wrong + MAP)
+        taken.until(lambda t: "lost" in t.kinds()).take(0.3)
+        taken.source.close()
+        assert (taken.times, "connected" in taken.kinds()) == ([], False)
     server.stop()
 
 

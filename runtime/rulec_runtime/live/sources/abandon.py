@@ -35,6 +35,7 @@ def abandon(task: asyncio.Task[Any]) -> None:
     """Cancel a task and wait for nothing."""
     _ABANDONED.add(task)
     task.add_done_callback(_ended)
+    task._log_destroy_pending = False  # type: ignore[attr-defined] # it may hang to the very end
     task.cancel()
 
 

@@ -43,6 +43,7 @@ class Link:
         self._channels = [c for c in source.channels if c.server == server.name]
         self._largest = [largest_reading(c.signal) for c in self._channels]
         self._scales: Sequence[tuple[float, float]] = ()
+        self._notes: Sequence[str] = ()
         self._heard = 0.0
         self._over, self._why = asyncio.Event(), ""
         self._bad: dict[str, str] = {}
@@ -77,12 +78,13 @@ class Link:
         client = await connected(self._server)
         try:
             checked = scales_of(client, self._channels, self._ruleset)
-            self._scales, notes = await bounded(checked, limits.CHECKING)
+            self._scales, self._notes = await bounded(checked, limits.CHECKING)
             self._heard, self._why = clocks.monotonic(), ""
             self._over = asyncio.Event()
             asked = subscribed(client, self._channels, self._interval, self._published)
             step = await bounded(asked, limits.CHECKING)
-            self._tell_connected(notes, step)
+            self._tell_slower(step)
+            self.answered.set()
             most = max(limits.SILENT, limits.SILENT_INTERVALS * step)
             await self._silent_for(most)
             raise ConnectionError(self._why or f"the server said nothing for {most:.3g} s")
@@ -114,7 +116,9 @@ class Link:
         values, stamps = self._values(message)
         if not values and not self._alive:
             return
-        self._alive = True
+        if not self._alive:
+            self._alive = True
+            self._tell_connected()
         late = max(limits.LATE_INTERVALS * self._interval, self._interval + 1.0)
         near = [t for t in stamps if abs(t - published) <= late]
         self._rows.put([self._server.name], values, max(near, default=published))
@@ -143,20 +147,29 @@ class Link:
                 stamps.append(stamp)
         return values, stamps
 
-    def _tell_connected(self, notes: Sequence[str], step: float) -> None:
+    def _tell_slower(self, step: float) -> None:
+        if step > limits.LATE_INTERVALS * self._interval:
+            text = f"{self._server.endpoint}: it publishes every {step:.3g} s only"
+            self._hand.notices(
+                self._remarks.tell("refused", (self._server.name, "slow"), now(), text)
+            )
+
+    def _tell_connected(self) -> None:
+        """Told with the first values, before their row."""
         server = self._server
         safe = f"{server.access.policy}, {server.access.mode}" if server.access.policy else "open"
-        text = f"{server.endpoint} ({safe}): {len(self._channels)} signals every {step:.3g} s"
+        text = (
+            f"{server.endpoint} ({safe}): {len(self._channels)} signals every {self._interval:g} s"
+        )
         if server.access.policy and server.access.server_certificate is None:
             text += "; no 'server_certificate' in the map, so any server is trusted"
-        found = [notice("connected", now(), "; ".join([text, *notes]))]
+        found = [notice("connected", now(), "; ".join([text, *self._notes]))]
         if self._gone is not None and self._rows.begun:
             quiet = now() - self._gone
             text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"
             found.append(notice("gap", self._gone, text))
         self._gone = None
         self._hand.notices(found)
-        self.answered.set()
 
     def _end(self, kind: NoticeKind, text: str) -> None:
         """The connection is over; told once until it stands again."""

@@ -14,7 +14,6 @@ from typing import Any
 
 from asyncua import Client, ua
 from asyncua.crypto import security_policies, uacrypto
-from cryptography import x509
 
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.abandon import abandon, bounded
@@ -44,9 +43,9 @@ async def _secured(client: Client, server: Server) -> None:
     access = server.access
     assert access.certificate is not None
     own = await uacrypto.load_certificate(access.certificate)
-    with contextlib.suppress(x509.ExtensionNotFound):
-        names = own.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-        uris = names.get_values_for_type(x509.UniformResourceIdentifier)
+    with contextlib.suppress(uacrypto.x509.ExtensionNotFound):
+        names = own.extensions.get_extension_for_class(uacrypto.x509.SubjectAlternativeName).value
+        uris = names.get_values_for_type(uacrypto.x509.UniformResourceIdentifier)
         client.application_uri = uris[0] if uris else client.application_uri
     await client.set_security(
         getattr(security_policies, f"SecurityPolicy{access.policy.replace('_', '')}"),
