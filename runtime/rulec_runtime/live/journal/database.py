@@ -1,0 +1,174 @@
+"""Connections to the database of a journal, and what its errors mean."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy import exc
+
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+
+READING = {"rulec_reading": True}
+"""Execution options of a transaction that only reads."""
+
+_SERVERS = ("postgresql", "postgresql+psycopg", "postgres")
+_MAGIC = b"SQLite format 3\0"
+
+
+def engine_of(where: str, make: bool) -> tuple[sa.Engine, str]:
+    """The engine of a path or URL, and its name for people, without the password.
+
+    Raises `JournalRefused` where there can be none.
+    """
+    if "://" not in where:
+        return _file(Path(where), make), where
+    try:
+        url = sa.make_url(where)
+    except (exc.ArgumentError, ValueError):
+        # The text is not shown: it may hold a password.
+        raise JournalRefused(
+            "this URL of a journal cannot be read; for example "
+            "postgresql+psycopg://name@host/database"
+        ) from None
+    if url.drivername in ("sqlite", "sqlite+pysqlite"):
+        if not url.database or url.database == ":memory:" or url.query:
+            raise JournalRefused("a journal needs a file: sqlite:///FILE")
+        return _file(Path(url.database), make), url.database
+    if url.drivername in _SERVERS:
+        return _server(url.set(drivername="postgresql+psycopg"))
+    raise JournalRefused(
+        f"a journal is a file, sqlite:/// or postgresql+psycopg://, not {url.drivername}://"
+    )
+
+
+def _file(path: Path, make: bool) -> sa.Engine:
+    """SQLite in WAL mode, each transaction on the disk before it counts."""
+    try:
+        found = os.stat(path)
+        if not stat.S_ISREG(found.st_mode):
+            raise JournalRefused(f"{path} is no file")
+        with path.open("rb") as file:
+            begins = file.read(len(_MAGIC))
+        if begins not in (_MAGIC, b""):
+            raise JournalRefused(f"{path} is no journal, nor any database of SQLite")
+    except (FileNotFoundError, NotADirectoryError):
+        if not make:
+            raise JournalRefused(f"{path}: there is no journal") from None
+        if not path.parent.is_dir():
+            raise JournalRefused(f"{path}: there is no such folder") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JournalRefused(f"{path}: {reason}") from None
+
+    def connect() -> sqlite3.Connection:
+        mode = "rwc" if make else "rw"
+        uri = f"{path.absolute().as_uri()}?mode={mode}"
+        return sqlite3.connect(
+            uri, uri=True, timeout=limits.BUSY, isolation_level=None, check_same_thread=False
+        )
+
+    engine = sa.create_engine("sqlite://", creator=connect, poolclass=sa.QueuePool, pool_size=2)
+
+    @sa.event.listens_for(engine, "connect")
+    def _prepare(connection: Any, record: Any) -> None:
+        connection.execute("PRAGMA synchronous=FULL")
+        record.info["file"] = _identity(path)
+
+    @sa.event.listens_for(engine, "checkout")
+    def _still_there(_: Any, record: Any, __: Any) -> None:
+        # What is written into a file that was moved or deleted is lost.
+        if record.info["file"] != _identity(path):
+            raise exc.DisconnectionError
+
+    @sa.event.listens_for(engine, "begin")
+    def _begin(connection: sa.Connection) -> None:
+        # Who will write takes the lock first: nobody can come between what it reads and writes.
+        reading = connection.get_execution_options().get("rulec_reading")
+        connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")
+
+    return engine
+
+
+def prepared(engine: sa.Engine, place: str) -> None:
+    """A file that turned out to be a journal stays in WAL mode: who reads waits for nobody."""
+    if engine.dialect.name == "sqlite":
+        with told(place), engine.connect() as connection:
+            driver: Any = connection.connection
+            driver.execute("PRAGMA journal_mode=WAL").fetchall()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _server(url: sa.URL) -> tuple[sa.Engine, str]:
+    """PostgreSQL; a connection that is silent is given up."""
+    patience = {
+        "connect_timeout": int(limits.CONNECT),
+        "keepalives_idle": limits.SILENT // 2,
+        "keepalives_interval": 2,
+        "keepalives_count": 3,
+        "tcp_user_timeout": limits.SILENT * 1000,
+    }
+    try:
+        engine = sa.create_engine(
+            url,
+            connect_args={k: v for k, v in patience.items() if k not in url.query},
+            pool_pre_ping=True,
+            pool_size=2,
+        )
+    except ImportError:
+        raise JournalRefused(
+            "a journal in PostgreSQL needs the package 'psycopg': "
+            "pip install 'rulec-runtime[postgres]'"
+        ) from None
+
+    @sa.event.listens_for(engine, "connect")
+    def _prepare(connection: Any, _: object) -> None:
+        with connection.cursor() as cursor:
+            cursor.execute(f"SET statement_timeout = '{limits.STATEMENT}s'")
+            cursor.execute(f"SET lock_timeout = '{limits.BUSY:g}s'")
+            # What is told to be written is on the disk, unless the server waits for more anyway.
+            cursor.execute(
+                "SELECT set_config('synchronous_commit', 'on', false)"
+                " WHERE current_setting('synchronous_commit') IN ('off', 'local')"
+            )
+        connection.commit()
+
+    return engine, url.render_as_string(hide_password=True)
+
+
+@contextmanager
+def told(place: str) -> Iterator[None]:
+    """Errors of the database in our words: `JournalTrouble` may pass, `JournalRefused` stays."""
+    try:
+        yield
+    except exc.DBAPIError as error:
+        reason = _reason(error)
+        lasting = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
+        plain = type(error) is exc.DatabaseError  # SQLite: no database, or a damaged one
+        if plain or isinstance(error, lasting):
+            raise JournalRefused(f"{place}: {reason}") from None
+        raise JournalTrouble(f"{place}: {reason}") from None
+    except exc.TimeoutError:
+        raise JournalTrouble(f"{place}: no connection is free") from None
+    except (exc.SQLAlchemyError, sqlite3.Error) as error:
+        raise JournalTrouble(f"{place}: {type(error).__name__}") from None
+
+
+def _reason(error: exc.DBAPIError) -> str:
+    """The first line of what the database says: behind it stand statements and their values."""
+    lines = str(error.orig).strip().splitlines()
+    return lines[0] if lines else type(error.orig).__name__

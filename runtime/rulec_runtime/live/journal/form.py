@@ -1,0 +1,143 @@
+"""Events as flat records: the same for every sink, so that what was kept can be compared."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from datetime import UTC, datetime
+from typing import Any
+
+from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.refused import JournalRefused
+from rulec_runtime.output.terminal import SHOWN_INSTEAD
+
+Record = dict[str, Any]
+
+_UNKEPT = re.compile("[\0\ud800-\udfff]")
+"""Characters that no database of text keeps: null, and halves of pairs."""
+
+_TEXTS = ("what", "episode", "kind", "subject", "module", "status", "unit", "text", "action")
+_TIMES = ("time", "since", "until")
+_NUMBERS = (*_TIMES, "degree", "lower", "upper", "probability")
+FIELDS = ("number", *_NUMBERS, *_TEXTS, "told", "active", "alternatives", "iso")
+
+
+def record_of(event: Event, dated: bool) -> Record:
+    """An event with its episode; `dated` if times are s since 1970 in UTC.
+
+    `text` says what is new, `told` what the episode is. A number that is not finite is None.
+    """
+    episode = event.episode
+    record: Record = {
+        "number": event.number,
+        "iso": iso(event.time) if dated else None,
+        "what": event.what,
+        "episode": episode.id,
+        "active": episode.active,
+        "alternatives": [[_kept(name), _finite(share)] for name, share in episode.alternatives],
+        "time": _finite(event.time),
+        "text": _kept(event.text),
+        "told": _kept(episode.text),
+    }
+    for name in _TEXTS + _NUMBERS:
+        if name not in record:
+            value = getattr(episode, name)
+            record[name] = _kept(value) if name in _TEXTS else _finite(value)
+    record["episode"] = _kept(episode.id)
+    if record["time"] is None:
+        raise JournalRefused(f"event {event.number} has no time")
+    return record
+
+
+def event_of(record: Record) -> Event:
+    """The event of a record; raises `JournalRefused` if it is none."""
+    try:
+        numbers = {n: _number(record[n]) for n in _NUMBERS}
+        texts = {n: _text(record[n]) for n in (*_TEXTS, "told")}
+        number, active = record["number"], record["active"]
+        if type(number) is not int or type(active) is not bool:
+            raise TypeError
+        fields: dict[str, Any] = {
+            "id": texts["episode"],
+            "active": active,
+            "text": texts["told"],
+            "alternatives": tuple((_text(n), _number(p)) for n, p in record["alternatives"]),
+            **{n: texts[n] for n in ("kind", "subject", "module", "status", "unit", "action")},
+            **{n: x for n, x in numbers.items() if n != "time"},
+        }
+        episode = Episode(**fields)
+        return Event(
+            number=number,
+            time=numbers["time"],
+            what=texts["what"],  # type: ignore[arg-type]
+            text=texts["text"],
+            episode=episode,
+        )
+    except (KeyError, TypeError, ValueError):
+        raise JournalRefused("this is no event") from None
+
+
+def same(a: Record, b: Record) -> bool:
+    """Do two records say the same?"""
+    return all(a.get(name) == b.get(name) for name in FIELDS)
+
+
+def other_content(place: str, plant: str, number: int, kept: Record, new: Record) -> JournalRefused:
+    """What to say where another event of this number is kept already."""
+    return JournalRefused(
+        f"{place} holds another event {number} of {plant}: '{kept['text']}' at "
+        f"{moment(kept)}, now '{new['text']}' at {moment(new)}; this watcher started from another "
+        "state than that in the journal: watch into another journal, or under another plant name"
+    )
+
+
+def moment(record: Record) -> str:
+    """When an event was, for people."""
+    return str(record["iso"] or f"{record['time']:g} s")
+
+
+def iso(time: float) -> str | None:
+    """ISO 8601 in UTC, to the millisecond; None where the calendar ends.
+
+    >>> iso(1.5)
+    '1970-01-01T00:00:01.500Z'
+    """
+    try:
+        date = datetime.fromtimestamp(time, UTC)
+    except (ValueError, OverflowError, OSError):
+        return None
+    return date.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def line_of(record: Record, **more: Any) -> str:
+    """A record as one line of JSON; `more` are keys before it."""
+    return json.dumps({**more, **record}, ensure_ascii=False, allow_nan=False)
+
+
+def name_of(text: str) -> str:
+    """The name of a person or a watcher as it is kept."""
+    return _kept(text)[: limits.LONGEST_NAME]
+
+
+def _kept(text: str) -> str:
+    return _UNKEPT.sub(SHOWN_INSTEAD, text)[: limits.LONGEST_TEXT]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _number(value: Any) -> float:
+    if value is None:
+        return math.nan
+    if type(value) not in (int, float):
+        raise TypeError
+    return float(value)
+
+
+def _text(value: Any) -> str:
+    if type(value) is not str:
+        raise TypeError
+    return value

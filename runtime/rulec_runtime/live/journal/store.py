@@ -1,0 +1,241 @@
+"""The journal: events and the watcher's state in one database, written in one transaction.
+
+SQLite in a file of its own, or PostgreSQL where plants share a server.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+
+import sqlalchemy as sa
+
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.database import READING, engine_of, prepared, told
+from rulec_runtime.live.journal.entry import Entry
+from rulec_runtime.live.journal.form import (
+    Record,
+    event_of,
+    name_of,
+    other_content,
+    record_of,
+    same,
+)
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.journal.tables import ACKNOWLEDGED, EVENTS, STATES, checked
+from rulec_runtime.live.journal.watcher import Watcher, clock, insert
+
+
+@dataclass(frozen=True)
+class Saved:
+    """The watcher's state after event `number`, and when it was saved, s since 1970."""
+
+    number: int
+    state: bytes
+    at: float
+
+
+def open_journal(where: str, *, make: bool = True, patient: bool = False) -> Journal:
+    """A journal at a path, ``sqlite:///FILE`` or ``postgresql+psycopg://...``.
+
+    It is made where there is none, unless `make` is False. Raises `JournalRefused` if something
+    else is there, and `JournalTrouble` if the database does not answer now, unless `patient`: what
+    is there is then looked at when it does.
+    """
+    engine, place = engine_of(where, make)
+    journal = Journal(engine, place, make)
+    try:
+        with suppress(JournalTrouble) if patient else nullcontext():
+            journal.check()
+    except BaseException:
+        journal.close()
+        raise
+    return journal
+
+
+class Journal:
+    """An open journal; may be used by several threads.
+
+    All methods raise `JournalTrouble` where the database is gone or full; nothing is changed then.
+    """
+
+    def __init__(self, engine: sa.Engine, place: str, make: bool) -> None:
+        self._engine, self._make = engine, make
+        self._checked = False
+        self._me = Watcher()
+        self.place = place
+        """Path or URL without the password, for people."""
+
+    def check(self) -> None:
+        """What is there is a journal of ours. Raises `JournalRefused` if not."""
+        with self._begun(reading=not self._make) as connection:
+            checked(connection, self.place, self._make)
+        if self._make:
+            prepared(self._engine, self.place)
+        self._checked = True
+
+    @contextmanager
+    def transaction(self, reading: bool = False) -> Iterator[sa.Connection]:
+        """A connection whose changes are all kept at the end, or none of them."""
+        if not self._checked:
+            self.check()
+        with self._begun(reading) as connection:
+            yield connection
+
+    @contextmanager
+    def _begun(self, reading: bool) -> Iterator[sa.Connection]:
+        with told(self.place), self._engine.connect() as plain:
+            connection = plain.execution_options(**READING) if reading else plain
+            with connection.begin():
+                yield connection
+
+    def hold(self, plant: str) -> None:
+        """Watch a plant, or say that it is still watched; nobody else can until `release`, or the
+        end of this process. Raises `JournalRefused` while another one does."""
+        with self.transaction() as connection:
+            self._me.held(connection, plant, self.place)
+
+    def release(self, plant: str) -> None:
+        """Watch the plant no more."""
+        with self.transaction() as connection:
+            self._me.left(connection, plant)
+
+    def commit(
+        self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool = True
+    ) -> None:
+        """Keep events, and the watcher's state after the last of them: all or nothing.
+
+        What is kept already may come again: nothing is written twice, and an older state does not
+        replace a newer one. `dated` if times are s since 1970 in UTC. Raises `JournalRefused`
+        for another event of a number that is taken, and while another one watches the plant.
+        """
+        with self.transaction() as connection:
+            self._me.held(connection, plant, self.place)
+            self._keep(connection, plant, [record_of(event, dated) for event in events])
+            if state is not None:
+                number = max((e.number for e in events), default=_last(connection, plant))
+                _save(connection, plant, Saved(number, state, clock(connection)))
+
+    def _keep(self, connection: sa.Connection, plant: str, records: list[Record]) -> None:
+        new: dict[int, Record] = {}
+        for record in records:
+            before = new.setdefault(record["number"], record)
+            if not same(before, record):
+                raise other_content(self.place, plant, record["number"], before, record)
+        if not new:
+            return
+        between = EVENTS.c.number.between(min(new), max(new))
+        for row in connection.execute(sa.select(EVENTS).where(EVENTS.c.plant == plant, between)):
+            kept = dict(row._mapping)
+            record = new.pop(kept["number"], kept)
+            if not same(kept, record):
+                raise other_content(self.place, plant, kept["number"], kept, record)
+        if new:
+            rows = [{"plant": plant, **record} for _, record in sorted(new.items())]
+            connection.execute(EVENTS.insert(), rows)
+
+    def state(self, plant: str) -> Saved | None:
+        """The state that was kept last; None if none was."""
+        with self.transaction(reading=True) as connection:
+            row = connection.execute(sa.select(STATES).where(STATES.c.plant == plant)).one_or_none()
+        return None if row is None else Saved(row.number, bytes(row.state), row.saved)
+
+    def last(self, plant: str) -> int:
+        """Number of the last event; 0 if there is none. One of a live source may be beyond that of
+        the state, if it was kept without one."""
+        with self.transaction(reading=True) as connection:
+            return _last(connection, plant)
+
+    def plants(self) -> tuple[str, ...]:
+        """Plants of which something was told."""
+        with self.transaction(reading=True) as connection:
+            query = sa.select(EVENTS.c.plant).distinct().order_by(EVENTS.c.plant)
+            return tuple(connection.execute(query).scalars())
+
+    def events(
+        self,
+        plant: str | None = None,
+        *,
+        since: float | None = None,
+        until: float | None = None,
+        kind: Sequence[str] = (),
+        status: Sequence[str] = (),
+        subject: str | None = None,
+        active: bool = False,
+        limit: int | None = None,
+    ) -> Iterator[Entry]:
+        """Events in order of time, read as they are asked for.
+
+        `since` and `until` bound the time of events, s; `active` gives the last event alone of
+        each episode, if that has not ended; `limit` the latest ones alone.
+        """
+        query = sa.select(EVENTS, ACKNOWLEDGED.c.by, ACKNOWLEDGED.c.at).outerjoin(
+            ACKNOWLEDGED,
+            (ACKNOWLEDGED.c.plant == EVENTS.c.plant) & (ACKNOWLEDGED.c.episode == EVENTS.c.episode),
+        )
+        if active:
+            later = EVENTS.alias()
+            beyond = (later.c.plant == EVENTS.c.plant) & (later.c.episode == EVENTS.c.episode)
+            newer = sa.exists().where(beyond & (later.c.number > EVENTS.c.number))
+            query = query.where(EVENTS.c.active, ~newer)
+        for column, value in (("plant", plant), ("subject", subject)):
+            query = query if value is None else query.where(EVENTS.c[column] == value)
+        for column, values in (("kind", kind), ("status", status)):
+            query = query.where(EVENTS.c[column].in_(values)) if values else query
+        query = query if since is None else query.where(EVENTS.c.time >= since)
+        query = query if until is None else query.where(EVENTS.c.time <= until)
+        order = (EVENTS.c.time, EVENTS.c.plant, EVENTS.c.number)
+        if limit is not None:
+            part = query.order_by(*(column.desc() for column in order)).limit(limit).subquery()
+            query = sa.select(part).order_by(part.c.time, part.c.plant, part.c.number)
+        else:
+            query = query.order_by(*order)
+        with self.transaction(reading=True) as connection:
+            result = connection.execute(query.execution_options(yield_per=limits.BATCH))
+            for row in result:
+                kept = dict(row._mapping)
+                yield Entry(kept["plant"], event_of(kept), kept["iso"], kept["by"], kept["at"])
+
+    def acknowledge(self, plant: str, episode: str, by: str) -> bool:
+        """Somebody has taken note of an episode; False if somebody had before, who stays.
+
+        Raises `JournalRefused` if there is no such episode.
+        """
+        who = name_of(by).strip()
+        if not who:
+            raise JournalRefused("whoever acknowledges needs a name")
+        with self.transaction() as connection:
+            there = (EVENTS.c.plant == plant) & (EVENTS.c.episode == episode)
+            if connection.execute(sa.select(EVENTS.c.number).where(there).limit(1)).first() is None:
+                raise JournalRefused(f"{self.place} holds no episode {episode} of {plant}")
+            row = {"plant": plant, "episode": episode, "by": who, "at": clock(connection)}
+            statement = insert(connection, ACKNOWLEDGED).values(row).on_conflict_do_nothing()
+            new = connection.execute(statement.returning(ACKNOWLEDGED.c.at))
+            return new.first() is not None
+
+    def acknowledged(self, plant: str) -> frozenset[str]:
+        """Ids of episodes that somebody has taken note of."""
+        with self.transaction(reading=True) as connection:
+            query = sa.select(ACKNOWLEDGED.c.episode).where(ACKNOWLEDGED.c.plant == plant)
+            return frozenset(connection.execute(query).scalars())
+
+    def close(self) -> None:
+        """Let go of the database."""
+        self._engine.dispose()
+
+
+def _last(connection: sa.Connection, plant: str) -> int:
+    query = sa.select(sa.func.max(EVENTS.c.number)).where(EVENTS.c.plant == plant)
+    return int(connection.execute(query).scalar() or 0)
+
+
+def _save(connection: sa.Connection, plant: str, saved: Saved) -> None:
+    row = {"number": saved.number, "state": saved.state, "saved": saved.at}
+    statement = insert(connection, STATES).values(plant=plant, **row)
+    connection.execute(
+        statement.on_conflict_do_update(
+            index_elements=["plant"], set_=row, where=STATES.c.number <= saved.number
+        )
+    )

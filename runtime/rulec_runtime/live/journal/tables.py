@@ -1,0 +1,102 @@
+"""The tables of a journal, the same in SQLite and PostgreSQL."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.refused import JournalRefused
+
+METADATA = sa.MetaData()
+
+EVENTS = sa.Table(
+    "events",
+    METADATA,
+    sa.Column("plant", sa.Text, primary_key=True),
+    sa.Column("number", sa.BigInteger, primary_key=True, autoincrement=False),
+    sa.Column("time", sa.Double, nullable=False),
+    sa.Column("iso", sa.Text),
+    sa.Column("what", sa.Text, nullable=False),
+    sa.Column("episode", sa.Text, nullable=False),
+    sa.Column("kind", sa.Text, nullable=False),
+    sa.Column("subject", sa.Text, nullable=False),
+    sa.Column("module", sa.Text, nullable=False),
+    sa.Column("status", sa.Text, nullable=False),
+    sa.Column("since", sa.Double),
+    sa.Column("until", sa.Double),
+    sa.Column("active", sa.Boolean, nullable=False),
+    sa.Column("degree", sa.Double),
+    sa.Column("lower", sa.Double),
+    sa.Column("upper", sa.Double),
+    sa.Column("unit", sa.Text, nullable=False),
+    sa.Column("probability", sa.Double),
+    sa.Column("alternatives", sa.JSON, nullable=False),
+    sa.Column("text", sa.Text, nullable=False),
+    sa.Column("told", sa.Text, nullable=False),
+    sa.Column("action", sa.Text, nullable=False),
+    sa.Index("events_of_an_episode", "plant", "episode", "number"),
+    sa.Index("events_in_time", "time"),
+)
+
+STATES = sa.Table(
+    "states",
+    METADATA,
+    sa.Column("plant", sa.Text, primary_key=True),
+    sa.Column("number", sa.BigInteger, nullable=False),
+    sa.Column("state", sa.LargeBinary, nullable=False),
+    sa.Column("saved", sa.Double, nullable=False),
+)
+
+ACKNOWLEDGED = sa.Table(
+    "acknowledged",
+    METADATA,
+    sa.Column("plant", sa.Text, primary_key=True),
+    sa.Column("episode", sa.Text, primary_key=True),
+    sa.Column("by", sa.Text, nullable=False),
+    sa.Column("at", sa.Double, nullable=False),
+)
+
+WATCHERS = sa.Table(
+    "watchers",
+    METADATA,
+    sa.Column("plant", sa.Text, primary_key=True),
+    sa.Column("token", sa.Text, nullable=False),
+    sa.Column("machine", sa.Text, nullable=False),
+    sa.Column("process", sa.Text, nullable=False),
+    sa.Column("name", sa.Text, nullable=False),
+    sa.Column("expires", sa.Double, nullable=False),
+)
+
+_VERSION = sa.Table("rulec_journal", METADATA, sa.Column("version", sa.Integer, primary_key=True))
+
+
+def checked(connection: sa.Connection, place: str, make: bool) -> None:
+    """The tables are there and of this version; made in an empty database if `make`.
+
+    Raises `JournalRefused` for a database of something else, or of another version.
+    """
+    if connection.dialect.name == "postgresql":
+        # Two who come first at once: the second one waits and finds the tables.
+        connection.execute(sa.text("SELECT pg_advisory_xact_lock(hashtext('rulec_journal'))"))
+    there = set(sa.inspect(connection).get_table_names())
+    if _VERSION.name not in there:
+        if there:
+            names = ", ".join(sorted(there)[:3])
+            raise JournalRefused(
+                f"{place} is no journal: it holds tables of something else "
+                f"({names}); name another one"
+            )
+        if not make:
+            raise JournalRefused(f"{place} is empty, it holds no journal")
+        METADATA.create_all(connection)
+        connection.execute(_VERSION.insert().values(version=limits.SCHEMA))
+        return
+    versions = list(connection.execute(sa.select(_VERSION.c.version)).scalars())
+    if versions != [limits.SCHEMA]:
+        found = ", ".join(map(str, versions)) or "none"
+        raise JournalRefused(
+            f"{place} is a journal of version {found}, this rulec reads {limits.SCHEMA}: use the "
+            "rulec that wrote it, or another journal"
+        )
+    if gone := {table.name for table in METADATA.sorted_tables} - there:
+        raise JournalRefused(f"{place} is a damaged journal: no table {', '.join(sorted(gone))}")

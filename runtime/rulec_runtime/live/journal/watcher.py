@@ -1,0 +1,107 @@
+"""Who watches a plant: one process at a time.
+
+A row in the journal says who it is. Every transaction of a watcher looks at it first, so one that
+was taken for dead cannot write any more.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.form import name_of
+from rulec_runtime.live.journal.refused import JournalRefused
+from rulec_runtime.live.journal.tables import WATCHERS
+
+
+def _read(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def _machine() -> str:
+    """Processes of the same machine can be looked at; a container is a machine of its own."""
+    try:
+        space = os.readlink("/proc/self/ns/pid")
+    except OSError:
+        space = ""
+    return name_of(f"{socket.gethostname()} {_read('/proc/sys/kernel/random/boot_id')} {space}")
+
+
+def _process(pid: int | str) -> str:
+    """A process as nobody else will be: numbers are used again, with another time of start."""
+    fields = _read(f"/proc/{pid}/stat").rpartition(")")[2].split()
+    return f"{pid} {fields[19]}" if len(fields) > 19 else f"{pid}"
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """This watcher, as others see it."""
+
+    token: str = field(default_factory=lambda: secrets.token_hex(16))
+    machine: str = field(default_factory=_machine)
+    process: str = field(default_factory=lambda: _process(os.getpid()))
+
+    def held(self, connection: sa.Connection, plant: str, place: str) -> None:
+        """Within a transaction: this one watches the plant from now on, and nobody else does.
+
+        Raises `JournalRefused` while another one does.
+        """
+        now = clock(connection)
+        mine = {
+            "plant": plant,
+            "token": self.token,
+            "machine": self.machine,
+            "process": self.process,
+            "name": name_of(f"process {os.getpid()} on {socket.gethostname()}"),
+            "expires": now + limits.LEASE,
+        }
+        connection.execute(insert(connection, WATCHERS).values(mine).on_conflict_do_nothing())
+        row = connection.execute(
+            sa.select(WATCHERS).where(WATCHERS.c.plant == plant).with_for_update()
+        ).one()
+        if row.token != self.token and self._lives(row, now):
+            raise JournalRefused(
+                f"{plant} is watched already: {row.name} writes into {place}; one watcher at a "
+                f"time. If it is dead, its place is free after {limits.LEASE:g} s"
+            )
+        connection.execute(WATCHERS.update().where(WATCHERS.c.plant == plant).values(mine))
+
+    def left(self, connection: sa.Connection, plant: str) -> None:
+        """The place is free for the next one."""
+        mine = (WATCHERS.c.plant == plant) & (WATCHERS.c.token == self.token)
+        connection.execute(WATCHERS.delete().where(mine))
+
+    def _lives(self, row: sa.Row, now: float) -> bool:  # type: ignore[type-arg]
+        if row.machine == self.machine and sys.platform == "linux":
+            return bool(_process(row.process.partition(" ")[0]) == row.process)
+        # Far ahead is no lease but a clock that was set back.
+        return bool(now < row.expires <= now + 2 * limits.LEASE)
+
+
+def clock(connection: sa.Connection) -> float:
+    """Seconds since 1970 by the clock that all who use the database share."""
+    if connection.dialect.name == "postgresql":
+        return float(
+            connection.execute(sa.text("SELECT extract(epoch FROM clock_timestamp())")).scalar_one()
+        )
+    return float(
+        connection.execute(sa.text("SELECT (julianday('now') - 2440587.5) * 86400.0")).scalar_one()
+    )
+
+
+def insert(connection: sa.Connection, table: sa.Table) -> sqlite.Insert | postgresql.Insert:
+    """An insert that knows what to do about a row that is there already."""
+    if connection.dialect.name == "postgresql":
+        return postgresql.insert(table)
+    return sqlite.insert(table)

@@ -1,0 +1,1 @@
+"""Events kept beyond the end of the process."""

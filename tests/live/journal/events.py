@@ -1,0 +1,52 @@
+"""Events as a watcher tells them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rulec_runtime.live.episode import Episode, Event
+
+LEAKAGE = Episode(
+    id="A.leakage@1700000000.000",
+    kind="fault",
+    subject="A.leakage",
+    module="A",
+    status="S",
+    since=1.7e9,
+    until=1.7e9 + 20.0,
+    active=True,
+    text="leakage past the impeller of A",
+    action="check the wear ring",
+    degree=0.17,
+    lower=0.15,
+    upper=0.19,
+    probability=0.9,
+    alternatives=(("A.clogging", 0.1),),
+)
+
+
+def event(number: int, episode: Episode = LEAKAGE, **other: object) -> Event:
+    """An event a second."""
+    fields = {"what": "changed", "text": f"A.leakage told for the {number}th time", **other}
+    return Event(number=number, time=1.7e9 + number, episode=episode, **fields)  # type: ignore[arg-type]
+
+
+def story() -> list[Event]:
+    """A leakage that goes on, a sensor that failed and is well again."""
+    stuck = replace(
+        LEAKAGE,
+        id="B.p@1700000005.000",
+        kind="sensor",
+        subject="B.p",
+        module="B",
+        status="C",
+        text="B.p stands still",
+        action="",
+        alternatives=(),
+    )
+    return [
+        event(1, what="began", text="A.leakage 0.170 (0.150 to 0.190)"),
+        event(2, stuck, what="began", text="B.p stands still"),
+        event(3),
+        event(4, replace(stuck, active=False), what="ended", text="B.p healthy again"),
+    ]
