@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -132,24 +130,6 @@ def test_a_watcher_without_events_says_that_it_is_there() -> None:
     sink.run(outbox, 60.0)
     assert 10 <= sink.tries <= 13
     assert sink.events == []
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 200 kB."""
-    folder = tmp_path / "small"
-    folder.mkdir()
-    options = ["-t", "tmpfs", "-o", "size=200k", "tmpfs"]
-    mounted = (
-        os.geteuid() == 0
-        and not subprocess.run(
-            ["mount", *options, str(folder)], capture_output=True, check=False
-        ).returncode
-    )
-    if not mounted:
-        pytest.skip("mounting a small file system needs root")
-    yield folder
-    subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def test_disk_full(small_disk: Path) -> None:

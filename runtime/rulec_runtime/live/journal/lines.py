@@ -1,0 +1,127 @@
+"""Events as lines of JSON, in a file or on standard output."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.form import Record, line_of, other_content, record_of, same
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.output.append_file import Appended
+from rulec_runtime.output.json_file import Damaged, parse_json
+from rulec_runtime.output.terminal import machine_text, write_machine_text
+
+
+_BEGINS = b'{"plant": "'
+"""How each line of ours begins, also one that was not finished."""
+
+
+class LinesFile:
+    """A file with a line per event; each on the disk before it counts, none of them twice.
+
+    Raises `JournalRefused` for a file of something else, or one that another process writes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.place = str(path)
+        self._path = path
+        self._last: dict[str, int] = {}
+        self._open()
+
+    def commit(
+        self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
+    ) -> None:
+        """Add events that are not there yet; states are not kept. Raises `JournalTrouble` if the
+        disk is full, `JournalRefused` for another event of a number that is taken."""
+        new = {event.number: record_of(event, dated) for event in events}
+        if not new:
+            return
+        try:
+            if not self._file.still_there():
+                self._file.close()
+                self._open()
+            if min(new) <= self._last.get(plant, 0):
+                self._without_known(plant, new)
+            text = "".join(line_of(new[n], plant=plant) + "\n" for n in sorted(new))
+            self._file.add(machine_text(text))
+        except OSError as error:
+            raise JournalTrouble(f"{self.place}: {error.strerror or error}") from None
+        self._last[plant] = max(self._last.get(plant, 0), *new) if new else self._last[plant]
+
+    def close(self) -> None:
+        """Let others write."""
+        self._file.close()
+
+    def _open(self) -> None:
+        """Open the file, if it is one of ours; what a killed process left unfinished goes."""
+        try:
+            self._file = Appended(self._path)
+        except BlockingIOError:
+            raise JournalRefused(f"{self.place}: another process writes into it") from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise JournalRefused(f"{self.place}: {reason}") from None
+        try:
+            for plant, record in self._records():
+                self._last[plant] = max(record["number"], self._last.get(plant, 0))
+            half = self._file.half(len(_BEGINS)).rstrip(b"\0")
+            if not _BEGINS.startswith(half):
+                raise JournalRefused(f"{self.place}: its last line is no event; name another file")
+            self._file.cut()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _without_known(self, plant: str, new: dict[int, Record]) -> None:
+        for other, record in self._records():
+            number = record["number"]
+            if other == plant and number in new:
+                if not same(record, new[number]):
+                    raise other_content(self.place, plant, number, record, new[number])
+                del new[number]
+
+    def _records(self) -> Iterator[tuple[str, Record]]:
+        for i, line in enumerate(self._file.lines(), start=1):
+            try:
+                if len(line) > limits.LONGEST_LINE:
+                    raise Damaged("it is too long")
+                record = parse_json(line.decode())
+                plant, number, text = record["plant"], record["number"], record["text"]
+                if not (type(plant) is type(text) is str and type(number) is int):
+                    raise TypeError
+            except (Damaged, KeyError, TypeError, ValueError):
+                raise JournalRefused(
+                    f"{self.place}: line {i} is no event; name another file"
+                ) from None
+            yield plant, record
+
+
+class LinesOut:
+    """A line per event on standard output, for another program."""
+
+    place = "standard output"
+
+    def __init__(self) -> None:
+        self._last: dict[str, int] = {}
+
+    def commit(
+        self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
+    ) -> None:
+        """Write events whose numbers were not written yet. Raises `JournalRefused` when nobody
+        reads them any more."""
+        last = self._last.get(plant, 0)
+        new = {event.number: event for event in events if event.number > last}
+        try:
+            for number in sorted(new):
+                write_machine_text(line_of(record_of(new[number], dated), plant=plant) + "\n")
+                sys.stdout.flush()
+                self._last[plant] = number
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise JournalRefused("nobody reads standard output any more") from None
+        except OSError as error:
+            raise JournalTrouble(f"standard output: {error.strerror or error}") from None
