@@ -71,7 +71,7 @@ def test_texts_steer_no_terminal_and_break_no_line(tmp_path: Path) -> None:
 def test_a_file_of_something_else_is_left_alone(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "other"
     file.write_bytes(content)
-    with pytest.raises(JournalRefused, match="line( 1)? is no event; name another file"):
+    with pytest.raises(JournalRefused, match=r"line( 1)? is no event; name another file"):
         LinesFile(file)
     assert file.read_bytes() == content
 

@@ -15,7 +15,6 @@ from rulec_runtime.output.append_file import Appended
 from rulec_runtime.output.json_file import Damaged, parse_json
 from rulec_runtime.output.terminal import machine_text, write_machine_text
 
-
 _BEGINS = b'{"plant": "'
 """How each line of ours begins, also one that was not finished."""
 
