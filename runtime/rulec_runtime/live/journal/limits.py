@@ -64,5 +64,6 @@ Origin: assumed."""
 KEEP_ALIVE = 10
 """Seconds after which a broker asks whether we are there. Origin: assumed."""
 
-CLIENTS = 20
-"""Connections that the server of device health takes at once. Origin: assumed."""
+LARGEST_REQUEST = 1 << 20
+"""Bytes of a request to the server of device health at most. Origin: assumed; one that asks for
+10,000 nodes."""

@@ -1,0 +1,170 @@
+"""Device health as a client sees it, and that it can change nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from asyncua import Client, ua
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from cryptography.x509.oid import ExtendedKeyUsageOID
+from rulec_runtime.live.journal.device_health import DeviceHealth, Security
+from rulec_runtime.live.journal.refused import JournalRefused
+
+from tests.live.journal.events import LEAKAGE
+
+DEVICES = "http://opcfoundation.org/UA/DI/"
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
+
+
+def asked(server: DeviceHealth, work: Callable[[Client], Awaitable[Any]], user: str = "") -> Any:
+    async def run() -> Any:
+        client = Client(server.place, timeout=4)
+        if user:
+            client.set_user(user)
+        async with client:
+            return await work(client)
+
+    return asyncio.run(run())
+
+
+async def health_of(client: Client) -> dict[str, ua.DataValue]:
+    """Per device how it is, found as any client of OPC 10000-100 finds it."""
+    di = await client.get_namespace_index(DEVICES)
+    found = {}
+    for device in await client.get_node(ua.NodeId(5001, di)).get_children():
+        interfaces = await device.get_referenced_nodes(ua.ObjectIds.HasInterface)
+        if ua.NodeId(15051, di) in [node.nodeid for node in interfaces]:
+            health = await device.get_child(f"{di}:DeviceHealth")
+            assert await health.read_data_type() == ua.NodeId(6244, di)
+            name = (await device.read_browse_name()).Name
+            found[str(name)] = await health.read_data_value(raise_on_bad_status=False)
+    return found
+
+
+def values(found: dict[str, ua.DataValue]) -> dict[str, int | None]:
+    return {name: None if v.Value is None else v.Value.Value for name, v in found.items()}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[DeviceHealth]:
+    started = DeviceHealth("abc", ["A", "B", "C"], free_port())
+    yield started
+    started.close()
+
+
+def test_health_of_plant_and_modules(server: DeviceHealth) -> None:
+    first = asked(server, health_of)
+    assert all(not v.StatusCode.is_good() for v in first.values())
+    server.show([LEAKAGE, replace(LEAKAGE, id="2", status="M")])
+    found = asked(server, health_of)
+    assert values(found) == {"abc": 3, "A": 3, "B": 0, "C": 0}
+    assert all(v.StatusCode.is_good() for v in found.values())
+    stuck = replace(LEAKAGE, id="3", kind="sensor", module="B", status="C")
+    blind = replace(LEAKAGE, id="4", kind="unknown", module="", status="F")
+    over = replace(LEAKAGE, id="5", module="C", active=False)
+    server.show([LEAKAGE, stuck, blind, over], usable=False)
+    found = asked(server, health_of)
+    assert values(found) == {"abc": 1, "A": 3, "B": 2, "C": 0}
+    assert all(v.StatusCode.name == "UncertainLastUsableValue" for v in found.values())
+
+
+async def changed(client: Client) -> list[str]:
+    """What came of each try to change something."""
+    di = await client.get_namespace_index(DEVICES)
+    devices = client.get_node(ua.NodeId(5001, di))
+    health = await (await devices.get_children())[1].get_child(f"{di}:DeviceHealth")
+    normal = ua.DataValue(ua.Variant(0, ua.VariantType.Int32))
+    told = []
+    for work in (
+        health.write_value(normal),
+        health.write_attribute(ua.AttributeIds.AccessLevel, normal),
+        health.set_writable(),
+        devices.add_object(2, "mine"),
+        health.delete(),
+        client.nodes.server.call_method("0:GetMonitoredItems", 1),
+    ):
+        try:
+            await work
+            told.append("done")
+        except ua.UaError as error:
+            told.append(type(error).__name__)
+    return told
+
+
+@pytest.mark.parametrize("user", ["", "admin"])
+def test_clients_change_nothing(server: DeviceHealth, user: str) -> None:
+    server.show([LEAKAGE])
+    try:
+        told = asked(server, changed, user)
+    except ua.UaStatusCodeError as error:
+        told = [type(error).__name__] if user else ["let in"]  # no name is taken
+    assert set(told) <= {"BadUserAccessDenied", "BadIdentityTokenRejected"}, told
+    assert values(asked(server, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
+
+
+async def certificates(folder: Path) -> None:
+    for name, use in (
+        ("server", ExtendedKeyUsageOID.SERVER_AUTH),
+        ("client", ExtendedKeyUsageOID.CLIENT_AUTH),
+        ("stranger", ExtendedKeyUsageOID.CLIENT_AUTH),
+    ):
+        (folder / name).mkdir()
+        await setup_self_signed_certificate(
+            folder / f"{name}-key.pem",
+            folder / name / "own.der",
+            f"urn:{name}",
+            "localhost",
+            [use],
+            {"commonName": name},
+        )
+
+
+def test_signed_and_encrypted_for_those_it_trusts(tmp_path: Path) -> None:
+    asyncio.run(certificates(tmp_path))
+    security = Security(
+        tmp_path / "server" / "own.der", tmp_path / "server-key.pem", tmp_path / "client"
+    )
+    server = DeviceHealth("abc", ["A"], free_port(), security=security)
+    server.show([LEAKAGE])
+
+    async def by(name: str | None) -> dict[str, ua.DataValue]:
+        client = Client(server.place, timeout=2)
+        if name is not None:
+            client.application_uri = f"urn:{name}"
+            await client.set_security(
+                SecurityPolicyBasic256Sha256,
+                tmp_path / name / "own.der",
+                tmp_path / f"{name}-key.pem",
+                server_certificate=security.certificate,
+                mode=ua.MessageSecurityMode.SignAndEncrypt,
+            )
+        async with client:
+            return await health_of(client)
+
+    try:
+        assert values(asyncio.run(by("client"))) == {"abc": 3, "A": 3}
+        for name in ("stranger", None):
+            with pytest.raises((ua.UaError, OSError, asyncio.TimeoutError)):
+                asyncio.run(by(name))
+    finally:
+        server.close()
+
+
+def test_what_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(JournalRefused, match="beyond this computer it needs a certificate"):
+        DeviceHealth("abc", ["A"], 4840, host="0.0.0.0")
+    none = Security(tmp_path / "no.der", tmp_path / "no-key.pem", tmp_path)
+    with pytest.raises(JournalRefused, match="No such file"):
+        DeviceHealth("abc", ["A"], free_port(), security=none)
