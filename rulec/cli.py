@@ -15,6 +15,7 @@ from rulec_runtime.commands.frame import (
     Parser,
     carried_out,
     diagnose_options,
+    journal_options,
     json_option,
     message_of,
     prepare_process,
@@ -29,6 +30,7 @@ _COMMANDS = {
     "calibrate": "fit the parameters of a plant to a recording",
     "diagnose": "judge a recording: which fault, how large, and why",
     "watch": "judge a plant while it runs, and tell what begins, grows and ends",
+    "journal": "list, filter and export what a watched plant told",
     "simulate": "predict a recording from its inputs, with faults if asked for",
     "mismatch": "tell where simulation and recording differ, and what physics is left out",
     "experiment": "plan the set points that tell apart what a mismatch leaves open",
@@ -50,7 +52,7 @@ _REFUSALS = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage)."""
+    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
     prepare_process()
     options = _parser().parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
@@ -102,6 +104,7 @@ def _parser() -> argparse.ArgumentParser:
     diagnose_options(made["diagnose"], "PLANT_OR_RULESET")
     _limits(made["diagnose"])
     watch_options(made["watch"], "PLANT_OR_RULESET")
+    journal_options(made["journal"])
     _experiment(made["experiment"])
     made["adopt"].add_argument("mismatch", metavar="MISMATCH.json", help="from rulec mismatch")
     made["adopt"].add_argument(

@@ -9,6 +9,7 @@ from rulec_runtime.commands.frame import (
     Parser,
     carried_out,
     diagnose_options,
+    journal_options,
     message_of,
     prepare_process,
     watch_options,
@@ -16,18 +17,20 @@ from rulec_runtime.commands.frame import (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage)."""
+    """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
     prepare_process()
     parser = Parser(
         prog="rulec-runtime",
         description="Diagnose a plant, also while it runs, with a ruleset from rulec compile.",
-        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage.",
+        epilog="Exit code: 0 done, 1 bad input, 2 wrong usage; 3 where --fail-on asks for it.",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "judge a recording: which fault, how large, and why"
     diagnose_options(commands.add_parser("diagnose", help=text), "RULESET.json")
     text = "judge a plant while it runs, and tell what begins, grows and ends"
     watch_options(commands.add_parser("watch", help=text), "RULESET.json")
+    text = "list, filter and export what a watched plant told"
+    journal_options(commands.add_parser("journal", help=text))
     options = parser.parse_args(arguments)
 
     def run() -> int:

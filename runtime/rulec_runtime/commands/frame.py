@@ -12,7 +12,13 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
-REFUSALS = ("RecordingRefused", "RulesetRefused", "SourceRefused")
+REFUSALS = (
+    "RecordingRefused",
+    "RulesetRefused",
+    "SourceRefused",
+    "JournalRefused",
+    "JournalTrouble",
+)
 """Exceptions of the runtime whose message is for the user."""
 
 
@@ -126,3 +132,63 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
 def json_option(parser: argparse.ArgumentParser) -> None:
     """The option that every command with a machine form has."""
     parser.add_argument("--json", metavar="FILE", help="machine form; - for standard output")
+
+
+def journal_options(journal: argparse.ArgumentParser) -> None:
+    """Options of `journal`."""
+    journal.add_argument(
+        "journal", metavar="JOURNAL", help="file, or postgresql+psycopg://USER@HOST/DATABASE"
+    )
+    journal.add_argument("--plant", metavar="P", help="of one plant alone")
+    when = "seconds, or a date such as 2026-11-25T14:30 (UTC where it names no zone)"
+    journal.add_argument("--since", metavar="T", type=_time, help=f"from then on: {when}")
+    journal.add_argument("--until", metavar="T", type=_time, help="up to then")
+    journal.add_argument(
+        "--kind",
+        metavar="K",
+        type=_choice("fault", "sensor", "unknown", "blind", "source"),
+        default=(),
+        help="fault, sensor, unknown, blind or source; several with commas",
+    )
+    letters = "letters of NE 107, such as F,C,S,M"
+    journal.add_argument("--status", metavar="S", type=_choice(*"FCSM"), default=(), help=letters)
+    journal.add_argument("--active", action="store_true", help="what has not ended alone")
+    journal.add_argument("--csv", metavar="FILE", help="a table; - for standard output")
+    json_option(journal)
+    journal.add_argument("--ack", metavar="EPISODE", help="take note of an episode; needs --by")
+    journal.add_argument("--by", metavar="NAME", help="who takes note")
+    journal.add_argument(
+        "--fail-on",
+        metavar="S",
+        type=_choice(*"FCSM"),
+        default=(),
+        help=f"exit code 3 if an active episode has one of these statuses: {letters}",
+    )
+
+
+def _choice(*known: str) -> Callable[[str], tuple[str, ...]]:
+    def chosen(text: str) -> tuple[str, ...]:
+        names = tuple(name.strip() for name in text.split(","))
+        if wrong := [name for name in names if name not in known]:
+            raise argparse.ArgumentTypeError(f"{wrong[0]!r} is none of {', '.join(known)}")
+        return names
+
+    return chosen
+
+
+def _time(text: str) -> float:
+    """Seconds of a number, or since 1970 of a date."""
+    from datetime import UTC, datetime
+    from math import isfinite
+
+    try:
+        seconds = float(text)
+    except ValueError:
+        try:
+            date = datetime.fromisoformat(text)
+            seconds = (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+        except (ValueError, OverflowError):
+            seconds = float("nan")
+    if not isfinite(seconds):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither seconds nor a date")
+    return seconds

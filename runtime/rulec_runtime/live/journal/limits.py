@@ -67,3 +67,6 @@ KEEP_ALIVE = 10
 LARGEST_REQUEST = 1 << 20
 """Bytes of a request to the server of device health at most. Origin: assumed; one that asks for
 10,000 nodes."""
+
+LISTED = 40
+"""Events that a table shows where no period is asked for. Origin: assumed; two screens."""

@@ -198,6 +198,12 @@ class Journal:
                 kept = dict(row._mapping)
                 yield Entry(kept["plant"], event_of(kept), kept["iso"], kept["by"], kept["at"])
 
+    def holds(self, plant: str, episode: str) -> bool:
+        """Was anything told of an episode?"""
+        there = (EVENTS.c.plant == plant) & (EVENTS.c.episode == episode)
+        with self.transaction(reading=True) as connection:
+            return connection.execute(sa.select(EVENTS.c.number).where(there)).first() is not None
+
     def acknowledge(self, plant: str, episode: str, by: str) -> bool:
         """Somebody has taken note of an episode; False if somebody had before, who stays.
 
@@ -206,10 +212,9 @@ class Journal:
         who = name_of(by).strip()
         if not who:
             raise JournalRefused("whoever acknowledges needs a name")
+        if not self.holds(plant, episode):
+            raise JournalRefused(f"{self.place} holds no episode {episode} of {plant}")
         with self.transaction() as connection:
-            there = (EVENTS.c.plant == plant) & (EVENTS.c.episode == episode)
-            if connection.execute(sa.select(EVENTS.c.number).where(there).limit(1)).first() is None:
-                raise JournalRefused(f"{self.place} holds no episode {episode} of {plant}")
             row = {"plant": plant, "episode": episode, "by": who, "at": clock(connection)}
             statement = insert(connection, ACKNOWLEDGED).values(row).on_conflict_do_nothing()
             new = connection.execute(statement.returning(ACKNOWLEDGED.c.at))

@@ -1,0 +1,74 @@
+"""`journal`: list, filter and export what a watched plant told; take note of an episode."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from rich.console import Console
+
+from rulec_runtime.commands.destinations import without_folder
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.export import csv_pieces, json_pieces, put
+from rulec_runtime.live.journal.listing import tell
+from rulec_runtime.live.journal.refused import JournalRefused, needs
+from rulec_runtime.output.terminal import styled, terminal
+
+FAILED = 3
+"""Exit code where an active episode has a status that the user asked to fail on."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """List a journal; `FAILED` if `--fail-on` says so."""
+    needs("sqlalchemy", "journal")
+    from rulec_runtime.live.journal.store import open_journal
+
+    if wrong := without_folder(options, "csv", "json"):
+        raise JournalRefused(wrong)
+    if options.csv == options.json == "-":
+        raise JournalRefused("only one of --csv and --json can go to standard output")
+    if (options.ack is None) != (options.by is None):
+        raise JournalRefused("to take note of an episode give both --ack EPISODE and --by NAME")
+    out = terminal(aside="-" in (options.csv, options.json))
+    journal = open_journal(options.journal, make=False)
+    try:
+        plants = journal.plants()
+        if options.plant is not None and options.plant not in plants:
+            held = f"it holds {', '.join(plants)}" if plants else "nothing was told yet"
+            raise JournalRefused(f"{journal.place} holds nothing of {options.plant}; {held}")
+        if options.ack is not None:
+            _acknowledge(journal, options, plants, out)
+        which: dict[str, Any] = {
+            "plant": options.plant,
+            "kind": options.kind,
+            "status": options.status,
+        }
+        active = list(journal.events(active=True, **which))
+        period = {"since": options.since, "until": options.until}
+        if options.ack is None:
+            limit = limits.LISTED if options.since is None and options.until is None else None
+            past = () if options.active else list(journal.events(limit=limit, **period, **which))
+            tell(out, active, past, several=len(plants) > 1 and options.plant is None)
+        for target, pieces in ((options.csv, csv_pieces), (options.json, json_pieces)):
+            if target is not None:
+                put(target, pieces(journal.events(active=options.active, **period, **which)))
+    finally:
+        journal.close()
+    return FAILED if any(e.event.episode.status in options.fail_on for e in active) else 0
+
+
+def _acknowledge(
+    journal: Any, options: argparse.Namespace, plants: tuple[str, ...], out: Console
+) -> None:
+    """Take note of an episode, of the only plant that has it."""
+    having = [
+        plant
+        for plant in plants
+        if options.plant in (None, plant) and journal.holds(plant, options.ack)
+    ]
+    if len(having) > 1:
+        raise JournalRefused(f"{' and '.join(having)} have an episode {options.ack}: give --plant")
+    plant = having[0] if having else options.plant or "any plant"
+    new = journal.acknowledge(plant, options.ack, options.by)
+    text = "{} of {}: noted" if new else "{} of {}: somebody had taken note of it before"
+    out.print(styled(text, options.ack, plant))

@@ -1,0 +1,69 @@
+"""What a journal holds, for other programs: a table or JSON, written as it is read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.live.journal.entry import Entry
+from rulec_runtime.live.journal.form import iso, record_of
+from rulec_runtime.output.csv_cell import row_of
+from rulec_runtime.output.terminal import machine_text, shown, write_machine_text
+from rulec_runtime.output.write_file import written
+
+_COLUMNS = (
+    *("plant", "number", "iso", "time", "what", "kind", "status", "subject", "module", "text"),
+    *("episode", "told", "action", "since", "until", "active", "degree", "lower", "upper", "unit"),
+    *("probability", "alternatives", "acknowledged_by", "acknowledged_at"),
+)
+
+
+def csv_pieces(entries: Iterable[Entry]) -> Iterator[str]:
+    """A table with a row per event; times in s and UTC, degrees in the unit that stands there."""
+    yield row_of(_COLUMNS) + "\n"
+    for entry in entries:
+        record = _record(entry)
+        pairs = record["alternatives"]
+        record["alternatives"] = "; ".join(f"{name} {_cell(share)}" for name, share in pairs)
+        yield row_of(_cell(record[name]) for name in _COLUMNS) + "\n"
+
+
+def json_pieces(entries: Iterable[Entry]) -> Iterator[str]:
+    """``{"events": [...]}``, an event a line."""
+    yield '{"events": ['
+    before = "\n"
+    for entry in entries:
+        yield before + json.dumps(_record(entry), ensure_ascii=False, allow_nan=False)
+        before = ",\n"
+    yield "\n]}\n"
+
+
+def put(target: str, pieces: Iterable[str]) -> None:
+    """Write to a file as a whole, or to standard output for ``-``."""
+    if target == "-":
+        for piece in pieces:
+            write_machine_text(piece)
+        return
+    with written(Path(target)) as file:
+        for piece in pieces:
+            file.write(machine_text(piece))
+
+
+def _record(entry: Entry) -> dict[str, Any]:
+    return {
+        "plant": entry.plant,
+        **record_of(entry.event, entry.iso is not None),
+        "acknowledged_by": entry.by,
+        "acknowledged_at": None if entry.at is None else iso(entry.at),
+    }
+
+
+def _cell(value: Any) -> str:
+    """A value as a cell, on one line; nothing for None."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return shown(" ".join(str(value).splitlines()))

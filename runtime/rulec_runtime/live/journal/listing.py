@@ -1,0 +1,95 @@
+"""A journal as a table for people: what is active first, then what was told, newest first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+
+from rulec_runtime.live.journal.entry import Entry
+from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.report.text import degree
+from rulec_runtime.report.wording import STATUS
+
+
+def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: bool) -> None:
+    """Print it; `several` plants are named with each line."""
+    worst = next((s for s in STATUS if any(e.event.episode.status == s for e in active)), "ok")
+    symbol, meaning = STATUS[worst]
+    if active:
+        count = f"{len(active)} active" if len(active) > 1 else "one active"
+        out.print(styled("[bold]{} {} {}[/]: {}", symbol, worst, meaning, count))
+    else:
+        out.print(styled("[bold]{} nothing is active[/]", symbol))
+    for entry in sorted(active, key=_rank):
+        _active(out, entry, several)
+    if not past:
+        return
+    zone = "times in UTC" if past[-1].iso is not None else "times in s"
+    out.print(styled("\n[bold]Told[/] [dim]newest first, {}[/]", zone))
+    table = Table.grid(padding=(0, 2))
+    table.add_column(no_wrap=True, justify="right")
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    day = ""
+    for entry in reversed(past):
+        date, clock = _moment(entry, entry.event.time)
+        if date != day:
+            day = date
+            table.add_row(styled("[dim]{}[/]", date))
+        event = entry.event
+        table.add_row(clock, _letter(entry), event.what, _named(entry, several, event.text))
+    out.print(table)
+
+
+def _rank(entry: Entry) -> tuple[int, float]:
+    order = [s for s in STATUS if s != "ok"]
+    status = entry.event.episode.status
+    return (order.index(status) if status in order else len(order), entry.event.episode.since)
+
+
+def _active(out: Console, entry: Entry, several: bool) -> None:
+    """An episode that has not ended: what, how much, since when, what to do, who knows."""
+    episode = entry.event.episode
+    size = ""
+    if episode.kind == "fault":
+        low, high = (degree(x, episode.unit) for x in (episode.lower, episode.upper))
+        size = f" {degree(episode.degree, episode.unit)} ({low} to {high})"
+    since = " ".join(filter(None, _moment(entry, episode.since)))
+    name = _named(entry, several, f"{episode.subject or episode.kind}{size}")
+    out.print(styled("{}  [bold]{}[/] since {}", _letter(entry), name, since))
+    lines = [(episode.text, "{}")]
+    if episode.action:
+        lines.append((episode.action, "do: {}"))
+    if episode.alternatives:
+        others = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in episode.alternatives)
+        lines.append((others, "also possible: {}"))
+    if entry.by is not None:
+        lines.append((entry.by, "noted by {}"))
+    lines.append((episode.id, "[dim]{}[/]"))
+    for text, template in lines:
+        out.print(Padding(styled(template, text), (0, 0, 0, 5)))
+
+
+def _letter(entry: Entry) -> str:
+    status = one_line(entry.event.episode.status)
+    return f"{STATUS[status][0]} {status}" if status in STATUS else f"? {status}"
+
+
+def _named(entry: Entry, several: bool, text: str) -> str:
+    return one_line(f"{entry.plant}: {text}" if several else text)
+
+
+def _moment(entry: Entry, time: float) -> tuple[str, str]:
+    """Date, empty where there are none, and time of day."""
+    if entry.iso is not None:
+        try:
+            date = datetime.fromtimestamp(time, UTC)
+            return f"{date:%Y-%m-%d}", f"{date:%H:%M:%S}"
+        except (ValueError, OverflowError, OSError):
+            pass
+    return "", f"{time:g} s"

@@ -1,0 +1,113 @@
+"""Events for an MQTT broker: each as a message, and the plant's status as a retained one.
+
+Topics are `rulec/PLANT/events` and `rulec/PLANT/status`. An event is confirmed by the broker before
+it counts (QoS 1); a subscriber that gets one twice knows it by its number. When the connection
+breaks, the broker itself says that the status is unknown.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from urllib.parse import urlsplit
+
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.journal import limits
+from rulec_runtime.live.journal.form import iso, line_of, record_of
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.output.terminal import machine_text
+
+_PORTS = {"mqtt": 1883, "mqtts": 8883}
+_UNKNOWN = json.dumps({"status": "unknown", "text": "nobody watches"})
+
+
+class MqttOut:
+    """A connection to ``mqtt://host:port`` or ``mqtts://host:port``, which comes back by itself.
+
+    Raises `JournalRefused` for a URL or plant that cannot be used.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        plant: str,
+        *,
+        user: str | None = None,
+        password: str | None = None,
+        authorities: str | None = None,
+    ) -> None:
+        if not plant or any(sign in plant for sign in "+#/\0"):
+            raise JournalRefused(f"the plant's name {plant} cannot be part of an MQTT topic")
+        try:
+            parts = urlsplit(url)
+            host, port = parts.hostname, parts.port or _PORTS.get(parts.scheme)
+        except ValueError:
+            host = port = None
+        if not host or parts.scheme not in _PORTS or port is None or parts.username is not None:
+            # The text is not shown: it may hold a password.
+            raise JournalRefused(
+                "an MQTT broker is named mqtt://HOST:PORT or mqtts://HOST:PORT, without a user"
+            )
+        self.place = f"{parts.scheme}://{host}:{port}"
+        self._topic = f"rulec/{plant}"
+        self._last = 0
+        self._sent: dict[int, paho.MQTTMessageInfo] = {}
+        self._client = client = paho.Client(CallbackAPIVersion.VERSION2)
+        client.will_set(f"{self._topic}/status", _UNKNOWN, qos=1, retain=True)
+        if user is not None:
+            client.username_pw_set(user, password)
+        if parts.scheme == "mqtts":
+            try:
+                client.tls_set(ca_certs=authorities)
+            except OSError as error:
+                raise JournalRefused(f"{authorities}: {error.strerror or error}") from None
+        client.reconnect_delay_set(1, int(limits.LAST_RETRY))
+        client.connect_async(host, port, limits.KEEP_ALIVE)
+        client.loop_start()
+
+    def commit(
+        self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
+    ) -> None:
+        """Send events that were not sent yet; states are not. Raises `JournalTrouble` while the
+        broker does not confirm them."""
+        new = [event for event in events if event.number > self._last]
+        if new and not self._client.is_connected():
+            raise JournalTrouble(f"{self.place}: no connection")
+        for event in new:
+            if event.number not in self._sent:
+                # What is handed over once is sent again by the client itself.
+                text = machine_text(line_of(record_of(event, dated), plant=plant))
+                topic = f"{self._topic}/events"
+                self._sent[event.number] = self._client.publish(topic, text, qos=1)
+        for event in new:
+            self._confirmed(self._sent[event.number])
+            del self._sent[event.number]
+            self._last = event.number
+
+    def show(self, status: str, active: int, time: float | None, dated: bool) -> None:
+        """The plant's status from now on: a letter of NE 107 or ``ok``, how many episodes are
+        active, and the time of the last row, s. Raises `JournalTrouble`."""
+        date = iso(time) if dated and time is not None else None
+        text = json.dumps({"status": status, "active": active, "time": time, "iso": date})
+        if not self._client.is_connected():
+            raise JournalTrouble(f"{self.place}: no connection")
+        self._client.publish(f"{self._topic}/status", machine_text(text), qos=1, retain=True)
+
+    def close(self) -> None:
+        """Say that nobody watches any more, and go."""
+        if self._client.is_connected():
+            self._confirmed(self._client.publish(f"{self._topic}/status", _UNKNOWN, 1, True))
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _confirmed(self, sent: paho.MQTTMessageInfo) -> None:
+        try:
+            sent.wait_for_publish(limits.ANSWER)
+            if sent.is_published():
+                return
+        except (RuntimeError, ValueError):
+            pass  # not sent for now: no connection, or too much waits
+        raise JournalTrouble(f"{self.place}: the broker does not confirm what was sent")
