@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
 
@@ -50,3 +51,16 @@ def story() -> list[Event]:
         event(3),
         event(4, replace(stuck, active=False), what="ended", text="B.p healthy again"),
     ]
+
+
+def event_in(form: dict[str, Any]) -> Event:
+    """The event that JSON data tells."""
+    episode = dict(form["episode"])
+    rivals = tuple((r["fault"], r["probability"]) for r in episode.pop("alternatives"))
+    return Event(
+        number=form["number"],
+        time=form["time"],
+        what=form["what"],
+        text=form["text"],
+        episode=Episode(**episode, alternatives=rivals),
+    )

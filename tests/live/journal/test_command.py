@@ -11,13 +11,12 @@ from pathlib import Path
 
 import pytest
 from rulec_runtime.cli import main as station
-from rulec_runtime.live.journal.form import event_of
 from rulec_runtime.live.journal.store import open_journal
 from rulec_runtime.output.terminal import is_shown
 
 from rulec.cli import main
 from tests.hostile.texts import FORMULAS, MARKUP, STEERING
-from tests.live.journal.events import LEAKAGE, event, story
+from tests.live.journal.events import LEAKAGE, event, event_in, story
 
 
 @pytest.fixture
@@ -53,7 +52,7 @@ def test_filters_and_exit_code(file: str, capsys: pytest.CaptureFixture[str]) ->
     since = ["--since", "2023-11-14T22:13:22", "--until", "2023-11-14T23:13:23+01:00"]
     assert main(["journal", file, *since, "--json", "-"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert [event_of(record) for record in data["events"]] == story()[1:3]
+    assert [event_in(record) for record in data["events"]] == story()[1:3]
     assert main(["journal", file, "--active", "--csv", "-"]) == 0
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     assert [row["number"] for row in rows] == ["3"]

@@ -8,19 +8,18 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from rulec_runtime.live.journal.form import event_of
 from rulec_runtime.live.journal.lines import LinesFile, LinesOut
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 
 from tests.hostile.texts import STEERING
-from tests.live.journal.events import event, story
+from tests.live.journal.events import event, event_in, story
 from tests.live.journal.killed import Commit, written_until_killed
 
 
 def events_in(file: Path) -> list[object]:
     lines = file.read_bytes().split(b"\n")
     assert lines.pop() == b""
-    return [event_of(json.loads(line)) for line in lines]
+    return [event_in(json.loads(line)) for line in lines]
 
 
 def commit_to(file: Path) -> tuple[int, Commit]:
@@ -104,4 +103,4 @@ def test_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(2):
         sink.commit("abc", story(), None, dated=True)
     lines = capsys.readouterr().out.splitlines()
-    assert [event_of(json.loads(line)) for line in lines] == story()
+    assert [event_in(json.loads(line)) for line in lines] == story()

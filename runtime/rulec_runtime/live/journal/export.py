@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.journal.entry import Entry
-from rulec_runtime.live.journal.form import iso, record_of
+from rulec_runtime.live.journal.form import form_for, iso, record_of
 from rulec_runtime.output.csv_cell import row_of
 from rulec_runtime.output.terminal import machine_text, shown, write_machine_text
 from rulec_runtime.output.write_file import written
@@ -24,7 +24,7 @@ def csv_pieces(entries: Iterable[Entry]) -> Iterator[str]:
     """A table with a row per event; times in s and UTC, degrees in the unit that stands there."""
     yield row_of(_COLUMNS) + "\n"
     for entry in entries:
-        record = _record(entry)
+        record = {"plant": entry.plant, **record_of(entry.event, _dated(entry)), **_noted(entry)}
         pairs = record["alternatives"]
         record["alternatives"] = "; ".join(f"{name} {_cell(share)}" for name, share in pairs)
         yield row_of(_cell(record[name]) for name in _COLUMNS) + "\n"
@@ -35,7 +35,8 @@ def json_pieces(entries: Iterable[Entry]) -> Iterator[str]:
     yield '{"events": ['
     before = "\n"
     for entry in entries:
-        yield before + json.dumps(_record(entry), ensure_ascii=False, allow_nan=False)
+        form = {**form_for(entry.event, entry.plant, _dated(entry)), **_noted(entry)}
+        yield before + json.dumps(form, ensure_ascii=False, allow_nan=False)
         before = ",\n"
     yield "\n]}\n"
 
@@ -51,13 +52,13 @@ def put(target: str, pieces: Iterable[str]) -> None:
             file.write(machine_text(piece))
 
 
-def _record(entry: Entry) -> dict[str, Any]:
-    return {
-        "plant": entry.plant,
-        **record_of(entry.event, entry.iso is not None),
-        "acknowledged_by": entry.by,
-        "acknowledged_at": None if entry.at is None else iso(entry.at),
-    }
+def _dated(entry: Entry) -> bool:
+    return entry.iso is not None
+
+
+def _noted(entry: Entry) -> dict[str, str | None]:
+    at = None if entry.at is None else iso(entry.at)
+    return {"acknowledged_by": entry.by, "acknowledged_at": at}
 
 
 def _cell(value: Any) -> str:

@@ -1,19 +1,23 @@
-"""Events as flat records: the same for every sink, so that what was kept can be compared."""
+"""Events as records of a table and as JSON: the same whenever they come, so they can be compared."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from datetime import UTC, datetime
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused
-from rulec_runtime.output.terminal import SHOWN_INSTEAD
+from rulec_runtime.live.told import form_of
+from rulec_runtime.output.terminal import SHOWN_INSTEAD, machine_text
+from rulec_runtime.recordings.wall_clock import Calendar
 
 Record = dict[str, Any]
+
+UTC = Calendar(0.0, ((-math.inf, 0.0),))
+"""Times of a dated source."""
 
 _UNKEPT = re.compile("[\0\ud800-\udfff]")
 """Characters that no database of text keeps: null, and halves of pairs."""
@@ -93,27 +97,32 @@ def other_content(place: str, plant: str, number: int, kept: Record, new: Record
     )
 
 
+def form_for(event: Event, plant: str, dated: bool) -> Record:
+    """An event as JSON data, as everywhere else; texts and numbers as they can be kept."""
+    form: Record = _keepable(form_of(event, plant, UTC if dated else None))
+    return form
+
+
+def json_line(form: Record) -> str:
+    """JSON data as one line, in which nothing steers a terminal."""
+    return machine_text(json.dumps(form, ensure_ascii=False, allow_nan=False)) + "\n"
+
+
 def moment(record: Record) -> str:
     """When an event was, for people."""
-    return str(record["iso"] or f"{record['time']:g} s")
+    return str(record.get("iso") or record.get("date") or f"{record['time']:g} s")
 
 
 def iso(time: float) -> str | None:
-    """ISO 8601 in UTC, to the millisecond; None where the calendar ends.
+    """ISO 8601 in UTC; None where the calendar ends.
 
-    >>> iso(1.5)
-    '1970-01-01T00:00:01.500Z'
+    >>> iso(1.5), iso(1e30)
+    ('1970-01-01T00:00:01.500+00:00', None)
     """
     try:
-        date = datetime.fromtimestamp(time, UTC)
+        return UTC.iso(time)
     except (ValueError, OverflowError, OSError):
         return None
-    return date.isoformat(timespec="milliseconds").replace("+00:00", "Z")
-
-
-def line_of(record: Record, **more: Any) -> str:
-    """A record as one line of JSON; `more` are keys before it."""
-    return json.dumps({**more, **record}, ensure_ascii=False, allow_nan=False)
 
 
 def name_of(text: str) -> str:
@@ -140,4 +149,16 @@ def _number(value: Any) -> float:
 def _text(value: Any) -> str:
     if type(value) is not str:
         raise TypeError
+    return value
+
+
+def _keepable(value: Any) -> Any:
+    if isinstance(value, str):
+        return _kept(value)
+    if isinstance(value, float):
+        return _finite(value)
+    if isinstance(value, dict):
+        return {key: _keepable(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_keepable(part) for part in value]
     return value

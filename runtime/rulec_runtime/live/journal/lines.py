@@ -9,11 +9,11 @@ from pathlib import Path
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.form import Record, line_of, other_content, record_of, same
+from rulec_runtime.live.journal.form import Record, form_for, json_line, other_content
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.output.append_file import Appended
 from rulec_runtime.output.json_file import Damaged, parse_json
-from rulec_runtime.output.terminal import machine_text, write_machine_text
+from rulec_runtime.output.terminal import write_machine_text
 
 _BEGINS = b'{"plant": "'
 """How each line of ours begins, also one that was not finished."""
@@ -36,7 +36,7 @@ class LinesFile:
     ) -> None:
         """Add events that are not there yet; states are not kept. Raises `JournalTrouble` if the
         disk is full, `JournalRefused` for another event of a number that is taken."""
-        new = {event.number: record_of(event, dated) for event in events}
+        new = {event.number: form_for(event, plant, dated) for event in events}
         if not new:
             return
         try:
@@ -45,8 +45,7 @@ class LinesFile:
                 self._open()
             if min(new) <= self._last.get(plant, 0):
                 self._without_known(plant, new)
-            text = "".join(line_of(new[n], plant=plant) + "\n" for n in sorted(new))
-            self._file.add(machine_text(text))
+            self._file.add("".join(json_line(new[n]) for n in sorted(new)))
         except OSError as error:
             raise JournalTrouble(f"{self.place}: {error.strerror or error}") from None
         self._last[plant] = max(self._last.get(plant, 0), *new) if new else self._last[plant]
@@ -79,7 +78,7 @@ class LinesFile:
         for other, record in self._records():
             number = record["number"]
             if other == plant and number in new:
-                if not same(record, new[number]):
+                if record != new[number]:
                     raise other_content(self.place, plant, number, record, new[number])
                 del new[number]
 
@@ -116,7 +115,7 @@ class LinesOut:
         new = {event.number: event for event in events if event.number > last}
         try:
             for number in sorted(new):
-                write_machine_text(line_of(record_of(new[number], dated), plant=plant) + "\n")
+                write_machine_text(json_line(form_for(new[number], plant, dated)))
                 sys.stdout.flush()
                 self._last[plant] = number
         except BrokenPipeError:

@@ -16,7 +16,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.form import iso, line_of, record_of
+from rulec_runtime.live.journal.form import form_for, iso, json_line
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.output.terminal import machine_text
 
@@ -79,7 +79,7 @@ class MqttOut:
         for event in new:
             if event.number not in self._sent:
                 # What is handed over once is sent again by the client itself.
-                text = machine_text(line_of(record_of(event, dated), plant=plant))
+                text = json_line(form_for(event, plant, dated)).rstrip()
                 topic = f"{self._topic}/events"
                 self._sent[event.number] = self._client.publish(topic, text, qos=1)
         for event in new:
@@ -91,7 +91,7 @@ class MqttOut:
         """The plant's status from now on: a letter of NE 107 or ``ok``, how many episodes are
         active, and the time of the last row, s. Raises `JournalTrouble`."""
         date = iso(time) if dated and time is not None else None
-        text = json.dumps({"status": status, "active": active, "time": time, "iso": date})
+        text = json.dumps({"status": status, "active": active, "time": time, "date": date})
         if not self._client.is_connected():
             raise JournalTrouble(f"{self.place}: no connection")
         self._client.publish(f"{self._topic}/status", machine_text(text), qos=1, retain=True)
