@@ -29,6 +29,8 @@ LAYOUT = {
     "rulec_runtime.recordings.csv_table": "rows and bytes at a time: speed alone",
     "rulec_runtime.diagnosis.steady.seen": "samples at a time: memory alone",
     "rulec_runtime.simulation.integrator": "compiled in: numba's cache sees no other file",
+    "rulec_runtime.commands.journal": "exit code",
+    "rulec_runtime.live.journal.device_health": "numbers of nodes in a standard",
     "rulec_runtime.output.write_file": "flags of the operating system",
 }
 """Modules, or rooms, that may hold numbers of their own, and why."""

@@ -91,6 +91,8 @@ def test_mistakes_are_told(file: str, tmp_path: Path, capsys: pytest.CaptureFixt
         ([""], "is no file"),
         ([file, "--plant", "xyz"], "holds nothing of xyz; it holds abc"),
         ([file, "--ack", "x", "--by", "Ann"], "holds no episode x"),
+        ([file, "--ack", "\0\udcff", "--by", "\udcff"], "holds no episode"),
+        ([file, "--plant", "\udcff"], "holds nothing of"),
         ([file, "--ack", "x"], "give both --ack EPISODE and --by NAME"),
         ([file, "--csv", "no/such/file.csv"], "there is no such folder"),
         ([file, "--csv", "-", "--json", "-"], "only one of"),

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble, needs
 from rulec_runtime.live.journal.store import Journal, open_journal
 
 from tests.hostile.texts import STEERING
@@ -175,3 +175,9 @@ def test_a_file_that_was_taken_away_is_noticed(journal: Journal, tmp_path: Path)
         file.rename(tmp_path / f"old-{file.name}")
     with pytest.raises(JournalTrouble):
         journal.commit("abc", story()[2:], None)
+
+
+def test_a_package_that_is_not_there() -> None:
+    needs("sqlalchemy", "journal")
+    with pytest.raises(JournalRefused, match=r"pip install 'rulec-runtime\[journal\]'"):
+        needs("no_such_package", "journal")

@@ -1,4 +1,4 @@
-"""Events as records of a table and as JSON: the same whenever they come, so they can be compared."""
+"""Events as records of a table and as JSON: the same whenever they come, to be compared."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ def record_of(event: Event, dated: bool) -> Record:
         "what": event.what,
         "episode": episode.id,
         "active": episode.active,
-        "alternatives": [[_kept(name), _finite(share)] for name, share in episode.alternatives],
+        "alternatives": [[keepable(name), _finite(share)] for name, share in episode.alternatives],
         "time": _finite(event.time),
-        "text": _kept(event.text),
-        "told": _kept(episode.text),
+        "text": keepable(event.text),
+        "told": keepable(episode.text),
     }
     for name in _TEXTS + _NUMBERS:
         if name not in record:
             value = getattr(episode, name)
-            record[name] = _kept(value) if name in _TEXTS else _finite(value)
-    record["episode"] = _kept(episode.id)
+            record[name] = keepable(value) if name in _TEXTS else _finite(value)
+    record["episode"] = keepable(episode.id)
     if record["time"] is None:
         raise JournalRefused(f"event {event.number} has no time")
     return record
@@ -99,7 +99,7 @@ def other_content(place: str, plant: str, number: int, kept: Record, new: Record
 
 def form_for(event: Event, plant: str, dated: bool) -> Record:
     """An event as JSON data, as everywhere else; texts and numbers as they can be kept."""
-    form: Record = _keepable(form_of(event, plant, UTC if dated else None))
+    form: Record = _data(form_of(event, plant, UTC if dated else None))
     return form
 
 
@@ -127,10 +127,11 @@ def iso(time: float) -> str | None:
 
 def name_of(text: str) -> str:
     """The name of a person or a watcher as it is kept."""
-    return _kept(text)[: limits.LONGEST_NAME]
+    return keepable(text)[: limits.LONGEST_NAME]
 
 
-def _kept(text: str) -> str:
+def keepable(text: str) -> str:
+    """A text as it is kept: without what no database takes, and with an end."""
     return _UNKEPT.sub(SHOWN_INSTEAD, text)[: limits.LONGEST_TEXT]
 
 
@@ -152,13 +153,13 @@ def _text(value: Any) -> str:
     return value
 
 
-def _keepable(value: Any) -> Any:
+def _data(value: Any) -> Any:
     if isinstance(value, str):
-        return _kept(value)
+        return keepable(value)
     if isinstance(value, float):
         return _finite(value)
     if isinstance(value, dict):
-        return {key: _keepable(part) for key, part in value.items()}
+        return {key: _data(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_keepable(part) for part in value]
+        return [_data(part) for part in value]
     return value

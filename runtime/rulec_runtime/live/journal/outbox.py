@@ -109,7 +109,7 @@ class Outbox:
         """Write what waits, as far as that works within so many seconds; how many events wait on in
         the file."""
         with self._changed:
-            self._due = self._clock()
+            self._due, self._wait = self._clock(), limits.FIRST_RETRY
             self._ends = self._due + patience
             self._changed.notify_all()
         if self._thread is None:

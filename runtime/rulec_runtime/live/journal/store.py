@@ -18,6 +18,7 @@ from rulec_runtime.live.journal.entry import Entry
 from rulec_runtime.live.journal.form import (
     Record,
     event_of,
+    keepable,
     name_of,
     other_content,
     record_of,
@@ -200,7 +201,7 @@ class Journal:
 
     def holds(self, plant: str, episode: str) -> bool:
         """Was anything told of an episode?"""
-        there = (EVENTS.c.plant == plant) & (EVENTS.c.episode == episode)
+        there = (EVENTS.c.plant == plant) & (EVENTS.c.episode == keepable(episode))
         with self.transaction(reading=True) as connection:
             return connection.execute(sa.select(EVENTS.c.number).where(there)).first() is not None
 
@@ -215,7 +216,7 @@ class Journal:
         if not self.holds(plant, episode):
             raise JournalRefused(f"{self.place} holds no episode {episode} of {plant}")
         with self.transaction() as connection:
-            row = {"plant": plant, "episode": episode, "by": who, "at": clock(connection)}
+            row = {"plant": plant, "episode": keepable(episode), "by": who, "at": clock(connection)}
             statement = insert(connection, ACKNOWLEDGED).values(row).on_conflict_do_nothing()
             new = connection.execute(statement.returning(ACKNOWLEDGED.c.at))
             return new.first() is not None
