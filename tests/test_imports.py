@@ -87,12 +87,13 @@ MODULES = modules()
 
 
 def imports(module: str) -> Iterator[tuple[str, bool]]:
-    """Modules that one imports, also inside functions; second: at the top of the file."""
+    """Modules that one imports, also inside functions or for types alone; second: at the top."""
     tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
     inside = {
         id(node)
         for function in ast.walk(tree)
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef)
+        or (isinstance(function, ast.If) and ast.unparse(function.test) == "TYPE_CHECKING")
         for node in ast.walk(function)
     }
     for node in ast.walk(tree):

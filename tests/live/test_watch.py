@@ -8,10 +8,12 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rulec_runtime.live.journal.store import open_journal
 
 from tests.conftest import ROOT, compiled
 
@@ -63,6 +65,24 @@ def test_a_file_to_its_end(rules: Path, tmp_path: Path) -> None:
     assert events_in(file) == first
 
 
+def test_a_journal_keeps_events_and_state(rules: Path, tmp_path: Path) -> None:
+    where = str(tmp_path / "plant.journal")
+    options = ("--source", str(LEAKAGE), "--until-end", "--journal", where)
+    for _ in range(2):
+        done = run(rules, *options)
+        assert done.returncode == 0, done.stderr
+    assert "began" not in done.stdout
+    with closing(open_journal(where)) as journal:
+        numbers = [one.event.number for one in journal.events("abc")]
+        saved = journal.state("abc")
+    assert sorted(numbers) == list(range(1, 8))
+    assert saved is not None
+    assert saved.number == 7
+    both = run(rules, *options, "--state", str(tmp_path / "state"))
+    assert both.returncode == 1
+    assert "leave out --state" in both.stderr
+
+
 def test_standard_input(rules: Path) -> None:
     done = run(rules, "--source", "-", input=LEAKAGE.read_text(encoding="utf-8"))
     assert done.returncode == 0, done.stderr
@@ -110,7 +130,7 @@ def test_mistakes_of_the_user(rules: Path, tmp_path: Path) -> None:
         (("--source", str(tmp_path / "none.csv")), "there is no such file"),
         (("--source", "ftp://x"), "is no source"),
         (("--source", "opc.tcp://localhost:1"), "--map"),
-        (("--source", str(LEAKAGE), "--events", str(other)), "this is no file of events"),
+        (("--source", str(LEAKAGE), "--events", str(other)), "no event; name another file"),
         (("--source", str(LEAKAGE), "--state", str(other)), "no state of a watch"),
     ):
         done = run(rules, *options, "--until-end")

@@ -117,6 +117,11 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
     watch.add_argument(
         "--state", metavar="FILE", help="what is remembered, to go on with after the process ended"
     )
+    watch.add_argument(
+        "--journal",
+        metavar="JOURNAL",
+        help="keep events and state in one database: a file (SQLite), or postgresql+psycopg://...",
+    )
     watch.add_argument("--events", metavar="FILE.jsonl", help="put each event behind the others")
     watch.add_argument(
         "--until-end", action="store_true", help="end where a file ends, instead of waiting"

@@ -4,73 +4,128 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
-from rulec_runtime.live import state
+from rulec_runtime.live import limits, state
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.event_file import EventFile
 from rulec_runtime.live.follower import Memory, follow, nothing_yet
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources.open import open_source
-from rulec_runtime.live.told import form_of, line_of
-from rulec_runtime.output.terminal import styled
-from rulec_runtime.output.write_file import write_bytes
+from rulec_runtime.live.told import line_of
+from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.output.write_file import write_data
+from rulec_runtime.recordings.recording import RecordingRefused
 
-WAIT = 0.2
-"""Seconds to wait for rows before looking whether anything else is to be done."""
-
-FAILED = 3
-"""Exit code where something is active that was asked for with --fail-on."""
+if TYPE_CHECKING:
+    from rulec_runtime.live.journal.lines import LinesFile
+    from rulec_runtime.live.journal.outbox import Outbox
+    from rulec_runtime.live.journal.store import Journal
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
     """Watch until the source ends, or somebody interrupts."""
     ruleset = load(Path(options.plant))
+    if options.state and options.journal:
+        raise RecordingRefused("--journal keeps the state as well; leave out --state")
+    with ExitStack() as stack:
+        return _watched(options, ruleset, stack)
+
+
+def _watched(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) -> int:
     kept = Path(options.state) if options.state else None
-    memory, position = _restored(ruleset, kept)
+    journal = _journal(options.journal, ruleset.plant, stack) if options.journal else None
+    memory, position = _restored(ruleset, kept, journal)
     source = open_source(
         options.source, ruleset, Path(options.map) if options.map else None, position or None
     )
     out = console(options)
-    events = EventFile(Path(options.events), ruleset.plant) if options.events else None
+    events = _lines(Path(options.events), stack) if options.events else None
+    written = 0 if events is None else events.last(ruleset.plant)
     out.print(styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant))
+    outbox: Outbox | None = None
     with closing(source), suppress(KeyboardInterrupt):
         while not source.ended:
-            came = source.take(WAIT)
+            came = source.take(limits.WAIT)
             if not memory.count:
                 # Whether its times are dates a source knows from its first rows on.
                 recent = nothing_yet(ruleset, source.dated).recent
                 memory = replace(memory, recent=recent)
+            news: list[Event] = []
             for now, told in _judged(ruleset, memory, came):
                 memory, calendar = now, now.recent.calendar
+                news += told
                 for event in told:
                     out.print(line_of(event, calendar))
                 if events is not None:
-                    events.write(form_of(event, ruleset.plant, calendar) for event in told)
-            if kept is not None and came:
-                # Behind the events: a kill in between tells them again, with the same numbers.
+                    # After a kill some are told again, perhaps with a later digit changed.
+                    new = [event for event in told if event.number > written]
+                    events.commit(ruleset.plant, new, None, dated=source.dated)
+            if came and (kept is not None or journal is not None):
                 position = getattr(source, "position", {})
-                write_bytes(kept, state.to_bytes(ruleset, memory, position))
+                remembered = state.to_bytes(ruleset, memory, position)
+                if kept is not None:
+                    # Behind the events: a kill in between tells them again, with the same numbers.
+                    write_data(kept, remembered)
+                if journal is not None:
+                    outbox = outbox or _outbox(journal, ruleset.plant, source.dated, stack)
+                    outbox.put(news, remembered)
             if options.until_end and not came:
                 break
     active = {one.status for one in memory.episodes if one.active}
-    return FAILED if active & set(options.fail_on.split(",")) else 0
+    return limits.FAILED if active & set(options.fail_on.split(",")) else 0
 
 
-def _restored(ruleset: Ruleset, kept: Path | None) -> tuple[Memory, Mapping[str, Any]]:
+def _restored(
+    ruleset: Ruleset, kept: Path | None, journal: Journal | None
+) -> tuple[Memory, Mapping[str, Any]]:
     """What was remembered when the process ended, and how far the source was read."""
-    if kept is None or not kept.exists():
-        return nothing_yet(ruleset, False), {}
-    return state.from_bytes(ruleset, kept.read_bytes(), str(kept))
+    if journal is not None and (saved := journal.state(ruleset.plant)) is not None:
+        return state.from_bytes(ruleset, saved.state, journal.place)
+    if kept is not None and kept.exists():
+        return state.from_bytes(ruleset, kept.read_bytes(), str(kept))
+    return nothing_yet(ruleset, False), {}
+
+
+def _journal(where: str, plant: str, stack: ExitStack) -> Journal:
+    """The journal, held for this process until it ends."""
+    from rulec_runtime.live.sources.refused import extra
+
+    extra("sqlalchemy", "journal")
+    from rulec_runtime.live.journal.store import open_journal
+
+    journal = open_journal(where)
+    stack.callback(journal.close)
+    journal.hold(plant)
+    stack.callback(journal.release, plant)
+    return journal
+
+
+def _lines(path: Path, stack: ExitStack) -> LinesFile:
+    """The file that events are put behind."""
+    from rulec_runtime.live.journal.lines import LinesFile
+
+    events = LinesFile(path)
+    stack.callback(events.close)
+    return events
+
+
+def _outbox(journal: Journal, plant: str, dated: bool, stack: ExitStack) -> Outbox:
+    """What waits for the journal; what is left is written before the process ends."""
+    from rulec_runtime.live.journal.outbox import Outbox
+
+    outbox = Outbox(journal, plant, say_aside, dated=dated)
+    outbox.start()
+    stack.callback(outbox.close)
+    return outbox
 
 
 def _judged(

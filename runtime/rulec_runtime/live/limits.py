@@ -17,5 +17,16 @@ BLIND_ROWS = 60
 length, so that a plant that moves from one operating point to the next is no event."""
 
 GROWN = 1.0
-"""By how many half widths of its bounds a degree moves before that is told again. Origin: the
-bounds themselves: within them it has not changed."""
+"""By how many half widths of its bounds a degree moves before that is told again. Origin:
+distribution; within its bounds it has not changed."""
+
+WAIT = 0.2
+"""Seconds to wait for rows before looking whether anything else is to be done. Origin: assumed;
+shorter than a person notices."""
+
+FAILED = 3
+"""Exit code where something is active that was asked for with `--fail-on`. Origin: assumed; 1 and 2
+are mistakes."""
+
+STATE_FORM = 1
+"""Form in which what is remembered is written. Origin: numerical; counts its versions."""

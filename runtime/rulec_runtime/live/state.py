@@ -18,13 +18,13 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves
 from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.follower import Memory, nothing_yet
 from rulec_runtime.live.history import History
 from rulec_runtime.recordings.recording import RecordingRefused
 from rulec_runtime.recordings.stationary import Timeline
 
-FORM = 1
 TABLES = ("values", "u", "systematic", "bad", "lag")
 TIMELINE = ("since", "until", "samples", "later", "paused")
 
@@ -45,7 +45,7 @@ def to_bytes(ruleset: Ruleset, memory: Memory, position: Mapping[str, Any]) -> b
         arrays |= {"halves/apart": before.halves.apart, "halves/excess": before.halves.excess}
     text = json.dumps(
         {
-            "form": FORM,
+            "form": limits.STATE_FORM,
             "plant": ruleset.plant,
             "sources": ruleset.sources,
             "dated": recent.calendar is not None,
@@ -76,7 +76,7 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
         raise RecordingRefused(
             f"{name}: this is no state of a watch; remove it to begin anew"
         ) from (error)
-    if own != (FORM, ruleset.plant, ruleset.sources):
+    if own != (limits.STATE_FORM, ruleset.plant, ruleset.sources):
         raise RecordingRefused(
             f"{name}: this state is of another ruleset (plant '{text['plant']}'); remove it to "
             "begin anew, or name another file"

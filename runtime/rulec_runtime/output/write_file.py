@@ -32,7 +32,7 @@ def write_text(path: Path, text: str) -> None:
         file.write(text)
 
 
-def write_bytes(path: Path, data: bytes) -> None:
+def write_data(path: Path, data: bytes) -> None:
     """Write a file as a whole or not at all, and onto the disk: the machine may fail next."""
     part = path.with_name(f".rulec-{secrets.token_hex(8)}.part")
     try:

@@ -31,6 +31,10 @@ class LinesFile:
         self._last: dict[str, int] = {}
         self._open()
 
+    def last(self, plant: str) -> int:
+        """Number of the last event of a plant; 0 before any."""
+        return self._last.get(plant, 0)
+
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool
     ) -> None:
