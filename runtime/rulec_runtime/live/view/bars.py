@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
+from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.findings import Evidence
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.limits import BAR_ENDS
@@ -15,8 +14,7 @@ from rulec_runtime.report.wording import LISTED, flow_unit, told_residual
 
 @dataclass(frozen=True)
 class Bar:
-    """A residual: value and threshold with their unit; `share` is its size in thresholds, NaN
-    where it is not available."""
+    """A residual: value and threshold with their unit; `share` is its size in thresholds."""
 
     name: str
     value: str
@@ -31,42 +29,35 @@ class Bar:
     @property
     def words(self) -> str:
         """What the bar shows."""
-        if math.isnan(self.share):
-            return "not available"
         return f"{self.share:.1f} × {'BEYOND' if self.beyond else 'within'}"
 
     @property
     def filled(self) -> float:
         """Part of the bar that is filled, 0 to 1."""
-        return 0.0 if math.isnan(self.share) else min(self.share / BAR_ENDS, 1.0)
+        return min(self.share / BAR_ENDS, 1.0)
 
 
-def bars_of(now: Now) -> tuple[Bar, ...]:
-    """Residuals where active findings show most, in the ruleset's order; of many the largest."""
-    found = list(_bars(now))
-    if len(found) > LISTED:
-        largest = sorted(found, key=lambda b: (math.isnan(b.share), -b.share))[:LISTED]
-        found = [bar for bar in found if bar in largest]
-    return tuple(found)
-
-
-def _bars(now: Now) -> Iterator[Bar]:
+def bars_of(now: Now) -> tuple[tuple[Bar, ...], tuple[str, ...]]:
+    """Residuals where active findings show most, in the ruleset's order, of many the largest; and
+    names of those that are not available."""
     if now.diagnosis is None:
-        return
-    ruleset = now.diagnosis.ruleset
+        return (), ()
     seen: dict[str, Evidence] = {}
     for episode in listed(now):
         finding = finding_of(now, episode)
         for evidence in finding.evidence if finding else ():
             seen.setdefault(evidence.residual, evidence)
-    order = {name: i for i, name in enumerate(r.id for r in ruleset.residuals)}
-    unit = flow_unit(ruleset)
-    for name in sorted(seen, key=lambda n: order.get(n, len(order))):
-        told = told_residual(ruleset, seen[name], unit)
-        flow = "" if name in ruleset.signal_by_id else f" {told.unit}"
-        invalid = seen[name].verdict == "invalid" or seen[name].threshold <= 0.0
-        share = math.nan if invalid else abs(seen[name].value) / seen[name].threshold
-        if invalid:
-            yield Bar(name, "–", "–", share)
-        else:
-            yield Bar(name, told.value + flow, told.threshold + flow, share)
+    order = {r.id: i for i, r in enumerate(now.diagnosis.ruleset.residuals)}
+    ordered = sorted(seen.values(), key=lambda e: order.get(e.residual, len(order)))
+    usable = [e for e in ordered if e.verdict != "invalid" and e.threshold > 0.0]
+    bars = [_bar(now.diagnosis.ruleset, evidence) for evidence in usable]
+    largest = sorted(bars, key=lambda b: -b.share)[:LISTED]
+    missing = (e.residual for e in ordered if e not in usable)
+    return tuple(bar for bar in bars if bar in largest), tuple(missing)
+
+
+def _bar(ruleset: Ruleset, evidence: Evidence) -> Bar:
+    told = told_residual(ruleset, evidence, flow_unit(ruleset))
+    flow = "" if evidence.residual in ruleset.signal_by_id else f" {told.unit}"
+    share = abs(evidence.value) / evidence.threshold
+    return Bar(evidence.residual, told.value + flow, told.threshold + flow, share)

@@ -8,7 +8,8 @@ REDRAWN = 0.2
 nobody reads faster, and drawing costs some 20 ms."""
 
 TICK = 1.0
-"""How often the age of the last row, and what it changes, is told anew, s. Origin: assumed; ages are told in seconds."""
+"""How often the age of the last row, and what rows alone change, is told anew, s. Origin: assumed;
+ages are told in seconds."""
 
 SILENT = 6.0
 """After how long without a word from the server a page says that the connection is lost, s.
@@ -29,6 +30,10 @@ MOST_CONNECTIONS = 128
 
 LONGEST_FORM = 4096
 """Bytes that a form may have. Origin: assumed; a key and a token have a hundred."""
+
+GONE = 20.0
+"""After how long without an answer a page that was sent something counts as gone, s. Origin:
+assumed; a telephone that left the network must not keep its place among `MOST_STREAMS`."""
 
 SHORTEST_TOKEN = 16
 """Characters of a token at least, where the page can be reached from other machines. Origin:

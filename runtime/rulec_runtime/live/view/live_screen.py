@@ -17,7 +17,7 @@ from rulec_runtime.live.view.limits import REDRAWN, TICK
 from rulec_runtime.live.view.lines import closing_line, event_lines, last_number
 from rulec_runtime.live.view.look import Look, after, place_of
 from rulec_runtime.live.view.screen import Screen, screen
-from rulec_runtime.live.view.words import listed
+from rulec_runtime.live.view.words import listed, news
 from rulec_runtime.output.terminal import terminal
 
 WHO = "terminal"
@@ -90,7 +90,7 @@ class LiveScreen:
         self._arrival.saw(now.rows, time.monotonic())
         before, self._now = self._now, now
         if self._live is not None:
-            if before is None or _news(now) != _news(before):
+            if before is None or news(now) != news(before):
                 self._changed.set()
             return
         for line in event_lines(now, self._told):
@@ -146,9 +146,3 @@ class LiveScreen:
         picture = self._picture()
         if picture is not None and self._live is not None:
             self._live.update(picture, refresh=True)
-
-
-def _news(now: Now) -> tuple[object, ...]:
-    """What an operator should see at once."""
-    latest = now.past[0].number if now.past else 0
-    return latest, now.status, now.connected, now.remark, now.acknowledged, len(now.active)

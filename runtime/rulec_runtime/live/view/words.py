@@ -221,3 +221,9 @@ def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
 
 def _ruleset(now: Now) -> Ruleset | None:
     return now.diagnosis.ruleset if now.diagnosis else None
+
+
+def news(now: Now) -> tuple[object, ...]:
+    """What an operator should see at once."""
+    latest = now.past[0].number if now.past else 0
+    return latest, now.status, now.connected, now.remark, now.acknowledged, len(now.active)
