@@ -48,7 +48,9 @@ CONTRAST = """(() => {
 })()"""
 """Texts whose contrast is below AA of WCAG 2.2: 4.5 to 1."""
 
-OVERFLOW = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
+OVERFLOW = "Math.max(document.documentElement.scrollWidth, innerWidth) > screen.width"
+"""A telephone makes its window wider where something does not fit: its screen stays as it is."""
+
 OPEN = "for (const part of document.querySelectorAll('details')) part.open = true"
 
 

@@ -87,10 +87,10 @@ def main_of(now: Now, seal: str) -> str:
         f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{mark(one)}</li>'
         for name, title, one in modules(now)
     )
+    below = "" if _sentence(meaning) == lead(now) else safe(_sentence(meaning))
     return (
         f'<div class="status">{_badge(symbol, letter, "badge")}<p role="status">'
-        f'<strong>{safe(lead(now))}</strong><span class="soft">{safe(_sentence(meaning))}</span>'
-        f"</p></div>"
+        f'<strong>{safe(lead(now))}</strong><span class="soft">{below}</span></p></div>'
         f'<div class="sides"><div>{told}{_residuals(now)}</div>'
         f"<div>{_section('Modules', f'<ul class=modules>{chips}</ul>' if chips else '')}"
         f"{_section('Cannot be judged', _blind(now, blind, seal))}"
