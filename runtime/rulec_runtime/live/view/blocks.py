@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.told import QUIET
 from rulec_runtime.live.view.bars import Bar, bars_of
 from rulec_runtime.live.view.limits import BAR_ENDS
 from rulec_runtime.live.view.words import (
@@ -179,7 +180,7 @@ def _events(now: Now, most: int) -> Table:
         table.add_column(no_wrap=not wrapped)
     for event in now.past[:most]:
         when, badge, what, text = event_words(now, event)
-        ended = what in ("ended", "withdrawn")
+        ended = what in QUIET
         colour = "dim" if ended else _colour(event.episode.status)
         seen = " (acknowledged)" if event.episode.id in now.acknowledged else ""
         table.add_row(

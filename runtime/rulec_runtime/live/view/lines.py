@@ -1,4 +1,4 @@
-"""One line an event, where there is no terminal to draw on."""
+"""Events as lines, where there is no terminal to draw on."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from rich.text import Text
 
 from rulec_runtime.live.now import Now
-from rulec_runtime.live.view.words import event_words, lead, link, overall
+from rulec_runtime.live.told import line_of
+from rulec_runtime.live.view.words import lead, link, overall
 from rulec_runtime.output.terminal import styled
 
 
 def event_lines(now: Now, behind: int) -> Iterator[Text]:
-    """Events with a number beyond `behind`, oldest first: when, status, what happened, text."""
+    """Events with a number beyond `behind`, oldest first."""
     new = [event for event in reversed(now.past) if event.number > behind]
     if new and behind and new[0].number > behind + 1:
         yield styled(
             "[dim]{} events in between stand in the journal[/]", new[0].number - behind - 1
         )
     for event in new:
-        when, badge, what, text = event_words(now, event)
-        yield styled("{}  {}  {}  {}", when, badge.ljust(4), what.ljust(9), text)
+        yield line_of(event, now.calendar)
 
 
 def last_number(now: Now, known: int) -> int:

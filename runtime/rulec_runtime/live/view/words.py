@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.diagnose import worst
 from rulec_runtime.diagnosis.steady.findings import Finding
 from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.told import QUIET
 from rulec_runtime.recordings.wall_clock import duration
 from rulec_runtime.recordings.when import moment
 from rulec_runtime.report.text import bounds, counted, degree, percent
@@ -191,11 +193,6 @@ def modules(now: Now) -> Iterator[tuple[str, str, str]]:
         yield name, title, worst({e.status for e in now.active if e.module == name})
 
 
-def worst(letters: set[str]) -> str:
-    """NE 107 letter of several: F over C over S over M."""
-    return next((letter for letter in "FCSM" if letter in letters), "ok")
-
-
 def unjudged(now: Now) -> list[tuple[str, str]]:
     """Remarks on what could not be judged, each with when; without those that are active."""
     if now.diagnosis is None:
@@ -214,7 +211,7 @@ def unseen(now: Now) -> tuple[str, ...]:
 def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
     """When, symbol and letter, what happened, and the words of an event."""
     letter = event.episode.status
-    over = event.what in ("ended", "withdrawn")
+    over = event.what in QUIET
     badge = f"{symbol_of('ok')} ok" if over else f"{symbol_of(letter)} {letter}"
     return moment(now.calendar, event.time), badge, event.what, event.text
 
