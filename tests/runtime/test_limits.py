@@ -19,6 +19,7 @@ ORIGIN = re.compile(r"Origin: (distribution|source|standard|measured by `|numeri
 LAYOUT = {
     "rulec_runtime.report": "how many names, rows and columns a page or a screen shows",
     "rulec_runtime.output.terminal": "how much of a piece of data a screen shows",
+    "rulec_runtime.live.view.blocks": "cells of a bar on the screen",
     "rulec_runtime.contract.degree": "a large degree is written as 'over it'",
     "rulec_runtime.diagnosis.steady.verdict": "how many names a remark lists",
     "rulec_runtime.recordings.recording": "how many names a remark lists",

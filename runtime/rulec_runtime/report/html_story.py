@@ -198,13 +198,14 @@ def evidence(diagnosis: Diagnosis) -> Iterator[str]:
     """Per fault: residuals against their thresholds, and the estimates behind them."""
     for finding in worst_first(diagnosis.findings):
         title = f"{finding.fault.id} {period(finding.since, finding.until)}, where it shows most"
-        residuals = _residuals(diagnosis.ruleset, finding)
-        flows = (
-            _estimates(diagnosis.ruleset, finding)
-            if finding.flows
-            else _read(diagnosis.ruleset, finding)
-        )
-        yield f'<div class="evidence"><h3>{safe(title)}</h3>{residuals}{flows}</div>'
+        why = ground_of(diagnosis.ruleset, finding)
+        yield f'<div class="evidence"><h3>{safe(title)}</h3>{why}</div>'
+
+
+def ground_of(ruleset: Ruleset, finding: Finding) -> str:
+    """Residuals of a finding, and the estimates or readings behind them."""
+    behind = _estimates(ruleset, finding) if finding.flows else _read(ruleset, finding)
+    return _residuals(ruleset, finding) + behind
 
 
 def _read(ruleset: Ruleset, finding: Finding) -> str:

@@ -37,14 +37,16 @@ from rulec_runtime.report.wording import (
     worst_first,
 )
 
-_COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
+COLOURS = {"F": "red", "C": "dark_orange", "S": "yellow", "M": "blue", "ok": "green"}
+"""Colour of each letter of NE 107; symbol and letter say the same."""
+
 _AGREEMENT = {"agrees": "green", "contradicts": "red", "weaker": "yellow"}
 
 
 def explain(out: Console, diagnosis: Diagnosis) -> None:
     """Print the whole story."""
     symbol, meaning = STATUS[diagnosis.status]
-    colour = _COLOURS[diagnosis.status]
+    colour = COLOURS[diagnosis.status]
     share = 100 * diagnosis.judged / max(diagnosis.samples, 1)
     verdict = f"{symbol} {diagnosis.status} {meaning}"
     out.print(styled("\n[bold {}]{}[/]  {}", colour, verdict, diagnosis.ruleset.title))
@@ -55,7 +57,7 @@ def explain(out: Console, diagnosis: Diagnosis) -> None:
         _sensor(out, diagnosis, sensor)
     _summary(out, diagnosis)
     for finding in worst_first(diagnosis.findings):
-        out.print(_tree(diagnosis, finding))
+        out.print(explanation(diagnosis, finding))
     _periods(out, diagnosis, "Unknown", "yellow", diagnosis.unknown)
     _periods(out, diagnosis, "Not judged", "dim", diagnosis.not_judged)
     for note in diagnosis.notes[:SHOWN]:
@@ -77,7 +79,7 @@ def _summary(out: Console, diagnosis: Diagnosis) -> None:
 def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
     """A reading that is none: what, since when, what to do."""
     letter = found.condition.status
-    symbol, colour = STATUS[letter][0], _COLOURS[letter]
+    symbol, colour = STATUS[letter][0], COLOURS[letter]
     when = course(diagnosis.calendar, found.since, found.until, found.behind)
     title = styled(
         "\n[bold {}]{} {}[/] [bold]{}[/]  {}", colour, symbol, letter, found.id, found.text
@@ -89,7 +91,7 @@ def _sensor(out: Console, diagnosis: Diagnosis, found: SensorFinding) -> None:
 
 
 def _add(table: Table, row: Row) -> None:
-    symbol, colour = STATUS[row.fault.status][0], _COLOURS[row.fault.status]
+    symbol, colour = STATUS[row.fault.status][0], COLOURS[row.fault.status]
     low, high = row.degrees
     table.add_row(
         styled("[{}]{} {}[/]", colour, symbol, row.fault.status),
@@ -101,16 +103,19 @@ def _add(table: Table, row: Row) -> None:
     )
 
 
-def _tree(diagnosis: Diagnosis, finding: Finding) -> Tree:
-    """Finding, what to do, residuals, estimates, readings, rules, doubt, sources."""
+def explanation(diagnosis: Diagnosis, finding: Finding, seen: str = "") -> Tree:
+    """Finding, what to do, residuals, estimates, readings, rules, doubt, sources.
+
+    `seen` says when, where a recording goes on and has no end.
+    """
     ruleset = diagnosis.ruleset
-    symbol, colour = STATUS[finding.fault.status][0], _COLOURS[finding.fault.status]
+    symbol, colour = STATUS[finding.fault.status][0], COLOURS[finding.fault.status]
     title = styled("\n[bold {}]{} {}[/]", colour, symbol, headline(ruleset, finding))
     tree = Tree(title, guide_style="dim")
     degree, *ends = (
         degree_in_figures(finding.fault, x) for x in (finding.degree, finding.lower, finding.upper)
     )
-    when = course(diagnosis.calendar, finding.since, finding.until, finding.behind)
+    when = seen or course(diagnosis.calendar, finding.since, finding.until, finding.behind)
     about = f"{finding.fault.meaning}; seen {when}"
     tree.add(styled("degree [bold]{}[/] ({}, 95 %): {}", degree, " to ".join(ends), about))
     tree.add(f"do: {actions(ruleset, finding)}")

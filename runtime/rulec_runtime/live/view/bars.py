@@ -1,0 +1,63 @@
+"""Residuals beside their thresholds, as far as a finding has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.findings import Evidence
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view.limits import BAR_ENDS
+from rulec_runtime.live.view.words import finding_of, listed
+from rulec_runtime.report.wording import LISTED, flow_unit, told_residual
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A residual: value and threshold with their unit; `share` is its size in thresholds."""
+
+    name: str
+    value: str
+    threshold: str
+    share: float
+
+    @property
+    def beyond(self) -> bool:
+        """Has it left its threshold?"""
+        return self.share > 1.0
+
+    @property
+    def words(self) -> str:
+        """What the bar shows."""
+        return f"{self.share:.1f} × {'BEYOND' if self.beyond else 'within'}"
+
+    @property
+    def filled(self) -> float:
+        """Part of the bar that is filled, 0 to 1."""
+        return min(self.share / BAR_ENDS, 1.0)
+
+
+def bars_of(now: Now) -> tuple[tuple[Bar, ...], tuple[str, ...]]:
+    """Residuals where active findings show most, in the ruleset's order, of many the largest; and
+    names of those that are not available."""
+    if now.diagnosis is None:
+        return (), ()
+    seen: dict[str, Evidence] = {}
+    for episode in listed(now):
+        finding = finding_of(now, episode)
+        for evidence in finding.evidence if finding else ():
+            seen.setdefault(evidence.residual, evidence)
+    order = {r.id: i for i, r in enumerate(now.diagnosis.ruleset.residuals)}
+    ordered = sorted(seen.values(), key=lambda e: order.get(e.residual, len(order)))
+    usable = [e for e in ordered if e.verdict != "invalid" and e.threshold > 0.0]
+    bars = [_bar(now.diagnosis.ruleset, evidence) for evidence in usable]
+    largest = sorted(bars, key=lambda b: -b.share)[:LISTED]
+    missing = (e.residual for e in ordered if e not in usable)
+    return tuple(bar for bar in bars if bar in largest), tuple(missing)
+
+
+def _bar(ruleset: Ruleset, evidence: Evidence) -> Bar:
+    told = told_residual(ruleset, evidence, flow_unit(ruleset))
+    flow = "" if evidence.residual in ruleset.signal_by_id else f" {told.unit}"
+    share = abs(evidence.value) / evidence.threshold
+    return Bar(evidence.residual, told.value + flow, told.threshold + flow, share)

@@ -1,0 +1,210 @@
+"""Parts of the terminal's picture, each a block of lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.told import QUIET
+from rulec_runtime.live.view.bars import Bar, bars_of
+from rulec_runtime.live.view.limits import BAR_ENDS
+from rulec_runtime.live.view.words import (
+    Card,
+    cards,
+    event_words,
+    latest,
+    lead,
+    link,
+    modules,
+    overall,
+    symbol_of,
+    unjudged,
+    unseen,
+)
+from rulec_runtime.output.terminal import one_line, styled
+from rulec_runtime.report.terminal_story import COLOURS, explanation
+from rulec_runtime.report.wording import SHOWN
+
+BAR_CELLS = 18
+"""Length of the bar of a residual."""
+
+HELP = """\
+✖ F failure: a device, or a reading of it, has failed
+▼ C check function: readings are no measure of the plant just now
+▲ S out of specification: the plant runs as it should not
+◆ M maintenance required: something wears or is blocked
+✓ ok nothing found (letters of NAMUR NE 107)
+
+> marks what is selected; NEW has not been acknowledged.
+Enter opens and closes the explanation of what is selected.
+Bars of residuals: ┃ is the threshold, » lies beyond the end of the bar.
+Degrees stand with their 95 % bounds."""
+
+
+def head(now: Now, age: float | None, width: int) -> Iterator[RenderableType]:
+    """Status of the whole and of each module, and whether rows come."""
+    symbol, letter, meaning = overall(now)
+    status = " ".join(part for part in (symbol, letter, meaning) if part)
+    yield _short(styled("[bold {}]{}[/]  {}", _colour(letter), status, now.title), width)
+    mark, words = link(now)
+    style, row = "dim" if now.connected else "bold red", latest(now, age)
+    source = _short(styled("[{}]{} {}[/]", style, mark, words), max(width - len(row) - 2, 20))
+    yield Text.assemble(source, " " * (width - source.cell_len - len(row)), styled("{}", row))
+    if now.remark:
+        yield _short(styled("  {}", now.remark), width)
+    parts = [
+        styled("{} [{}]{}[/]", name, _colour(one), symbol_of(one) + f" {one}")
+        for name, _, one in modules(now)
+    ]
+    if parts:
+        yield _short(Text("  ").join([Text("modules"), *parts]), width)
+
+
+def plant(now: Now, selected: int, width: int, whole: bool) -> Iterator[tuple[int, RenderableType]]:
+    """Findings, residuals, what cannot be judged, past events, each block with the place of its
+    episode or -1; unless `whole`, only what is selected is told with what to do."""
+    found = list(cards(now))
+    if not found:
+        yield -1, styled("[bold {}]{}[/]", _colour(overall(now)[1]), lead(now))
+    for i, card in enumerate(found):
+        if card.episode.kind == "blind" and (i == 0 or found[i - 1].episode.kind != "blind"):
+            yield -1, _title("Cannot be judged now")
+        yield i, _card(card, i == selected, whole or i == selected, width)
+    residuals, missing = bars_of(now)
+    if residuals or missing:
+        yield -1, _title("Residuals where the findings show most")
+        yield -1, _bars(residuals)
+    if missing:
+        yield -1, _indented(styled("not available: {}", ", ".join(missing)), 2, width)
+    remarks = unjudged(now)
+    if remarks or unseen(now):
+        yield -1, _title("Not judged")
+        for text, spans in remarks[:SHOWN]:
+            yield -1, _indented(styled("{}: {}", spans, text), 2, width)
+        if unseen(now):
+            yield -1, _indented(styled("no reading shows: {}", ", ".join(unseen(now))), 2, width)
+    if now.past:
+        yield -1, _title("Past events")
+        yield -1, _events(now, SHOWN)
+
+
+def past(now: Now) -> RenderableType:
+    """All past events that are known here, newest first."""
+    if not now.past:
+        return Text("No events yet.")
+    return Group(Text("Past events, newest first", style="bold"), _events(now, len(now.past)))
+
+
+def explanation_of(now: Now, place: int) -> RenderableType:
+    """Why a finding is believed; of what is no fault all that is known."""
+    card = list(cards(now))[place]
+    if card.finding is not None and now.diagnosis is not None:
+        return explanation(now.diagnosis, card.finding, card.since)
+    parts = [styled("[bold]{}[/]", card.title), styled("{}", card.since)]
+    if card.size:
+        parts.append(styled("degree {}, probability {}", card.size, card.probability))
+    if card.others:
+        parts.append(styled("also possible: {}", card.others))
+    if card.action:
+        parts.append(styled("do: {}", card.action))
+    if card.episode.kind == "fault":
+        parts.append(styled("[dim]Its rows are no longer remembered: no explanation.[/]"))
+    return Group(*parts)
+
+
+def help_text() -> RenderableType:
+    """Symbols and keys."""
+    return Text(HELP)
+
+
+def _card(card: Card, selected: bool, whole: bool, width: int) -> RenderableType:
+    """An episode; its lines below the title begin in the same column."""
+    letter = card.episode.status
+    mark = styled(
+        "{} [bold {}]{} {}[/]", ">" if selected else " ", _colour(letter), card.symbol, letter
+    )
+    style = "bold reverse" if selected else "bold"
+    new = "" if card.acknowledged else "NEW "
+    rest = width - mark.cell_len - 1
+    lines = [_short(styled("{}[{}]{}[/]", new, style, card.title), 3 * rest)]
+    size = f"{card.episode.subject} {card.size}, " if card.size else ""
+    lines.append(_short(styled("{}{}", size, card.since), 2 * rest))
+    if card.probability:
+        others = f"; or: {card.others}" if card.others else ""
+        lines.append(_short(styled("probability {}{}", card.probability, others), 3 * rest))
+    if card.action and whole:
+        lines.append(_short(styled("do: {}", card.action), 3 * rest))
+    table = Table.grid(padding=(0, 1, 0, 0))
+    table.add_row(mark, Text("\n").join(lines))
+    return table
+
+
+def _bars(residuals: tuple[Bar, ...]) -> Table:
+    table = Table(box=None, padding=(0, 1), pad_edge=False, show_header=False)
+    for justify in ("left", "right", "right", "left", "left"):
+        table.add_column(justify=justify, no_wrap=True)
+    for bar in residuals:
+        style = "bold" if bar.beyond else "dim"
+        table.add_row(
+            styled("  [{}]{}[/]", style, bar.name),
+            styled("[{}]{}[/]", style, bar.value),
+            styled("[dim]{}[/]", bar.threshold),
+            styled("[{}]{}[/]", style, drawn(bar)),
+            styled("[{}]{}[/]", style, bar.words),
+        )
+    return table
+
+
+def drawn(bar: Bar) -> str:
+    """A residual as a bar of text, with its threshold.
+
+    >>> drawn(Bar("r", "", "", 0.5)), drawn(Bar("r", "", "", 9.0))
+    ('███···┃···········', '██████┃██████████»')
+    """
+    full = round(bar.filled * BAR_CELLS)
+    cells = ["█"] * full + ["·"] * (BAR_CELLS - full)
+    cells[round(BAR_CELLS / BAR_ENDS)] = "┃"
+    if bar.share > BAR_ENDS:
+        cells[-1] = "»"
+    return "".join(cells)
+
+
+def _events(now: Now, most: int) -> Table:
+    table = Table(box=None, padding=(0, 1), pad_edge=False, show_header=False)
+    for wrapped in (False, False, False, True):
+        table.add_column(no_wrap=not wrapped)
+    for event in now.past[:most]:
+        when, badge, what, text = event_words(now, event)
+        ended = what in QUIET
+        colour = "dim" if ended else _colour(event.episode.status)
+        seen = " (acknowledged)" if event.episode.id in now.acknowledged else ""
+        table.add_row(
+            styled("  [dim]{}[/]", when),
+            styled("[{}]{}[/]", colour, badge),
+            styled("{}", what),
+            styled("{}[dim]{}[/]", text, seen),
+        )
+    return table
+
+
+def _title(text: str) -> Text:
+    return styled("\n[bold]{}[/]", text)
+
+
+def _indented(text: Text, by: int, width: int) -> Padding:
+    return Padding(_short(Text(one_line(text.plain)), 3 * (width - by)), (0, 0, 0, by))
+
+
+def _short(text: Text, cells: int) -> Text:
+    """At most so many cells: nobody's name pushes a finding off the screen."""
+    text.truncate(cells, overflow="ellipsis")
+    return text
+
+
+def _colour(letter: str) -> str:
+    return COLOURS.get(letter, "default")

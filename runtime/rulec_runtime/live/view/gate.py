@@ -1,0 +1,123 @@
+"""Who may look at the page: nobody from elsewhere without the token, and no foreign site.
+
+A page on loopback needs no token, but a web site that the operator visits could still ask for it:
+its requests carry the name of another host (DNS rebinding) or another origin, and are refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import ipaddress
+import secrets
+import socket
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+from rulec_runtime.live.view.limits import SHORTEST_TOKEN
+
+
+class PageRefused(ValueError):
+    """A page that would be open to everybody is not served; the text says what to do."""
+
+
+def is_loopback(host: str) -> bool:
+    """Can only this machine reach it?"""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+@dataclass(frozen=True)
+class Gate:
+    """`host` is where the page listens, `names` are further ones that it is known by; `seal` stands
+    in forms, so that only a page of this process can send one."""
+
+    host: str
+    port: int
+    token: str | None
+    names: tuple[str, ...] = ()
+    seal: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+    def __post_init__(self) -> None:
+        if self.token is not None and not self.token:
+            raise PageRefused("the token of the page is empty")
+        if is_loopback(self.host):
+            return
+        if self.token is None:
+            raise PageRefused(
+                f"a page on {self.host} can be seen from other machines: it needs a token"
+            )
+        if len(self.token) < SHORTEST_TOKEN:
+            raise PageRefused(
+                f"a page on {self.host} can be seen from other machines: its token needs at least "
+                f"{SHORTEST_TOKEN} characters"
+            )
+
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie; pages on several ports of a machine keep theirs apart."""
+        return f"rulec-{self.port}"
+
+    @property
+    def pass_(self) -> str:
+        """What the cookie holds: not the token itself, but only who knows it can make it."""
+        return hmac.digest((self.token or "").encode(), b"rulec page", hashlib.sha256).hex()
+
+    def knows_host(self, hosts: Iterable[str]) -> bool:
+        """Is a request for this machine? An address cannot be rebound, a name must be known."""
+        found = list(hosts)
+        if len(found) != 1:
+            return False
+        name = name_of(found[0])
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            own = {"localhost", self.host, *self.names}
+            if not is_loopback(self.host):
+                own |= {socket.gethostname(), socket.getfqdn()}
+            return name in {known.lower() for known in own}
+        return True
+
+    def is_token(self, text: str) -> bool:
+        """Is it the token? Takes as long whatever is wrong."""
+        return self.token is not None and same(text, self.token)
+
+    def lets_in(self, bearer: str | None, cookies: Iterable[str]) -> bool:
+        """May it see the plant?"""
+        if self.token is None:
+            return True
+        if bearer is not None:
+            return self.is_token(bearer)
+        return any(same(cookie, self.pass_) for cookie in cookies)
+
+    def is_own_form(self, headers: Mapping[str, str], seal: str, bearer: bool) -> bool:
+        """Was a form sent by a page of ours, or by a program that has the token?"""
+        origin, site = headers.get("origin"), headers.get("sec-fetch-site")
+        if origin is not None and urlsplit(origin).netloc.lower() != headers["host"].lower():
+            return False
+        if site not in (None, "same-origin"):
+            return False
+        return bearer or same(seal, self.seal)
+
+
+def same(one: str, other: str) -> bool:
+    """Compare secrets; how long that takes says nothing about where they differ."""
+    return hmac.compare_digest(one.encode("utf-8", "replace"), other.encode("utf-8", "replace"))
+
+
+def name_of(host: str) -> str:
+    """Name in a Host header, without port, brackets and the dot of the root.
+
+    >>> name_of("Plant.example:8080"), name_of("[::1]:80"), name_of("::1")
+    ('plant.example', '::1', '::1')
+    """
+    text = host.strip().lower()
+    if text.startswith("["):
+        return text[1:].partition("]")[0]
+    name, _, port = text.rpartition(":")
+    return (name if name and ":" not in name and port.isdigit() else text).rstrip(".")

@@ -1,0 +1,235 @@
+"""The plant as a web page: the finding first, on a large screen or a telephone."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view.bars import Bar, bars_of
+from rulec_runtime.live.view.limits import BAR_ENDS, LATEST_EVENTS, RETRY, SILENT, STATIC
+from rulec_runtime.live.view.words import (
+    Card,
+    cards,
+    event_words,
+    latest,
+    lead,
+    link,
+    modules,
+    overall,
+    symbol_of,
+    unjudged,
+    unseen,
+)
+from rulec_runtime.report.html_story import REMARKS, ground_of
+from rulec_runtime.report.style import STYLE
+from rulec_runtime.report.text import counted, safe
+
+SCRIPT = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
+LOOK = STYLE + Path(__file__).with_name("page.css").read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+POLICY = (
+    f"default-src 'none'; script-src 'sha256-{_hash(SCRIPT)}'; style-src 'sha256-{_hash(LOOK)}'; "
+    "img-src data:; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+"""The browser runs this script and this style and nothing else, whatever slips through."""
+
+
+def page_of(now: Now, age: float | None, main: str) -> str:
+    """The whole page; it needs no script to show this moment, and asks for no other file."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
+        '<link rel="icon" href="data:,"/>'
+        f'<noscript><meta http-equiv="refresh" content="{STATIC}"/></noscript>'
+        f"<title>{safe(title_of(now))}</title><style>{LOOK}</style></head>\n"
+        f'<body data-silent="{1000 * SILENT:.0f}" data-retry="{1000 * RETRY:.0f}">'
+        f'<header><h1>{safe(now.title)}</h1><span class="soft">{safe(now.plant)}</span></header>\n'
+        '<p id="lost" role="alert" hidden><strong>✗ Connection lost.</strong> This page is no '
+        "longer kept up to date; it is trying again.</p>\n"
+        f'<div id="link">{link_of(now, age)}</div>\n<main id="now">{main}</main>\n'
+        f"<script>{SCRIPT}</script></body></html>\n"
+    )
+
+
+def title_of(now: Now) -> str:
+    """Title of the window: the status stands first."""
+    symbol, letter, _ = overall(now)
+    return f"{symbol} {letter} {now.plant}: {lead(now)}"
+
+
+def link_of(now: Now, age: float | None) -> str:
+    """Whether rows come, and how old the last one is."""
+    symbol, words = link(now)
+    kind = "link" if now.connected else "link off"
+    remark = f'<span class="remark">{safe(now.remark)}</span>' if now.remark else ""
+    return (
+        f'<p class="{kind}"><span>{symbol} {safe(words)}</span>'
+        f"<span>{safe(latest(now, age))}</span><span>{counted(now.rows, 'row')}</span>{remark}</p>"
+    )
+
+
+def main_of(now: Now, seal: str) -> str:
+    """All that changes, but for the connection."""
+    symbol, letter, meaning = overall(now)
+    found = list(cards(now))
+    findings = [card for card in found if card.episode.kind != "blind"]
+    blind = [card for card in found if card.episode.kind == "blind"]
+    told = "".join(_card(now, card, seal) for card in findings)
+    chips = "".join(
+        f'<li><b>{safe(name)}</b> <span class="soft">{safe(title)}</span>{mark(one)}</li>'
+        for name, title, one in modules(now)
+    )
+    below = "" if _sentence(meaning) == lead(now) else safe(_sentence(meaning))
+    return (
+        f'<div class="status">{_badge(symbol, letter, "badge")}<p role="status">'
+        f'<strong>{safe(lead(now))}</strong><span class="soft">{below}</span></p></div>'
+        f'<div class="sides"><div>{told}{_residuals(now)}</div>'
+        f"<div>{_section('Modules', f'<ul class=modules>{chips}</ul>' if chips else '')}"
+        f"{_section('Cannot be judged', _blind(now, blind, seal))}"
+        f"{_section('Past events', _past(now))}</div></div>"
+    )
+
+
+def mark(letter: str) -> str:
+    """Small badge of a letter of NE 107."""
+    return _badge(symbol_of(letter), letter, "badge small")
+
+
+def key_of(episode: str) -> str:
+    """An episode's id as a form sends it: an id may hold anything."""
+    return hashlib.sha256(episode.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+
+
+def _badge(symbol: str, letter: str, kind: str) -> str:
+    known = letter if letter in ("F", "C", "S", "M", "ok") else "none"
+    return f'<span class="{kind} is-{known}">{safe(f"{symbol} {letter}".strip())}</span>'
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _section(title: str, body: str) -> str:
+    return f"<section><h2>{title}</h2>{body}</section>" if body else ""
+
+
+def _card(now: Now, card: Card, seal: str) -> str:
+    """One active episode: what, how large, since when, how probable, what to do, why."""
+    episode = card.episode
+    rows = [("What to do", f'<span class="do">{safe(card.action)}</span>')] if card.action else []
+    if card.size:
+        degree, _, ends = card.size.partition(" (")
+        about = f", {card.meaning}" if card.meaning else ""
+        told = f'<span class="degree">{safe(degree)}</span> ({safe(ends + about)}'
+        rows.append(("Degree", told + _gauge(card.share)))
+    rows.append(("Seen", safe(card.since)))
+    if card.probability:
+        rows.append(("Probability", safe(card.probability)))
+    if card.others:
+        rows.append(("Could also be", safe(card.others)))
+    body = "".join(f"<dt>{term}</dt><dd>{text}</dd>" for term, text in rows)
+    why = ""
+    if card.finding is not None and now.diagnosis is not None:
+        why = (
+            f'<details id="why-{key_of(episode.id)}"><summary>Why</summary><div class="evidence">'
+            f"{ground_of(now.diagnosis.ruleset, card.finding)}</div></details>"
+        )
+    return (
+        f'<section class="finding is-{_known(episode.status)}"><h3>{mark(episode.status)} '
+        f"{safe(card.title)}</h3><dl>{body}</dl>{why}{_note(card, seal)}</section>"
+    )
+
+
+def _known(letter: str) -> str:
+    return letter if letter in ("F", "C", "S", "M") else "none"
+
+
+def _note(card: Card, seal: str) -> str:
+    """That somebody has taken note of it, or a button to say so."""
+    if card.acknowledged:
+        return '<p class="soft noted">✓ acknowledged</p>'
+    key = key_of(card.episode.id)
+    return (
+        '<form method="post" action="acknowledge">'
+        f'<input type="hidden" name="seal" value="{safe(seal)}"/>'
+        f'<input type="hidden" name="episode" value="{key}"/>'
+        f'<button id="note-{key}">Acknowledge</button></form>'
+    )
+
+
+def _gauge(share: tuple[float, ...]) -> str:
+    """Degree as a bar with its bounds as a band; the figures stand beside it."""
+    if not share:
+        return ""
+    low, at, high = (100.0 * part for part in share)
+    return (
+        '<svg class="gauge" aria-hidden="true"><rect class="all" width="100%" height="100%"/>'
+        f'<rect class="filled" width="{at:.2f}%" height="100%"/>'
+        f'<rect class="bounds" x="{low:.2f}%" width="{max(high - low, 0.4):.2f}%" y="25%" '
+        'height="50%"/></svg>'
+    )
+
+
+def _residuals(now: Now) -> str:
+    bars, missing = bars_of(now)
+    rows = "".join(_residual(bar) for bar in bars)
+    body = f"<ul class=bars>{rows}</ul>" if rows else ""
+    if missing:
+        body += f'<p class="soft after">Not available: {safe(", ".join(missing))}</p>'
+    return _section("Residuals where the findings show most", body)
+
+
+def _residual(bar: Bar) -> str:
+    kind = "beyond" if bar.beyond else "within"
+    value, words = bar.value.replace("-", "−"), bar.words.replace("BEYOND", "beyond")
+    return (
+        f'<li class="{kind}"><span>{safe(bar.name)}</span>'
+        f'<svg class="gauge" aria-hidden="true"><rect class="all" width="100%" height="100%"/>'
+        f'<rect class="filled" width="{100 * bar.filled:.2f}%" height="100%"/>'
+        f'<rect class="limit" x="{100 / BAR_ENDS:.2f}%" width="2" height="100%"/></svg>'
+        f'<span class="num">{safe(value)} <span class="soft">{safe(bar.threshold)}</span></span>'
+        f'<span class="words">{safe(words)}</span></li>'
+    )
+
+
+def _blind(now: Now, active: list[Card], seal: str) -> str:
+    """What cannot be judged now, what could not, and what no reading ever shows."""
+    parts = [
+        f'<div class="blind is-C"><p>{mark(c.episode.status)} {safe(c.title)} '
+        f'<span class="soft">{safe(c.since)}</span></p>{_note(c, seal)}</div>'
+        for c in active
+    ]
+    remarks = unjudged(now)
+    parts += [
+        f'<p>{safe(text)} <span class="soft">{safe(spans)}</span></p>'
+        for text, spans in remarks[:REMARKS]
+    ]
+    if len(remarks) > REMARKS:
+        parts.append(f'<p class="soft">and {counted(len(remarks) - REMARKS, "other remark")}</p>')
+    if unseen(now):
+        parts.append(f'<p class="soft">No reading shows: {safe(", ".join(unseen(now)))}</p>')
+    return "".join(parts)
+
+
+def _past(now: Now) -> str:
+    rows = "".join(_events(now))
+    return f'<ol class="events">{rows}</ol>' if rows else ""
+
+
+def _events(now: Now) -> Iterator[str]:
+    for event in now.past[:LATEST_EVENTS]:
+        when, _, what, text = event_words(now, event)
+        seen = ' <span class="soft">✓ acknowledged</span>'
+        yield (
+            f"<li><span>{mark('ok' if what in ('ended', 'withdrawn') else event.episode.status)}"
+            f'</span><span><span class="soft">{safe(when)} {safe(what)}</span><br/>{safe(text)}'
+            f"{seen if event.episode.id in now.acknowledged else ''}</span></li>"
+        )

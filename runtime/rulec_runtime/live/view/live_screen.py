@@ -1,0 +1,148 @@
+"""The picture on the terminal, kept up to date; events as lines where nobody can watch it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Self
+
+from rich.console import Console
+from rich.live import Live
+
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view.arrival import Arrival
+from rulec_runtime.live.view.keys import Keys
+from rulec_runtime.live.view.limits import REDRAWN, TICK
+from rulec_runtime.live.view.lines import closing_line, event_lines, last_number
+from rulec_runtime.live.view.look import Look, after, place_of
+from rulec_runtime.live.view.screen import Screen, screen
+from rulec_runtime.live.view.words import listed, news
+from rulec_runtime.output.terminal import terminal
+
+WHO = "terminal"
+"""Who acknowledges here."""
+
+
+class LiveScreen:
+    """What an operator sees of `rulec watch`, as long as the context lasts.
+
+    `acknowledge` takes the id of an episode and from where; it is called from the thread that
+    draws. `told` is the number of the last event that was told before. `show` costs nothing:
+    what is new is drawn within `REDRAWN` seconds, rows alone every `TICK`, however fast they come.
+    """
+
+    def __init__(
+        self,
+        acknowledge: Callable[[str, str], None],
+        console: Console | None = None,
+        keys: Keys | None = None,
+        told: int = 0,
+    ) -> None:
+        self._acknowledge = acknowledge
+        self._console = console or terminal()
+        self._keys = keys or Keys()
+        self._told = told
+        self._look = Look()
+        self._now: Now | None = None
+        self._arrival = Arrival()
+        self._changed = threading.Event()
+        self._closing = threading.Event()
+        self._quit = threading.Event()
+        self._failure: BaseException | None = None
+        self._live: Live | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def quit(self) -> bool:
+        """Has the operator asked for the end?"""
+        return self._quit.is_set()
+
+    def __enter__(self) -> Self:
+        out = self._console
+        if out.is_terminal and not out.is_dumb_terminal:
+            self._live = Live(
+                console=out, screen=True, auto_refresh=False, vertical_overflow="crop"
+            )
+            self._live.start()
+            self._keys.__enter__()
+            self._thread = threading.Thread(target=self._run, name="screen", daemon=True)
+            self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._closing.set()
+        try:
+            if self._thread is not None:
+                self._thread.join()
+        finally:
+            self._keys.restore()
+            if self._live is not None:
+                self._live.stop()
+        if self._live is not None and self._now is not None:
+            self._console.print(closing_line(self._now), soft_wrap=True)
+        if error[0] is None:
+            self._raise()
+
+    def show(self, now: Now) -> None:
+        """This is how it stands now."""
+        self._raise()
+        self._arrival.saw(now.rows, time.monotonic())
+        before, self._now = self._now, now
+        if self._live is not None:
+            if before is None or news(now) != news(before):
+                self._changed.set()
+            return
+        for line in event_lines(now, self._told):
+            self._console.print(line, soft_wrap=True)
+        self._told = last_number(now, self._told)
+
+    @property
+    def failed(self) -> bool:
+        """Was there a mistake of our own where pictures are drawn? `show` raises it."""
+        return self._failure is not None
+
+    def _raise(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
+
+    def _run(self) -> None:
+        """Keys, and pictures of what they and rows change."""
+        drawn = 0.0
+        try:
+            while not self._closing.is_set():
+                pressed = self._keys.take(REDRAWN)
+                for key in pressed:
+                    self._press(key)
+                due = self._changed.is_set() or time.monotonic() - drawn >= TICK
+                if pressed or due:
+                    self._changed.clear()
+                    self._draw()
+                    drawn = time.monotonic()
+        except BaseException as error:  # told by `show`: a thread has nobody to tell
+            self._failure = error
+
+    def _press(self, key: str) -> None:
+        if key == "quit":
+            self._quit.set()
+            return
+        picture = self._picture()
+        if picture is None:
+            return
+        now = picture.now
+        if key == "acknowledge" and now.active:
+            self._acknowledge(listed(now)[place_of(self._look, now)].id, WHO)
+        self._look = after(self._look, key, now, picture.room(self._console))
+
+    def _picture(self) -> Screen | None:
+        if self._now is None:
+            return None
+        width, height = self._console.size
+        age = self._arrival.age(time.monotonic())
+        return screen(self._now, self._look, width, height, age, self._keys.there)
+
+    def _draw(self) -> None:
+        picture = self._picture()
+        if picture is not None and self._live is not None:
+            self._live.update(picture, refresh=True)

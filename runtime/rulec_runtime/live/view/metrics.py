@@ -1,0 +1,111 @@
+"""A moment as OpenMetrics text, for those who draw curves with other tools."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view.words import modules
+from rulec_runtime.output.terminal import one_line
+
+TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
+
+STATES = ("ok", "M", "S", "C", "F")
+"""NE 107, the least urgent first."""
+
+Labels = Mapping[str, str]
+
+
+def metrics(now: Now, age: float | None) -> str:
+    """Status of plant and modules, active findings, and what came.
+
+    Source: OpenMetrics 1.0.0; a status is a StateSet, one of whose samples is 1.
+    """
+    plant = {"plant": now.plant}
+    lines = [
+        *_states("rulec_plant_status", "NE 107 status of the plant", [(plant, now.status)]),
+        *_states(
+            "rulec_module_status",
+            "NE 107 status of a module",
+            [({**plant, "module": name}, letter) for name, _, letter in modules(now)],
+        ),
+        *_findings(now, plant),
+        "# TYPE rulec_rows counter",
+        "# HELP rulec_rows Rows of readings that have come",
+        _sample("rulec_rows_total", plant, now.rows),
+        *_gauge("rulec_connected", "1 while rows come from the source", plant, now.connected),
+        *_gauge(
+            "rulec_last_row_age_seconds", "How long ago the last row came", plant, age, "seconds"
+        ),
+        "# EOF",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _findings(now: Now, plant: Labels) -> Iterator[str]:
+    """One series per active episode and quantity."""
+    known = [
+        (
+            {
+                **plant,
+                "kind": e.kind,
+                # Remarks are no names: each would be a series of its own.
+                "subject": e.subject if e.kind in ("fault", "sensor") else "",
+                "module": e.module,
+                "status": e.status,
+                "unit": e.unit,
+            },
+            e,
+        )
+        for e in now.active
+    ]
+    # Two episodes of the same name would be the same series twice: the worst stands first.
+    series = {tuple(sorted(labels.items())): (labels, e) for labels, e in reversed(known)}
+    shown = list(reversed(series.values()))
+    quantities = (
+        ("degree", "Degree of an active finding", lambda e: e.degree),
+        ("degree_lower", "Lower 95 % bound of the degree", lambda e: e.lower),
+        ("degree_upper", "Upper 95 % bound of the degree", lambda e: e.upper),
+        ("probability", "Probability of an active finding", lambda e: e.probability),
+        (
+            "acknowledged",
+            "1 if somebody has taken note of it",
+            lambda e: e.id in now.acknowledged,
+        ),
+    )
+    for name, text, value in quantities:
+        yield from _head(f"rulec_finding_{name}", "gauge", text)
+        for labels, episode in shown:
+            yield _sample(f"rulec_finding_{name}", labels, value(episode))
+
+
+def _states(name: str, text: str, states: list[tuple[Labels, str]]) -> Iterator[str]:
+    yield from _head(name, "stateset", text)
+    for labels, state in states:
+        for one in STATES:
+            yield _sample(name, {**labels, name: one}, one == state)
+
+
+def _gauge(
+    name: str, text: str, labels: Labels, value: float | None, unit: str = ""
+) -> Iterator[str]:
+    yield from _head(name, "gauge", text, unit)
+    if value is not None:
+        yield _sample(name, labels, value)
+
+
+def _head(name: str, kind: str, text: str, unit: str = "") -> Iterator[str]:
+    yield f"# TYPE {name} {kind}"
+    if unit:
+        yield f"# UNIT {name} {unit}"
+    yield f"# HELP {name} {text}"
+
+
+def _sample(name: str, labels: Labels, value: float) -> str:
+    told = ",".join(f'{key}="{_escaped(text)}"' for key, text in labels.items())
+    number = f"{float(value):.10g}".replace("nan", "NaN").replace("inf", "Inf")
+    return f"{name}{{{told}}} {number}"
+
+
+def _escaped(text: str) -> str:
+    return one_line(text).replace("\\", "\\\\").replace('"', '\\"')

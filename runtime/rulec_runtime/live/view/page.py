@@ -1,0 +1,199 @@
+"""Serves the page, its events, JSON and metrics; it shows, and takes nothing but acknowledgements.
+
+Needs the extra `page`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+import threading
+import time
+from collections.abc import AsyncIterator, Callable
+from urllib.parse import parse_qs
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view import limits
+from rulec_runtime.live.view.board import Board
+from rulec_runtime.live.view.door import Door
+from rulec_runtime.live.view.gate import Gate
+from rulec_runtime.live.view.html import key_of, page_of
+from rulec_runtime.live.view.json_form import now_text
+from rulec_runtime.live.view.metrics import TYPE, metrics
+from rulec_runtime.live.view.words import news
+
+Acknowledge = Callable[[str, str], None]
+
+
+class Page:
+    """A page that is served in a thread of its own, until it is closed."""
+
+    def __init__(
+        self, server: uvicorn.Server, board: Board, bound: socket.socket, url: str
+    ) -> None:
+        self.url = url
+        self._server, self._board, self._bound = server, board, bound
+        self._threads = [
+            threading.Thread(target=server.run, args=([bound],), name="page", daemon=True),
+            threading.Thread(target=board.watch, name="page ages", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """Send everybody away; returns when the port is free."""
+        self._board.closing.set()
+        self._server.should_exit = True
+        for thread in self._threads:
+            thread.join()
+        self._bound.close()
+
+
+def serve(
+    state_of: Callable[[], Now],
+    host: str,
+    port: int,
+    token: str | None,
+    acknowledge: Acknowledge,
+    names: tuple[str, ...] = (),
+) -> Page:
+    """Serve the page until it is closed.
+
+    Parameters
+    ----------
+    state_of : gives the present moment at once; called from threads of the server.
+    port : 0 takes any that is free; `Page.url` tells which.
+    token : needed where `host` is not loopback; every request must then show it.
+    acknowledge : takes the id of an episode and from where; called from a thread of the server.
+    names : further names by which browsers may know the machine, such as that of a proxy.
+
+    Raises `PageRefused` where the page would be open to everybody, OSError where the port cannot
+    be had.
+    """
+    gate = Gate(host, port, token, names)
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    bound = socket.create_server((host, port), family=family)
+    with contextlib.suppress(OSError, AttributeError):
+        after = int(1000 * limits.GONE)
+        bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, after)
+    port = bound.getsockname()[1]
+    gate = Gate(host, port, token, names, gate.seal)
+    board = Board(state_of, gate.seal)
+    config = uvicorn.Config(
+        application(board, gate, acknowledge),
+        log_config=None,
+        log_level="critical",
+        access_log=False,
+        lifespan="off",
+        ws="none",
+        loop="asyncio",
+        http="h11",
+        server_header=False,
+        proxy_headers=False,
+        limit_concurrency=limits.MOST_CONNECTIONS,
+        timeout_graceful_shutdown=1,
+    )
+    shown = f"[{host}]" if ":" in host else host
+    return Page(uvicorn.Server(config), board, bound, f"http://{shown}:{port}/")
+
+
+def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
+    """All paths behind the gate."""
+    streams = Streams(board)
+
+    async def page(_: Request) -> Response:
+        now, age = board.now()
+        return HTMLResponse(page_of(now, age, board.main(now)))
+
+    async def events(_: Request) -> Response:
+        if streams.count >= limits.MOST_STREAMS:
+            return PlainTextResponse("too many pages are open\n", 503)
+        return StreamingResponse(streams.one(), media_type="text/event-stream")
+
+    async def data(_: Request) -> Response:
+        return Response(now_text(*board.now()), media_type="application/json")
+
+    async def measured(_: Request) -> Response:
+        return Response(metrics(*board.now()), headers={"content-type": TYPE})
+
+    async def noted(request: Request) -> Response:
+        form = await _form(request)
+        if form is None:
+            return PlainTextResponse("this is no form of the page\n", 413)
+        bearer = "authorization" in request.headers and gate.token is not None
+        if not gate.is_own_form(request.headers, form.get("seal", ""), bearer):
+            return PlainTextResponse("this form was not sent by the page\n", 403)
+        now, _ = board.now()
+        known = {key_of(e.id): e.id for e in now.active}
+        known |= {e.id: e.id for e in now.active}
+        episode = known.get(form.get("episode", ""))
+        if episode is None:
+            return PlainTextResponse("there is no such episode any more\n", 404)
+        client = request.client.host if request.client else ""
+        await asyncio.to_thread(acknowledge, episode, f"page {client}".strip())
+        if request.headers.get("accept") == "application/json":
+            return Response(status_code=204)
+        return Response(status_code=303, headers={"location": "./"})
+
+    routes = [
+        Route("/", page),
+        Route("/events", events),
+        Route("/now.json", data),
+        Route("/metrics", measured),
+        Route("/acknowledge", noted, methods=["POST"]),
+    ]
+    return Door(Starlette(routes=routes), gate)
+
+
+async def _form(request: Request) -> dict[str, str] | None:
+    """Fields of a form; None if it is too long, or none."""
+    body = b""
+    with contextlib.suppress(ClientDisconnect):
+        async for part in request.stream():
+            body += part
+            if len(body) > limits.LONGEST_FORM:
+                return None
+    try:
+        fields = parse_qs(body.decode("utf-8", "replace"), max_num_fields=8)
+    except ValueError:
+        return None
+    return {name: values[-1] for name, values in fields.items()}
+
+
+class Streams:
+    """Server-sent events: the page anew when something is new, and a heartbeat."""
+
+    def __init__(self, board: Board) -> None:
+        self.count = 0
+        self._board = board
+
+    async def one(self) -> AsyncIterator[str]:
+        """Events for one page, until it or the server goes."""
+        self.count += 1
+        try:
+            sent, seen, last = "", (), 0.0  # type: tuple[str, tuple[object, ...], float]
+            while not self._board.closing.is_set():
+                now, age = self._board.now()
+                if news(now) != seen or time.monotonic() - last >= limits.TICK:
+                    seen, last = news(now), time.monotonic()
+                    main = self._board.main(now)
+                    if main != sent:
+                        sent = main
+                        yield _event("now", {"main": main, "title": self._board.title(now)})
+                    yield _event("beat", self._board.link(now, age))
+                await asyncio.sleep(limits.REDRAWN)
+        finally:
+            self.count -= 1
+
+
+def _event(name: str, data: object) -> str:
+    """One event; JSON has no line breaks that would end it."""
+    return f"event: {name}\ndata: {json.dumps(data)}\n\n"

@@ -1,0 +1,137 @@
+"""The plant on a terminal: status and connection above, keys below, between them what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.segment import Segment
+from rich.style import Style
+from rich.text import Text
+
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view import blocks
+from rulec_runtime.live.view.look import Look, place_of
+from rulec_runtime.output.terminal import shown, styled
+
+Line = list[Segment]
+
+KEYS = {
+    "plant": "↑↓ select  ⏎ explain  a acknowledge  p past events  ? help  q quit",
+    "explanation": "↑↓ scroll  ⏎ back  a acknowledge  q quit",
+    "past": "↑↓ scroll  p back  q quit",
+    "help": "? back  q quit",
+}
+"""The foot of each view."""
+
+
+@dataclass(frozen=True)
+class Screen:
+    """A picture of `width` by `height` cells, never more; `age` is how long ago the last row came,
+    s; without `keys` the foot names none."""
+
+    now: Now
+    look: Look
+    width: int
+    height: int
+    age: float | None = None
+    keys: bool = True
+
+    def room(self, console: Console) -> int:
+        """How many lines there are to scroll."""
+        head, body, seen = self._parts(console, console.options)
+        return max(len(body) - self._first(seen, head) - self._space(head), 0)
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        head, body, seen = self._parts(console, options)
+        space = self._space(head)
+        top = min(self._first(seen, head) + self.look.scroll, max(len(body) - space, 0))
+        part = body[top : top + space]
+        left = len(body) - top - space
+        if left > 0:
+            part[-1:] = self._lines(console, options, styled("[dim]  ↓ {} more lines[/]", left + 1))
+        part += [[Segment(" " * self.width)]] * (space - len(part))
+        foot = self._lines(console, options, self._foot())[:1]
+        lines = [*head, *part, *foot][: self.height]
+        for i, line in enumerate(lines):
+            yield from line
+            if i + 1 < len(lines):
+                yield Segment.line()
+
+    def _parts(
+        self, console: Console, options: ConsoleOptions
+    ) -> tuple[list[Line], list[Line], tuple[int, int]]:
+        """Lines of the head and of the body, and which of the latter must be seen."""
+        head = [
+            line
+            for part in blocks.head(self.now, self.age, self.width)
+            for line in self._lines(console, options, part)
+        ]
+        head = [*head[: max(self.height - 2, 1)], self._rule()]
+        body, seen = self._laid_out(console, options, whole=True)
+        if len(body) > self._space(head):
+            body, seen = self._laid_out(console, options, whole=False)
+        return head, body, seen
+
+    def _laid_out(
+        self, console: Console, options: ConsoleOptions, whole: bool
+    ) -> tuple[list[Line], tuple[int, int]]:
+        body: list[Line] = []
+        seen = (0, 0)
+        selected = place_of(self.look, self.now)
+        for place, block in self._body(whole):
+            lines = self._lines(console, options, block)
+            if place == selected and self.look.view == "plant":
+                seen = (len(body), len(body) + len(lines))
+            body += lines
+        return body, seen
+
+    def _body(self, whole: bool) -> Iterator[tuple[int, RenderableType]]:
+        """Blocks; with those of an episode its place among them, else -1."""
+        if self.look.view == "explanation" and self.now.active:
+            yield -1, blocks.explanation_of(self.now, place_of(self.look, self.now))
+        elif self.look.view == "past":
+            yield -1, blocks.past(self.now)
+        elif self.look.view == "help":
+            yield -1, blocks.help_text()
+        else:
+            selected = place_of(self.look, self.now)
+            yield from blocks.plant(self.now, selected, self.width, whole)
+
+    def _lines(
+        self, console: Console, options: ConsoleOptions, block: RenderableType
+    ) -> list[Line]:
+        """Lines of full width. What is not shown as written is replaced before widths count."""
+        wide = options.update(width=self.width, height=None)
+        lines = console.render_lines(block, wide, pad=False)
+        return [
+            Segment.adjust_line_length([replace_text(s) for s in line if not s.control], self.width)
+            for line in lines
+        ]
+
+    def _space(self, head: list[Line]) -> int:
+        return max(self.height - len(head) - 1, 1)
+
+    def _first(self, seen: tuple[int, int], head: list[Line]) -> int:
+        """First line of the body, so that what is selected can be seen."""
+        space = self._space(head) - 1
+        return min(max(seen[1] - space, 0), seen[0])
+
+    def _rule(self) -> Line:
+        return [Segment("─" * self.width, Style(dim=True))]
+
+    def _foot(self) -> Text:
+        return styled("[dim]{}[/]", KEYS[self.look.view] if self.keys else "ctrl-c ends")
+
+
+def replace_text(segment: Segment) -> Segment:
+    """A segment whose characters are all shown."""
+    return segment._replace(text=shown(segment.text))
+
+
+def screen(
+    now: Now, look: Look, width: int, height: int, age: float | None = None, keys: bool = True
+) -> Screen:
+    """What an operator sees of one moment, on so many cells."""
+    return Screen(now, replace(look, scroll=max(look.scroll, 0)), width, height, age, keys)

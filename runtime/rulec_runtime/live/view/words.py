@@ -1,0 +1,226 @@
+"""What terminal and page say of one moment: the same words in both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.diagnosis.diagnose import worst
+from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.told import QUIET
+from rulec_runtime.recordings.wall_clock import duration
+from rulec_runtime.recordings.when import moment
+from rulec_runtime.report.text import bounds, counted, degree, percent
+from rulec_runtime.report.wording import (
+    SHOWN,
+    STATUS,
+    actions,
+    headline,
+    remarks_of,
+    titled,
+)
+
+NOTHING_YET = ("…", "", "nothing could be judged yet")
+"""In place of a status as long as there is none: nothing found is another matter."""
+
+UNKNOWN = "Deviation that nothing known explains"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Card:
+    """An episode that has not ended, in words.
+
+    `size` is its degree with bounds and `share` lower bound, degree and upper bound as parts of
+    what it can be at most; both are empty where there is no degree. `finding` is what the
+    diagnosis says of it, where that is a fault.
+    """
+
+    episode: Episode
+    symbol: str
+    title: str
+    size: str
+    meaning: str
+    share: tuple[float, ...]
+    since: str
+    probability: str
+    others: str
+    action: str
+    acknowledged: bool
+    finding: Finding | None
+
+
+def cards(now: Now) -> Iterator[Card]:
+    """Active episodes: findings, then what cannot be judged."""
+    for episode in listed(now):
+        yield _card(now, episode)
+
+
+def listed(now: Now) -> tuple[Episode, ...]:
+    """Active episodes in the order in which they are shown."""
+    return tuple(sorted(now.active, key=lambda e: e.kind == "blind"))
+
+
+def finding_of(now: Now, episode: Episode) -> Finding | None:
+    """What the diagnosis says of an episode: its latest finding of the same name and time."""
+    if episode.kind != "fault" or now.diagnosis is None:
+        return None
+    same = (
+        f
+        for f in now.diagnosis.findings
+        if f.fault.id == episode.subject and f.since <= episode.until and episode.since <= f.until
+    )
+    return max(same, key=lambda f: f.until, default=None)
+
+
+def _card(now: Now, episode: Episode) -> Card:
+    finding = finding_of(now, episode)
+    ruleset = _ruleset(now)
+    fault = ruleset.fault_by_id.get(episode.subject) if ruleset else None
+    title, action = episode.text, episode.action
+    if finding is not None and ruleset is not None:
+        title, action = headline(ruleset, finding), actions(ruleset, finding)
+    elif episode.kind == "unknown":
+        title = f"{UNKNOWN}: {episode.text}"
+    measured = episode.kind == "fault"
+    size = f"{degree(episode.degree, episode.unit)} ({_bounds(episode)})" if measured else ""
+    return Card(
+        episode=episode,
+        symbol=symbol_of(episode.status),
+        title=title,
+        size=size,
+        meaning=fault.meaning if fault else "",
+        share=_share(episode, fault) if measured else (),
+        since=_since(now, episode),
+        probability=percent(episode.probability) if measured else "",
+        others=_others(ruleset, episode),
+        action=action,
+        acknowledged=episode.id in now.acknowledged,
+        finding=finding,
+    )
+
+
+def _bounds(episode: Episode) -> str:
+    return bounds(episode.lower, episode.upper, episode.unit)
+
+
+def _share(episode: Episode, fault: FaultSpec | None) -> tuple[float, ...]:
+    """Lower bound, degree, upper bound between the least and the most that they can be."""
+    ends = (episode.lower, episode.degree, episode.upper)
+    least = min(0.0, *ends)
+    most = max(fault.scale if fault else 1.0, *ends)
+    span = most - least
+    if not 0.0 < span < float("inf"):
+        return ()
+    return tuple((end - least) / span for end in ends)
+
+
+def _since(now: Now, episode: Episode) -> str:
+    """When it began and how long it has lasted; the date where it was another day."""
+    time = now.time if now.time is not None else episode.until
+    began = moment(now.calendar, episode.since, time)
+    return f"since {began} ({duration(max(time - episode.since, 0.0))})"
+
+
+def _others(ruleset: Ruleset | None, episode: Episode) -> str:
+    """What else it may be, with probabilities."""
+    names = ruleset.fault_by_id if ruleset else {}
+    return "; ".join(
+        f"{titled(names[name]) if name in names else name} ({percent(p)})"
+        for name, p in episode.alternatives[:SHOWN]
+    )
+
+
+def symbol_of(letter: str) -> str:
+    """Shape of a letter of NE 107."""
+    return STATUS[letter][0] if letter in STATUS else "?"
+
+
+def overall(now: Now) -> tuple[str, str, str]:
+    """Symbol, letter and meaning of the whole."""
+    if now.status == "ok" and not _judged(now):
+        return NOTHING_YET
+    meaning = STATUS[now.status][1] if now.status in STATUS else ""
+    return symbol_of(now.status), now.status, meaning
+
+
+def _judged(now: Now) -> bool:
+    return now.diagnosis is not None and now.diagnosis.judged > 0
+
+
+def lead(now: Now) -> str:
+    """The most important thing in one line."""
+    first = next(cards(now), None)
+    if first is None:
+        what = overall(now)[2] if _judged(now) else NOTHING_YET[2]
+        return what[:1].upper() + what[1:]
+    episode, ruleset = first.episode, _ruleset(now)
+    title = first.title
+    if episode.kind == "fault" and ruleset and episode.subject in ruleset.fault_by_id:
+        title = titled(ruleset.fault_by_id[episode.subject])
+    elif episode.kind == "unknown":
+        title = UNKNOWN
+    more = len(now.active) - 1
+    also = f", and {counted(more, 'other')}" if more else ""
+    return title[:1].upper() + title[1:] + also
+
+
+def link(now: Now) -> tuple[str, str]:
+    """Symbol and words of the connection: whence rows come, and whether they do."""
+    if now.connected:
+        return "●", f"connected: {now.source}"
+    return "✗", f"NOT CONNECTED: {now.source}"
+
+
+def latest(now: Now, age: float | None) -> str:
+    """When the last row was, and how long ago it came, `age` in s."""
+    if now.time is None:
+        return "no row yet"
+    ago = f" ({duration(float(int(age)))} ago)" if age is not None else ""
+    return f"last row {moment(now.calendar, now.time)}{ago}"
+
+
+def modules(now: Now) -> Iterator[tuple[str, str, str]]:
+    """Name, title and letter of NE 107 of each module."""
+    ruleset = _ruleset(now)
+    titles = dict(ruleset.modules) if ruleset else {}
+    for episode in now.active:
+        if episode.module:
+            titles.setdefault(episode.module, "")
+    for name, title in titles.items():
+        yield name, title, worst({e.status for e in now.active if e.module == name})
+
+
+def unjudged(now: Now) -> list[tuple[str, str]]:
+    """Remarks on what could not be judged, each with when; without those that are active."""
+    if now.diagnosis is None:
+        return []
+    known = {episode.text for episode in now.active if episode.kind == "blind"}
+    periods = [p for p in now.diagnosis.not_judged if p.text not in known]
+    return remarks_of(periods, now.calendar)
+
+
+def unseen(now: Now) -> tuple[str, ...]:
+    """Faults that no reading of this plant shows."""
+    ruleset = _ruleset(now)
+    return ruleset.unobserved if ruleset else ()
+
+
+def event_words(now: Now, event: Event) -> tuple[str, str, str, str]:
+    """When, symbol and letter, what happened, and the words of an event."""
+    letter = event.episode.status
+    over = event.what in QUIET
+    badge = f"{symbol_of('ok')} ok" if over else f"{symbol_of(letter)} {letter}"
+    return moment(now.calendar, event.time), badge, event.what, event.text
+
+
+def _ruleset(now: Now) -> Ruleset | None:
+    return now.diagnosis.ruleset if now.diagnosis else None
+
+
+def news(now: Now) -> tuple[object, ...]:
+    """What an operator should see at once."""
+    latest = now.past[0].number if now.past else 0
+    return latest, now.status, now.connected, now.remark, now.acknowledged, len(now.active)

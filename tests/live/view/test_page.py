@@ -1,0 +1,358 @@
+"""The page: what it shows, whom it lets in, and that no text of the plant becomes markup."""
+
+from __future__ import annotations
+
+import asyncio
+import html.parser
+import json
+import re
+import threading
+import time
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import replace
+
+import httpx
+import pytest
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view import limits
+from rulec_runtime.live.view.board import Board
+from rulec_runtime.live.view.gate import Gate, PageRefused, is_loopback
+from rulec_runtime.live.view.html import LOOK, POLICY, SCRIPT, key_of
+from rulec_runtime.live.view.metrics import TYPE, metrics
+from rulec_runtime.live.view.page import Streams, application, serve
+from starlette.testclient import TestClient
+
+from tests.live.view.hostile import TEXTS, hostile
+from tests.live.view.nows import before, failing, healthy, leaking
+
+TOKEN = "correct horse battery staple"
+PATHS = ("/", "/events", "/now.json", "/metrics", "/acknowledge", "/nothing")
+
+
+def asked(
+    now: Now, token: str | None = None, host: str = "127.0.0.1", name: str = "localhost"
+) -> tuple[TestClient, Gate, list[tuple[str, str]]]:
+    """A browser before a page that shows a moment, and what it acknowledged."""
+    gate, noted = Gate(host, 80, token), list[tuple[str, str]]()
+    app = application(Board(lambda: now, gate.seal), gate, lambda *a: noted.append(a))
+    return TestClient(app, base_url=f"http://{name}", follow_redirects=False), gate, noted
+
+
+def test_page_shows_the_finding_first() -> None:
+    client, _, _ = asked(failing())
+    text = client.get("/").text
+    seen = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text.partition("<body")[2]))
+    for part in (
+        "connected: opc.tcp://plant.example:4840",
+        "last row 2026-09-21 16:14:19 (0 s ago) 58 rows",
+        "B.dp is stuck at 1.82294 bar: even its noise is gone, and 2 others",
+        "What to do check the bypass valve",
+        "Degree 0.600 (95 %: 0.593 to 0.608), share of the pump",
+        "Probability 73 % Could also be widening in A (27 %)",
+        "310.4 l/h ±10.5 l/h 29.6 × beyond",
+        "Not available: B.pump-plant, B.power-plant",
+        "Cannot be judged ▼ C in part: B.dp: stuck at one value",
+        "2026-09-21 16:13:39 ended A.leakage 0.200",
+    ):
+        assert part in seen, part
+    assert seen.index("is stuck") < seen.index("pump delivers") < seen.index("Past events")
+
+
+def test_page_asks_for_nothing_else_and_allows_its_own_script_alone() -> None:
+    answer = asked(failing())[0].get("/")
+    assert answer.headers["content-security-policy"] == POLICY
+    assert "unsafe" not in POLICY
+    assert 1 == answer.text.count("<script") == answer.text.count(f"<script>{SCRIPT}</script>")
+    assert f"<style>{LOOK}</style>" in answer.text
+    assert not re.search(r'\sstyle=|\son\w+=|(src|href)="(?!data:,|#)', answer.text.lower())
+    assert "url(" not in LOOK
+    assert "import" not in LOOK
+    for name, value in (("cache-control", "no-store"), ("x-content-type-options", "nosniff")):
+        assert value == answer.headers[name]
+
+
+def test_before_any_row_nothing_is_claimed() -> None:
+    client, _, _ = asked(replace(before(), status="ok"))
+    text = client.get("/").text
+    assert "Nothing could be judged yet" in text
+    assert "NOT CONNECTED" in text
+    assert "Nothing found" not in text
+    assert "Nothing found" in asked(healthy())[0].get("/").text
+
+
+def test_data_says_the_same() -> None:
+    form = asked(failing())[0].get("/now.json").json()
+    assert ("F", {"A": "M", "B": "F", "C": "ok"}) == (form["status"], form["modules"])
+    assert ["B.dp.stuck", "A.leakage"] == [e["subject"] for e in form["active"][:2]]
+    assert "2026-09-21T16:14:11+02:00" == form["active"][1]["since_date"]
+    assert "A.leakage" == form["diagnosis"]["findings"][-1]["fault"]
+    odd = replace(healthy(), time=float("nan"), calendar=None)
+    assert asked(odd)[0].get("/now.json").json()["time"] is None
+
+
+SAMPLE = re.compile(
+    r'[a-z_]+\{([a-z_]+="([^"\\\n]|\\["\\n])*",?)*\} (-?[0-9.]+(e[+-]?[0-9]+)?|NaN|[+-]?Inf)'
+)
+
+
+def test_metrics_are_what_openmetrics_asks_for() -> None:
+    answer = asked(failing())[0].get("/metrics")
+    assert TYPE == answer.headers["content-type"]
+    lines = answer.text.split("\n")
+    assert ["# EOF", ""] == lines[-2:]
+    samples = [line for line in lines if line and not line.startswith("#")]
+    assert all(SAMPLE.fullmatch(line) for line in samples)
+    assert len(samples) == len({line.rpartition(" ")[0] for line in samples})
+    for sample in (
+        'rulec_plant_status{plant="abc",rulec_plant_status="F"} 1',
+        'rulec_module_status{plant="abc",module="C",rulec_module_status="ok"} 1',
+        'rulec_module_status{plant="abc",module="A",rulec_module_status="F"} 0',
+        'rulec_rows_total{plant="abc"} 58',
+        'rulec_connected{plant="abc"} 1',
+    ):
+        assert sample in samples
+    (degree,) = (s for s in samples if s.startswith("rulec_finding_degree{") and "A.leak" in s)
+    assert 0.600 == pytest.approx(float(degree.rpartition(" ")[2]), abs=1e-3)
+    assert 'rulec_last_row_age_seconds{plant="abc"} 2.5' in metrics(failing(), 2.5)
+    assert "rulec_last_row_age_seconds{" not in metrics(before(), None)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "plant.example", ""])
+def test_beyond_loopback_nothing_is_served_without_a_good_token(host: str) -> None:
+    assert not is_loopback(host)
+    for token in (None, "", "short"):
+        with pytest.raises(PageRefused):
+            serve(failing, host, 0, token, lambda *_: None)
+    assert all(map(is_loopback, ("127.0.0.1", "127.8.8.8", "::1", "localhost")))
+
+
+def test_without_the_token_every_path_is_refused() -> None:
+    client, gate, noted = asked(failing(), TOKEN, "0.0.0.0", "192.168.1.5")
+    wrong = (
+        {},
+        {"authorization": f"Bearer {TOKEN}x"},
+        {"authorization": f"Basic {TOKEN}"},
+        {"authorization": "Bearer "},
+        {"authorization": "Bearer \xff"},
+        {"cookie": f"{gate.cookie}={TOKEN}"},
+        {"cookie": f"rulec-81={gate.pass_}"},
+        {"cookie": f"{gate.cookie}="},
+        {"authorization": "Bearer x", "cookie": f"{gate.cookie}={gate.pass_}"},
+    )
+    for headers in wrong:
+        raw = [(n.encode(), v.encode("latin-1")) for n, v in headers.items()]
+        for path in (*PATHS, "/?token=wrong", f"/now.json?token={TOKEN}", f"/?token={TOKEN[:-1]}"):
+            for method in ("GET", "POST", "PUT", "HEAD"):
+                assert 401 == client.request(method, path, headers=raw).status_code
+    assert noted == []
+
+
+def test_token_opens_and_does_not_stay_in_the_address() -> None:
+    client, gate, _ = asked(failing(), TOKEN, "0.0.0.0", "192.168.1.5")
+    bearer = {"authorization": f"Bearer {TOKEN}"}
+    assert 200 == client.get("/now.json", headers=bearer).status_code
+    answer = client.get("/", params={"token": TOKEN})
+    assert (303, "./") == (answer.status_code, answer.headers["location"])
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Lax" in cookie
+    assert TOKEN not in cookie
+    assert 200 == client.get("/metrics").status_code
+    assert gate.pass_ == Gate("0.0.0.0", 80, TOKEN).pass_
+    assert gate.seal != Gate("0.0.0.0", 80, TOKEN).seal
+
+
+def test_on_loopback_a_token_is_asked_for_where_there_is_one() -> None:
+    assert 401 == asked(failing(), TOKEN)[0].get("/").status_code
+    assert 200 == asked(failing())[0].get("/").status_code
+
+
+@pytest.mark.parametrize(
+    ("listens", "host", "known"),
+    [
+        ("127.0.0.1", "localhost:8080", True),
+        ("127.0.0.1", "127.0.0.1", True),
+        ("::1", "[::1]:8080", True),
+        ("127.0.0.1", "LOCALHOST.", True),
+        ("127.0.0.1", "attacker.example", False),
+        ("127.0.0.1", "localhost.attacker.example", False),
+        ("127.0.0.1", "attacker.example:80", False),
+        ("127.0.0.1", "127.0.0.1.attacker.example", False),
+        ("127.0.0.1", "", False),
+        ("0.0.0.0", "10.0.0.7:8080", True),
+        ("0.0.0.0", "attacker.example", False),
+        ("0.0.0.0", "watch.example", True),
+    ],
+)
+def test_names_of_other_machines_are_refused(listens: str, host: str, known: bool) -> None:
+    """A name that was rebound to this machine is still another's."""
+    gate = Gate(listens, 8080, TOKEN, ("watch.example",))
+    assert known == gate.knows_host([host])
+    assert not gate.knows_host([host, host])
+    assert not gate.knows_host([])
+
+
+def test_foreign_host_sees_nothing_not_even_with_the_token() -> None:
+    client, _, _ = asked(failing(), TOKEN, name="attacker.example")
+    for path in PATHS:
+        headers = {"authorization": f"Bearer {TOKEN}"}
+        answer = client.get(path, headers=headers)
+        assert 421 == answer.status_code
+        assert "pump" not in answer.text
+
+
+def test_page_acknowledges() -> None:
+    client, gate, noted = asked(failing())
+    episode = failing().active[1].id
+    form = {"episode": key_of(episode), "seal": gate.seal}
+    assert f'value="{key_of(episode)}"' in client.get("/").text
+    plain = client.post("/acknowledge", data=form, headers={"origin": "http://localhost"})
+    assert (303, "./") == (plain.status_code, plain.headers["location"])
+    quiet = client.post("/acknowledge", data=form, headers={"accept": "application/json"})
+    assert 204 == quiet.status_code
+    assert [(episode, "page testclient")] * 2 == noted
+
+
+@pytest.mark.parametrize(
+    ("changed", "headers", "status"),
+    [
+        ({}, {"origin": "http://attacker.example"}, 403),
+        ({}, {"origin": "null"}, 403),
+        ({}, {"origin": "http://localhost:81"}, 403),
+        ({}, {"sec-fetch-site": "cross-site"}, 403),
+        ({}, {"sec-fetch-site": "same-site"}, 403),
+        ({"seal": "x"}, {}, 403),
+        ({"seal": ""}, {"authorization": "Bearer x"}, 403),
+        ({"episode": "x"}, {}, 404),
+        ({"episode": "x" * 5000}, {}, 413),
+        ({str(i): "x" for i in range(9)}, {}, 413),
+    ],
+)
+def test_forms_of_others_acknowledge_nothing(
+    changed: dict[str, str], headers: dict[str, str], status: int
+) -> None:
+    client, gate, noted = asked(failing())
+    form = {"episode": key_of(failing().active[0].id), "seal": gate.seal, **changed}
+    assert status == client.post("/acknowledge", data=form, headers=headers).status_code
+    assert 405 == client.get("/acknowledge").status_code
+    assert noted == []
+
+
+def test_program_with_the_token_acknowledges_by_id() -> None:
+    client, _, noted = asked(failing(), TOKEN)
+    headers = {"authorization": f"Bearer {TOKEN}"}
+    episode = failing().active[0].id
+    client.post("/acknowledge", data={"episode": episode}, headers=headers)
+    assert [(episode, "page testclient")] == noted
+
+
+class Marked(html.parser.HTMLParser):
+    """Names of all elements and attributes."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found: set[tuple[str, str]] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found |= {(tag, name) for name, _ in attrs} | {(tag, "")}
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=repr)
+def test_no_text_becomes_markup_a_line_or_a_control_character(text: str) -> None:
+    now = hostile(text)
+    client, _, _ = asked(now)
+    page = client.get("/").text
+    known = Marked(asked(failing())[0].get("/").text).found | {("span", "class"), ("p", "class")}
+    assert Marked(page).found <= known
+    body = page.replace(SCRIPT, "").replace(LOOK, "")
+    odd = {c for c in body if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn")}
+    assert odd <= {"\n"}
+    data = client.get("/now.json").text
+    assert all(unicodedata.category(c) not in ("Cc", "Cf") for c in data[:-1])
+    assert json.loads(data)["title"] == now.title
+    samples = [s for s in client.get("/metrics").text.splitlines() if not s.startswith("#")]
+    assert all(SAMPLE.fullmatch(s) for s in samples)
+    event = asyncio.run(first_event(now))
+    assert 2 == len(event.strip().splitlines())
+
+
+async def first_event(now: Now) -> str:
+    board = Board(lambda: now, "seal")
+    async for event in Streams(board).one():
+        return event
+    raise AssertionError
+
+
+def test_events_come_when_something_is_new_and_beats_in_between(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(limits, "REDRAWN", 0.01)
+    monkeypatch.setattr(limits, "TICK", 0.05)
+    state = [leaking()]
+    board = Board(lambda: state[0], "seal")
+    streams = Streams(board)
+
+    async def run() -> list[str]:
+        found = []
+        async for event in streams.one():
+            assert 1 == streams.count
+            found.append(event.partition("\n")[0].removeprefix("event: "))
+            if len(found) == 4:
+                state[0] = failing()
+            if len(found) == 6:
+                board.closing.set()
+        return found
+
+    assert ["now", "beat", "beat", "beat", "now", "beat"] == asyncio.run(run())
+    assert 0 == streams.count
+
+
+@pytest.fixture
+def served() -> Iterator[str]:
+    """Address of a page that is served."""
+    page = serve(leaking, "127.0.0.1", 0, None, lambda *_: None)
+    yield page.url
+    page.close()
+
+
+def test_server_counts_pages_and_ends_at_once(served: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "MOST_STREAMS", 1)
+    with httpx.stream("GET", f"{served}events") as stream:
+        lines = stream.iter_lines()  # what is forgotten is closed
+        assert "event: now" == next(lines)
+        assert 503 == httpx.get(f"{served}events").status_code
+        assert 200 == httpx.get(served).status_code
+    until = time.monotonic() + 5.0
+    while time.monotonic() < until:
+        with httpx.stream("GET", f"{served}events") as stream:
+            if stream.status_code == 200:
+                return
+        time.sleep(0.05)
+    raise AssertionError("a page that has gone still counts")
+
+
+def test_close_sends_everybody_away_and_frees_the_port() -> None:
+    page = serve(leaking, "127.0.0.1", 0, None, lambda *_: None)
+    port = int(page.url.rsplit(":", 1)[1].strip("/"))
+    ended = threading.Event()
+
+    def listen() -> None:
+        with httpx.stream("GET", f"{page.url}events", timeout=5.0) as stream:
+            for _ in stream.iter_lines():
+                started.set()
+        ended.set()
+
+    started = threading.Event()
+    listener = threading.Thread(target=listen)
+    listener.start()
+    assert started.wait(5.0)
+    with pytest.raises(OSError, match="in use"):
+        serve(leaking, "127.0.0.1", port, None, lambda *_: None)
+    since = time.monotonic()
+    page.close()
+    assert time.monotonic() - since < 3.0
+    listener.join(5.0)
+    assert ended.is_set()
+    serve(leaking, "127.0.0.1", port, None, lambda *_: None).close()
