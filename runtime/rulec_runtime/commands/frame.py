@@ -17,6 +17,7 @@ REFUSALS = (
     "RulesetRefused",
     "SourceRefused",
     "JournalRefused",
+    "PageRefused",
     "JournalTrouble",
 )
 """Exceptions of the runtime whose message is for the user."""
@@ -121,6 +122,11 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
         "--journal",
         metavar="JOURNAL",
         help="keep events and state in one database: a file (SQLite), or postgresql+psycopg://...",
+    )
+    watch.add_argument(
+        "--page",
+        metavar="[HOST:]PORT",
+        help="show it as a web page; beyond this machine with a token, from RULEC_TOKEN",
     )
     watch.add_argument("--events", metavar="FILE.jsonl", help="put each event behind the others")
     watch.add_argument(

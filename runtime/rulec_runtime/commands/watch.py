@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
@@ -14,13 +15,15 @@ import numpy as np
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.contract.ruleset_file import read_ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.connection import noticed
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, nothing_yet
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources.open import open_source
-from rulec_runtime.live.told import line_of
+from rulec_runtime.live.view.live_screen import LiveScreen
+from rulec_runtime.live.view.present import Present
 from rulec_runtime.output.terminal import say_aside, styled
 from rulec_runtime.output.write_file import write_data
 from rulec_runtime.recordings.recording import RecordingRefused
@@ -50,21 +53,27 @@ def _watched(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) ->
     out = console(options)
     events = _lines(Path(options.events), stack) if options.events else None
     written = 0 if events is None else events.last(ruleset.plant)
-    out.print(styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant))
+    say = f"watching {options.source} of plant {ruleset.plant}; Ctrl-C ends"
+    out.print(styled("[dim]{}[/]", say))
+    present = Present(ruleset, options.source, memory)
+    if options.page:
+        url = _page(options.page, present, stack)
+        out.print(styled("[dim]page: {}[/]", url))
+    screen = stack.enter_context(LiveScreen(present.acknowledge, out, told=memory.number))
     outbox: Outbox | None = None
     with closing(source), suppress(KeyboardInterrupt):
-        while not source.ended:
+        while not source.ended and not screen.quit:
             came = source.take(limits.WAIT)
             if not memory.count:
                 # Whether its times are dates a source knows from its first rows on.
                 recent = nothing_yet(ruleset, source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
-            for now, told in _judged(ruleset, memory, came):
-                memory, calendar = now, now.recent.calendar
+            for memory_now, told, diagnosis in _judged(ruleset, memory, came):
+                memory = memory_now
                 news += told
-                for event in told:
-                    out.print(line_of(event, calendar))
+                present.update(memory, told, diagnosis)
+                screen.show(present.now())
                 if events is not None:
                     # After a kill some are told again, perhaps with a later digit changed.
                     new = [event for event in told if event.number > written]
@@ -80,6 +89,9 @@ def _watched(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) ->
                     outbox.put(news, remembered)
             if options.until_end and not came:
                 break
+            if came:
+                continue
+            screen.show(present.now())
     active = {one.status for one in memory.episodes if one.active}
     return limits.FAILED if active & set(options.fail_on.split(",")) else 0
 
@@ -118,6 +130,24 @@ def _lines(path: Path, stack: ExitStack) -> LinesFile:
     return events
 
 
+def _page(where: str, present: Present, stack: ExitStack) -> str:
+    """Serve the page at ``PORT`` of loopback or at ``HOST:PORT``; its address."""
+    from rulec_runtime.live.sources.refused import extra
+
+    extra("starlette", "page")
+    extra("uvicorn", "page")
+    from rulec_runtime.live.view.page import serve
+
+    host, _, port = where.rpartition(":")
+    if not port.isdecimal() or int(port) > limits.LAST_PORT:
+        raise RecordingRefused(f"--page {where[:60]}: write PORT or HOST:PORT, such as 8080")
+    token = os.environ.get("RULEC_TOKEN")
+    host = host.strip("[]") or "127.0.0.1"
+    page = serve(present.now, host, int(port), token, present.acknowledge)
+    stack.callback(page.close)
+    return page.url
+
+
 def _outbox(journal: Journal, plant: str, dated: bool, stack: ExitStack) -> Outbox:
     """What waits for the journal; what is left is written before the process ends."""
     from rulec_runtime.live.journal.outbox import Outbox
@@ -130,16 +160,17 @@ def _outbox(journal: Journal, plant: str, dated: bool, stack: ExitStack) -> Outb
 
 def _judged(
     ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice]
-) -> Iterator[tuple[Memory, tuple[Event, ...]]]:
-    """What is remembered after each block of rows and each notice, and what is new."""
+) -> Iterator[tuple[Memory, tuple[Event, ...], Diagnosis | None]]:
+    """What is remembered after each block of rows and each notice, what is new, and the diagnosis
+    of rows."""
     for item in _blocks(came):
         if isinstance(item, Notice):
             memory, told = noticed(memory, item)
-            yield memory, told
+            yield memory, told, None
             continue
         for said in follow(ruleset, memory, item):
             memory = said.memory
-            yield memory, said.events
+            yield memory, said.events, said.diagnosis
 
 
 def _blocks(came: Sequence[Rows | Notice]) -> Iterator[Rows | Notice]:

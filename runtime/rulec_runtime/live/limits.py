@@ -30,3 +30,6 @@ are mistakes."""
 
 STATE_FORM = 1
 """Form in which what is remembered is written. Origin: numerical; counts its versions."""
+
+LAST_PORT = 65535
+"""Largest port. Origin: standard, TCP (RFC 9293)."""

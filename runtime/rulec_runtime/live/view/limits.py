@@ -44,3 +44,6 @@ LATEST_EVENTS = 50
 
 BAR_ENDS = 3.0
 """Where the bar of a residual ends, in thresholds. Origin: assumed; what is further off is off."""
+
+PAST = 500
+"""Latest events that can be looked at. Origin: assumed; the journal has all."""

@@ -1,0 +1,71 @@
+"""The present moment, for whoever looks at it: made anew when something has changed."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.follower import Memory
+from rulec_runtime.live.now import Now
+from rulec_runtime.live.view.limits import PAST
+
+ORDER = ("F", "C", "S", "M", "ok")
+
+
+class Present:
+    """What is shown; may be read and acknowledged from several threads."""
+
+    def __init__(self, ruleset: Ruleset, source: str, memory: Memory) -> None:
+        self._lock = threading.Lock()
+        self._past: deque[Event] = deque(maxlen=PAST)
+        self._now = Now(
+            plant=ruleset.plant,
+            title=ruleset.title,
+            time=None,
+            calendar=memory.recent.calendar,
+            status="ok",
+            source=source,
+            connected=False,
+            remark="",
+            rows=memory.count,
+            active=(),
+            past=(),
+            acknowledged=frozenset(),
+            diagnosis=None,
+        )
+
+    def now(self) -> Now:
+        """The present moment."""
+        return self._now
+
+    def update(self, memory: Memory, events: Sequence[Event], diagnosis: Diagnosis | None) -> None:
+        """Take in what is remembered after some rows or a notice, and what is new."""
+        active = [one for one in memory.episodes if one.active]
+        active.sort(key=lambda one: (ORDER.index(one.status), one.since))
+        away = any(one.kind == "source" for one in active)
+        remarks = [event.text for event in events if event.episode.kind == "source"]
+        with self._lock:
+            self._past.extendleft(events)
+            time = memory.recent.time
+            self._now = replace(
+                self._now,
+                time=float(time[-1]) if len(time) else None,
+                calendar=memory.recent.calendar,
+                status=worst({one.status for one in active}),
+                connected=not away,
+                remark=remarks[-1] if remarks else self._now.remark,
+                rows=memory.count,
+                active=tuple(active),
+                past=tuple(self._past),
+                diagnosis=diagnosis or self._now.diagnosis,
+            )
+
+    def acknowledge(self, episode: str, by: str) -> None:
+        """Somebody has taken note of an episode."""
+        with self._lock:
+            self._now = replace(self._now, acknowledged=self._now.acknowledged | {episode})
