@@ -79,7 +79,7 @@ class DeviceHealth:
         self._thread = Thread(target=self._loop.run_forever, name="device health", daemon=True)
         self._thread.start()
         try:
-            self._wait(self._start())
+            self._wait(self._start(), limits.STARTING)
         except BaseException as error:
             self._end()
             if isinstance(error, Exception):
@@ -100,8 +100,8 @@ class DeviceHealth:
             self._wait(self._server.stop())
         self._end()
 
-    def _wait(self, work: Coroutine[Any, Any, None]) -> None:
-        asyncio.run_coroutine_threadsafe(work, self._loop).result(limits.ANSWER)
+    def _wait(self, work: Coroutine[Any, Any, None], seconds: float = limits.ANSWER) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(seconds)
 
     def _end(self) -> None:
         self._loop.call_soon_threadsafe(self._loop.stop)

@@ -61,6 +61,10 @@ ANSWER = 5.0
 """Seconds that a broker has to confirm a message, and a server of our own to start or stop.
 Origin: assumed."""
 
+STARTING = 60.0
+"""Seconds that the server of device health may take to start. Origin: assumed; its standard nodes
+take one second of a processor that has nothing else to do."""
+
 KEEP_ALIVE = 10
 """Seconds after which a broker asks whether we are there. Origin: assumed."""
 
