@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -137,7 +136,8 @@ def test_states_that_are_none_are_refused() -> None:
     assert state.from_bytes(rules, data, "x")[0].count == 0
     with pytest.raises(RecordingRefused, match="of another ruleset"):
         state.from_bytes(compiled("mixing-rig"), data, "x")
-    for bad in (b"", b"no state", data[: len(data) // 2]):
+    half = data.replace(b"recent/segment", b"recent/nothing")
+    for bad in (b"", b"no state", data[: len(data) // 2], half):
         with pytest.raises(RecordingRefused, match="no state of a watch"):
             state.from_bytes(rules, bad, "x")
 
@@ -163,10 +163,21 @@ def test_readings_that_stay_away_are_an_alarm() -> None:
     assert not any(one.active for one in memory.episodes)
 
 
-def test_a_plant_that_stores_is_followed(tmp_path: Path) -> None:
+def test_a_plant_that_stores_is_followed() -> None:
+    """In blocks, by the diagnosis of all rows that are there."""
     rules = compiled("cascaded-tanks")
-    names = sorted(rules.read)
     time = np.arange(60.0)
-    rows = Rows(time, {n: np.full(60, rules.signal_by_id[n].reference) for n in names})
-    told = [*follow(rules, nothing_yet(rules, False), rows)]
-    assert told[-1].memory.count == 60
+    level = {n: np.full(60, rules.signal_by_id[n].reference) for n in sorted(rules.read)}
+    memory = nothing_yet(rules, False)
+    for first in (0, 30):
+        part = slice(first, first + 30)
+        rows = Rows(time[part], {n: v[part] for n, v in level.items()})
+        for told in follow(rules, memory, rows):
+            memory = told.memory
+    assert memory.count == 60
+    assert memory.before is None
+    whole = diagnose(memory.recent, rules)
+    assert len(memory.recent) == 60
+    assert told.diagnosis.findings == whole.findings
+    assert told.diagnosis.unknown == whole.unknown
+    assert told.diagnosis.judged == whole.judged

@@ -53,8 +53,7 @@ def _watched(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) ->
     out = console(options)
     events = _lines(Path(options.events), stack) if options.events else None
     written = 0 if events is None else events.last(ruleset.plant)
-    say = f"watching {options.source} of plant {ruleset.plant}; Ctrl-C ends"
-    out.print(styled("[dim]{}[/]", say))
+    out.print(styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant))
     present = Present(ruleset, options.source, memory)
     if options.page:
         url = _page(options.page, present, stack)
@@ -69,8 +68,8 @@ def _watched(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) ->
                 recent = nothing_yet(ruleset, source.dated).recent
                 memory = replace(memory, recent=recent)
             news: list[Event] = []
-            for memory_now, told, diagnosis in _judged(ruleset, memory, came):
-                memory = memory_now
+            for remembered, told, diagnosis in _judged(ruleset, memory, came):
+                memory = remembered
                 news += told
                 present.update(memory, told, diagnosis)
                 screen.show(present.now())
@@ -80,18 +79,17 @@ def _watched(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) ->
                     events.commit(ruleset.plant, new, None, dated=source.dated)
             if came and (kept is not None or journal is not None):
                 position = getattr(source, "position", {})
-                remembered = state.to_bytes(ruleset, memory, position)
+                data = state.to_bytes(ruleset, memory, position)
                 if kept is not None:
                     # Behind the events: a kill in between tells them again, with the same numbers.
-                    write_data(kept, remembered)
+                    write_data(kept, data)
                 if journal is not None:
                     outbox = outbox or _outbox(journal, ruleset.plant, source.dated, stack)
-                    outbox.put(news, remembered)
-            if options.until_end and not came:
-                break
-            if came:
-                continue
-            screen.show(present.now())
+                    outbox.put(news, data)
+            if not came:
+                if options.until_end:
+                    break
+                screen.show(present.now())
     active = {one.status for one in memory.episodes if one.active}
     return limits.FAILED if active & set(options.fail_on.split(",")) else 0
 

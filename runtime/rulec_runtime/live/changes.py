@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from rulec_runtime.contract.degree import degree_in_figures
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.limits import HEADLINE_RIVAL
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode, Event, Kind, What
@@ -92,7 +92,7 @@ def episodes_of(ruleset: Ruleset, diagnosis: Diagnosis, sight: Sight) -> Iterato
             action=sensor.condition.action,
             probability=sensor.probability,
         )
-    others: tuple[tuple[Kind, str, tuple], ...] = (  # type: ignore[type-arg]
+    others: tuple[tuple[Kind, str, tuple[Period, ...]], ...] = (
         ("unknown", "S", diagnosis.unknown),
         ("blind", "C", diagnosis.not_judged),
     )
@@ -118,7 +118,7 @@ def _merged(episodes: Iterable[Episode]) -> list[Episode]:
     """Of one subject at one time a single episode: the latest word on it."""
     found: list[Episode] = []
     for one in episodes:
-        same = [i for i, e in enumerate(found) if _named(e, one) and _overlap(e, one)]
+        same = [i for i, e in enumerate(found) if _of_one_subject(e, one) and _at_one_time(e, one)]
         if same:
             first = found[same[0]]
             until, active = max(first.until, one.until), first.active or one.active
@@ -130,11 +130,11 @@ def _merged(episodes: Iterable[Episode]) -> list[Episode]:
     return found
 
 
-def _named(one: Episode, other: Episode) -> bool:
+def _of_one_subject(one: Episode, other: Episode) -> bool:
     return one.kind == other.kind and one.subject == other.subject
 
 
-def _overlap(one: Episode, other: Episode) -> bool:
+def _at_one_time(one: Episode, other: Episode) -> bool:
     return one.since <= other.until and other.since <= one.until
 
 
@@ -169,11 +169,11 @@ def _same(old: Episode, new: Episode, pause: float) -> bool:
     about as well."""
     if old.kind != new.kind:
         return False
-    if _overlap(old, new):
+    if _at_one_time(old, new):
         names = {old.subject, *(name for name, _ in old.alternatives)}
         others = {new.subject, *(name for name, _ in new.alternatives)}
         return bool(names & others)
-    return _named(old, new) and old.active and 0.0 < new.since - old.until <= pause
+    return _of_one_subject(old, new) and old.active and 0.0 < new.since - old.until <= pause
 
 
 def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:

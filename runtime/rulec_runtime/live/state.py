@@ -67,24 +67,26 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
 
     Raises `RecordingRefused` for bytes that are no such state, or that of another ruleset.
     """
+    broken = RecordingRefused(f"{name}: this is no state of a watch; remove it to begin anew")
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = dict(archive)
         text = json.loads(str(arrays.pop("text")))
         own = (text["form"], text["plant"], text["sources"])
+        if own != (limits.STATE_FORM, ruleset.plant, ruleset.sources):
+            raise RecordingRefused(
+                f"{name}: this state is of another ruleset (plant '{text['plant']}'); remove it to "
+                "begin anew, or name another file"
+            )
+        return _memory(ruleset, arrays, text), dict(text["position"])
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, TypeError) as error:
-        raise RecordingRefused(
-            f"{name}: this is no state of a watch; remove it to begin anew"
-        ) from (error)
-    if own != (limits.STATE_FORM, ruleset.plant, ruleset.sources):
-        raise RecordingRefused(
-            f"{name}: this state is of another ruleset (plant '{text['plant']}'); remove it to "
-            "begin anew, or name another file"
-        )
-    recent = nothing_yet(ruleset, text["dated"]).recent
+        raise broken from error
+
+
+def _memory(ruleset: Ruleset, arrays: Mapping[str, Array], text: Mapping[str, Any]) -> Memory:
     values = _under(arrays, "recent/values/")
     recent = dataclasses.replace(
-        recent,
+        nothing_yet(ruleset, text["dated"]).recent,
         time=arrays["recent/time"],
         segment=arrays["recent/segment"],
         values=values,
@@ -94,14 +96,13 @@ def from_bytes(ruleset: Ruleset, data: bytes, name: str) -> tuple[Memory, dict[s
         Episode(**{**one, "alternatives": tuple((n, p) for n, p in one["alternatives"])})
         for one in text["episodes"]
     )
-    memory = Memory(
+    return Memory(
         recent=recent,
         before=_history(arrays, text["why"]) if text["before"] else None,
         count=text["count"],
         episodes=episodes,
         number=text["number"],
     )
-    return memory, text["position"]
 
 
 def _history(arrays: Mapping[str, Array], why: Mapping[str, str]) -> History:

@@ -14,7 +14,6 @@ from rulec_runtime.recordings.when import moment
 from rulec_runtime.report.wording import STATUS
 
 QUIET = ("ended", "withdrawn")
-OVER = STATUS["ok"][0]
 
 
 def line_of(event: Event, calendar: Calendar | None) -> Text:
