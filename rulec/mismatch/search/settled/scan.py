@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
@@ -349,9 +350,10 @@ def _pairs_of(
     low, high = bounds
     kept = np.argsort(-single)[:paired]
     first, second = (kept[i] for i in np.triu_indices(len(kept), 1))
-    both_ways = [(every[i], every[j]) for i, j in zip(first, second, strict=True)]
-    apart = np.array([a.candidate.id != b.candidate.id for a, b in both_ways], dtype=bool)
-    whole = np.array([_is_one(a, b) for a, b in both_ways], dtype=bool)
+    ids = np.array([c.candidate.id for c in every])
+    apart, whole = ids[first] != ids[second], np.zeros(len(first), dtype=bool)
+    for k in np.flatnonzero(~apart):
+        whole[k] = _is_one(every[first[k]], every[second[k]])
     legal = apart | whole
     first, second, whole = first[legal], second[legal], whole[legal]
     both = gram[first, second]
@@ -376,8 +378,7 @@ def _is_one(a: Column, b: Column) -> bool:
 
 def _odds(every: Sequence[Column]) -> Array:
     """Log odds of each column before the recording: of its sort, among so many ways."""
-    names = [c.candidate.id for c in every]
-    ways = {name: names.count(name) for name in set(names)}
+    ways = Counter(c.candidate.id for c in every)
     each = [limits.SORT_ODDS[c.candidate.sort] - 0.5 * np.log(ways[c.candidate.id]) for c in every]
     odds: Array = np.array(each) - np.log(len(ways))
     return odds
