@@ -64,7 +64,14 @@ def test_columns_of_another_clock_are_found() -> None:
     assert right >= 9
 
 
-@pytest.mark.parametrize(("signal", "late"), [("E.P_el", 6.0), ("B.P_el", -2.0), ("B.P_el", 4.0)])
+@pytest.mark.parametrize(
+    ("signal", "late"),
+    [
+        ("E.P_el", 6.0),
+        ("B.P_el", -2.0),
+        pytest.param("B.P_el", 4.0, marks=pytest.mark.prove),
+    ],
+)
 def test_a_column_of_a_rig_is_found(signal: str, late: float) -> None:
     recording = example("mixing-rig", "calibration")
     (found,) = looked("mixing-rig", off(recording, (signal,), late))
@@ -111,7 +118,12 @@ def test_clean_recordings_at_many_seeds_have_one_clock() -> None:
 
 @pytest.mark.parametrize(
     ("seed", "signal", "late"),
-    [(1, "tank1.l", -124.0), (2, "pump2.Q", 8.0), (8, "tank2.l", -8.0), (5, "supply.Q", 44.0)],
+    [
+        (1, "tank1.l", -124.0),
+        pytest.param(2, "pump2.Q", 8.0, marks=pytest.mark.prove),
+        pytest.param(8, "tank2.l", -8.0, marks=pytest.mark.prove),
+        (5, "supply.Q", 44.0),
+    ],
 )
 def test_a_plant_that_stores_cannot_answer_before_its_cause(
     seed: int, signal: str, late: float

@@ -66,8 +66,9 @@ def test_two_of_which_each_imitates_the_other_for_a_while(tmp_path: Path) -> Non
     assert all(a.probability > 0.9 for a in found.accepted)
 
 
+@pytest.mark.prove
 def test_what_no_entry_names_is_not_named(tmp_path: Path) -> None:
-    """A frame that shakes in a band of speeds takes power."""
+    """A frame that shakes in a band of speeds takes power; docs/repair-a-model.md has another."""
     made = case("resonance", 8000.0)
     found = told(made, tmp_path)
     assert "unnamed" == found.verdict

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import json
 import math
 from dataclasses import replace
@@ -102,14 +104,21 @@ def ambiguous(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_recipe_can_be_run(ambiguous: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture(scope="module")
+def planned(ambiguous: Path) -> Path:
+    """The machine form of the recipe, with inputs and a page beside it."""
+    form, file = ambiguous / "e.json", str(ambiguous / "m.json")
+    files = ["-o", str(ambiguous / "in.csv"), "--report", str(ambiguous / "e.html")]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main(["experiment", file, "--json", str(form), *files]) == 0
+    assert "can be expected to be" in out.getvalue()
+    return form
+
+
+def test_a_recipe_can_be_run(ambiguous: Path, planned: Path) -> None:
     """Set points lie within what was recorded; `rulec simulate` takes the inputs; certainty grows
     from step to step; and each explanation finds what it foretells itself."""
-    inputs, form = ambiguous / "in.csv", ambiguous / "e.json"
-    file = str(ambiguous / "m.json")
-    page, files = ambiguous / "e.html", ["-o", str(inputs), "--json", str(form)]
-    assert main(["experiment", file, *files, "--report", str(page)]) == 0
-    assert "can be expected to be" in capsys.readouterr().out
+    inputs, form, page = ambiguous / "in.csv", planned, ambiguous / "e.html"
     found: dict[str, Any] = json.loads(form.read_text(encoding="utf-8"))
     assert len(found["explanations"]) >= 2
     assert found["steps"]
@@ -172,13 +181,11 @@ def columns(file: Path) -> dict[str, np.ndarray]:
     return {title.partition(" [")[0]: table[:, i] for i, title in enumerate(head)}
 
 
-def test_fewer_steps_are_the_first_ones(ambiguous: Path, tmp_path: Path) -> None:
+def test_fewer_steps_are_the_first_ones(ambiguous: Path, planned: Path, tmp_path: Path) -> None:
     """Each step is the best one beside those before it."""
-    every, first = tmp_path / "every.json", tmp_path / "first.json"
-    file = str(ambiguous / "m.json")
-    assert main(["experiment", file, "--json", str(every)]) == 0
-    assert main(["experiment", file, "--steps", "1", "--json", str(first)]) == 0
-    steps = [json.loads(form.read_text(encoding="utf-8"))["steps"] for form in (every, first)]
+    first = tmp_path / "first.json"
+    assert main(["experiment", str(ambiguous / "m.json"), "--steps", "1", "--json", str(first)]) == 0
+    steps = [json.loads(form.read_text(encoding="utf-8"))["steps"] for form in (planned, first)]
     assert len(steps[0]) > len(steps[1]) == 1
     assert steps[0][:1] == steps[1]
 

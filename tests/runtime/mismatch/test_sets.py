@@ -15,31 +15,27 @@ from rulec.mismatch.evidence.steady.configuration import Configuration
 from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain
-from rulec.mismatch.search.settled.told import search, with_term
+from rulec.mismatch.search.settled.told import with_term
 from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import ROOT
-from tests.runtime.mismatch.made import rows_at
-
-
-def asked(effects: tuple[str, ...], folder: Path) -> Posterior:
-    """A small case in which effects are left out."""
-    kind = "single" if effects else "clean"
-    case = Planned("a case", kind, "dosing", "steps", effects, 3000.0, small=True)
-    case.make().write(folder)
-    opened = open_builder(folder / "plant")
-    rows = rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
-    return explain(rows, lambda text: None)
+from tests.runtime.mismatch.made import USUAL, alone, recorded, rows_at, tour, warming
 
 
 def test_nothing_is_named_in_a_clean_recording(tmp_path: Path) -> None:
-    found = asked((), tmp_path)
-    assert found.nothing > 0.9
+    """A small case of the independent truth."""
+    case = Planned("a case", "clean", "dosing", "steps", (), 3000.0, small=True)
+    case.make().write(tmp_path)
+    opened = open_builder(tmp_path / "plant")
+    rows = rows_at(opened, read_recording(tmp_path / "recording.csv", opened[0]))
+    assert explain(rows, lambda text: None).nothing > 0.9
 
 
 @pytest.fixture(scope="module")
-def left_out(tmp_path_factory: pytest.TempPathFactory) -> Posterior:
+def left_out() -> Posterior:
     """A recording of a pump whose slip follows the temperature."""
-    return asked(("slip-warm",), tmp_path_factory.mktemp("warm"))
+    given = {**tour(alone()[0], 200), "A.T": warming(200)}
+    slip = {"A.slip-temperature@Q_geo": {"b": 0.03, "T0": USUAL}}
+    return explain(rows_at(alone(), recorded(alone(), given, slip)), lambda text: None)
 
 
 def test_what_was_left_out_is_named(left_out: Posterior) -> None:
@@ -80,17 +76,3 @@ def test_a_curve_has_fewer_pieces_where_its_equation_is_too_long(
         added = () if joined is None else joined.setting.joined[-1].unknowns
         pieces.append(sum(u.null is not None for u in added))
     assert pieces[0] > pieces[1] > pieces[2] == 0
-
-
-def test_the_most_probable_set_is_told() -> None:
-    """The shipped example: slip by temperature, and the temperature at which the law holds."""
-    plant = ROOT / "plants" / "abc"
-    opened = open_builder(plant)
-    recording = read_recording(plant / "examples" / "warm_A.csv", opened[0])
-    found = search(rows_at(opened, recording), lambda text: None)
-    (accepted,) = found.accepted
-    assert accepted.candidate.id == "A.slip-temperature@Q_geo"
-    assert accepted.probability > 0.9
-    values = found.fitted.setting.values
-    slope = values["A.slip-temperature@Q_geo.b"]
-    assert abs(slope - 0.03) < 3.0 * found.fitted.u("A.slip-temperature@Q_geo.b")
