@@ -1,7 +1,8 @@
 """From a recording to the answer: what was planted is told, where, and how large.
 
 Recordings that ship with the project are by the independent truth in rulec/prove/truth; the
-others are made from the plant's own equations with a candidate built in.
+others are made from the plant's own equations with a candidate built in. What is told of the
+shipped warm_A.csv is in tests/test_docs.py: a page asks about it.
 """
 
 from __future__ import annotations
@@ -178,19 +179,6 @@ def test_a_healthy_plant_is_healthy() -> None:
     assert "Nothing to do." == found.next
 
 
-def test_the_warm_example() -> None:
-    """Slip of A that follows its temperature, 3 % per kelvin by the independent truth."""
-    found = example("warm_A.csv")
-    assert "named" == found.verdict
-    (finding,) = found.findings
-    assert SLIP == finding.id
-    assert finding.parameters["b"].lower <= 0.03 <= finding.parameters["b"].upper
-    assert finding.probability > 0.9
-    assert found.fit is not None
-    assert found.fit.heldout.repaired < 0.8 * found.fit.heldout.recalibrated
-    assert found.fit.gain_interval[0] > 0.0
-
-
 def test_the_leakage_example() -> None:
     """Degrees 0.2, 0.4 and 0.6 in plateaus of ten seconds are found as they were."""
     finding = example("leakage_A.csv").findings[0]
@@ -291,7 +279,9 @@ HOSTILE += ("negative", "noise")
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.prove if n == "stuck" else ()) for n in HOSTILE]
+)
 def test_hostile_recordings_get_an_answer(name: str) -> None:
     """Some verdict that can be written down, no exception."""
     recording = made(replace(CASES["warm"], samples=72))
@@ -313,8 +303,8 @@ def test_nonsense_cannot_be_judged(name: str) -> None:
 
 def test_the_same_input_gives_the_same_answer() -> None:
     """All of the machine form except how long it took."""
-    first = mismatch_form(answer("warm"), "plant")
-    again = mismatch_form(compared(alone(), made(CASES["warm"])), "plant")
+    first = mismatch_form(answer("relief valve"), "plant")
+    again = mismatch_form(compared(alone(), made(CASES["relief valve"])), "plant")
     expected, found = ({**form, "seconds": 0} for form in (first, again))
     assert json.dumps(expected) == json.dumps(found)
 

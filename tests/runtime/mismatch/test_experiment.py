@@ -184,7 +184,9 @@ def columns(file: Path) -> dict[str, np.ndarray]:
 def test_fewer_steps_are_the_first_ones(ambiguous: Path, planned: Path, tmp_path: Path) -> None:
     """Each step is the best one beside those before it."""
     first = tmp_path / "first.json"
-    assert main(["experiment", str(ambiguous / "m.json"), "--steps", "1", "--json", str(first)]) == 0
+    assert (
+        main(["experiment", str(ambiguous / "m.json"), "--steps", "1", "--json", str(first)]) == 0
+    )
     steps = [json.loads(form.read_text(encoding="utf-8"))["steps"] for form in (planned, first)]
     assert len(steps[0]) > len(steps[1]) == 1
     assert steps[0][:1] == steps[1]
