@@ -27,8 +27,10 @@ demo: $(BIN)/rulec ## see a leakage found and explained on a shipped example
 test: $(VENV)/dev ## lint, types, all tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	@# Types are checked beside the first tests: alone they would leave a core idle.
+	$(BIN)/mypy & types=$$!; \
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder; tests=$$?; \
+	wait $$types && exit $$tests
 
 prove: $(VENV)/dev ## what takes long: more sealed cases, whole rigs (about ten minutes)
 	$(BIN)/python -m pytest -n 2 -m prove
