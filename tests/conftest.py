@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.language import document
+from rulec.knowledge import read
+from rulec.language import document, schema
+from rulec.language.diagnostics import Diagnostic
+from rulec.language.document import Document
 from rulec.passes.pipeline import compile_plant
 
 os.environ["RULEC_CHECKS"] = "1"
@@ -46,13 +50,32 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _each_text_parsed_once() -> Iterator[None]:
-    """The same text under the same name is the same document: most of the time of a check, and
-    half of that of compiling a small plant, goes into reading the knowledge base again."""
+def _each_text_read_once() -> Iterator[None]:
+    """The same text under the same name is the same document, and keeps to its schema or not: most
+    of the time of a check, and half of that of compiling a small plant, goes into reading the
+    knowledge base again."""
     with pytest.MonkeyPatch.context() as patch:
         once = functools.lru_cache(maxsize=400)(document.parse_document)
         patch.setattr(document, "parse_document", once)
+        patch.setattr(read, "check_schema", _checked_once(schema.check_schema))
         yield
+
+
+def _checked_once(check: Callable[..., list[Diagnostic]]) -> Callable[..., list[Diagnostic]]:
+    """A check of a schema that keeps what it said of the last documents; these are not hashable."""
+    kept: OrderedDict[tuple[object, ...], tuple[Document, list[Diagnostic]]] = OrderedDict()
+
+    def checked(of: Document, *rest: object) -> list[Diagnostic]:
+        # The document is kept with its id, so that no other gets it.
+        key = (id(of), *rest)
+        if key not in kept:
+            kept[key] = of, check(of, *rest)
+        kept.move_to_end(key)
+        if len(kept) > 400:
+            kept.popitem(last=False)
+        return list(kept[key][1])
+
+    return checked
 
 
 @functools.cache

@@ -12,7 +12,7 @@ ROWS = pytest.StashKey[list[tuple[str, str, str]]]()
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _each_text_parsed_once() -> None:
+def _each_text_read_once() -> None:
     """Not where time is measured."""
 
 
