@@ -24,14 +24,17 @@ SOURCES = os.pathsep.join([str(ROOT), str(ROOT / "runtime")])
 """PYTHONPATH of a process that runs what stands here, whatever is installed."""
 
 LONGEST = (
-    "tests/figures/test_quick.py",
-    "tests/runtime/mismatch/test_answers.py",
-    "tests/prove/test_campaign.py",
-    "tests/hostile/test_hostile.py",
     "tests/test_docs.py",
+    "tests/runtime/mismatch/test_answers.py",
+    "tests/figures/test_quick.py",
+    "tests/prove/test_campaign.py",
+    "tests/runtime/mismatch/test_experiment.py",
+    "tests/hostile/test_hostile.py",
     "tests/test_errors.py",
+    "tests/runtime/mismatch/test_clock_shift.py",
     "tests/runtime/test_dynamic_diagnose.py",
     "tests/test_adopt.py",
+    "tests/live/",
     "tests/states/",
     "tests/rig/",
     "tests/prove/",
