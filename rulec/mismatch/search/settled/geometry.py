@@ -160,8 +160,9 @@ USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, ())
 
 @dataclass(frozen=True)
 class Random:
-    """Random columns; `law` is the law of each of the errors of form. Sizes of errors of form, of errors of sensors that move within their class,
-    and of terms without a name are found; those of held inputs are known."""
+    """Random columns; `law` is the law of each of the errors of form. Sizes of errors of form, of
+    errors of sensors that move within their class, and of terms without a name are found; those of
+    held inputs are known."""
 
     forms: Array
     law: tuple[str, ...]
