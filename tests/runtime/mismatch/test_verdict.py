@@ -141,7 +141,18 @@ def test_what_is_left_is_called_noise_only_where_it_is() -> None:
 
 def possible(probability: float, *titles: str) -> Standing:
     """A set of explanations that is possible."""
-    return Standing(titles, titles, probability, (), {}, {}, (), (), (), ())
+    return Standing(
+        names=titles,
+        titles=titles,
+        probability=probability,
+        joined=(),
+        values={},
+        fixed={},
+        periods=(),
+        released=(),
+        trusted=(),
+        terms=(),
+    )
 
 
 def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
