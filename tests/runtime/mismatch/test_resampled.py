@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rulec_runtime.recordings.recording import read_recording
 
+from rulec.effects.model_builder import open_builder
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.states import states_of
 from rulec.mismatch.search.settled.refit import Model
 from rulec.mismatch.search.settled.resampled import Names, shares
-from rulec.mismatch.search.settled.sets import Posterior
-from tests.runtime.mismatch.test_sets import asked
+from rulec.mismatch.search.settled.sets import Posterior, explain
+from rulec.prove.truth.settled.plan import Planned
+from tests.runtime.mismatch.made import rows_at
 
 BETTER, WORSE = frozenset[str](), frozenset({"worse"})
 
@@ -36,8 +39,18 @@ def share_of_worse(found: Posterior, rows: NDArray[np.bool_], nats: float) -> fl
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Posterior:
-    """A clean recording."""
-    return asked((), tmp_path_factory.mktemp("clean"))
+    """A small clean case of the independent truth."""
+    folder = tmp_path_factory.mktemp("clean")
+    case = Planned("a case", "clean", "dosing", "steps", (), 3000.0, small=True)
+    case.make().write(folder)
+    opened = open_builder(folder / "plant")
+    rows = rows_at(opened, read_recording(folder / "recording.csv", opened[0]))
+    return explain(rows, lambda text: None)
+
+
+def test_nothing_is_named_in_a_clean_recording(found: Posterior) -> None:
+    assert found.nothing > 0.9
+    assert found.told == frozenset()
 
 
 def test_a_lead_that_one_operating_state_gives_is_less_sure(found: Posterior) -> None:

@@ -1,8 +1,6 @@
-"""Sets of explanations and their odds: cases with something left out, and one without."""
+"""Sets of explanations and their odds: cases with something left out."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import pytest
 from rulec_runtime.recordings.recording import read_recording
@@ -16,18 +14,8 @@ from rulec.mismatch.evidence.steady.fit import fit
 from rulec.mismatch.search.settled.nameless import terms
 from rulec.mismatch.search.settled.sets import Posterior, begun, explain
 from rulec.mismatch.search.settled.told import with_term
-from rulec.prove.truth.settled.plan import Planned
 from tests.conftest import ROOT
 from tests.runtime.mismatch.made import USUAL, alone, recorded, rows_at, tour, warming
-
-
-def test_nothing_is_named_in_a_clean_recording(tmp_path: Path) -> None:
-    """A small case of the independent truth."""
-    case = Planned("a case", "clean", "dosing", "steps", (), 3000.0, small=True)
-    case.make().write(tmp_path)
-    opened = open_builder(tmp_path / "plant")
-    rows = rows_at(opened, read_recording(tmp_path / "recording.csv", opened[0]))
-    assert explain(rows, lambda text: None).nothing > 0.9
 
 
 @pytest.fixture(scope="module")
