@@ -160,8 +160,8 @@ def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
     standing = (possible(0.6, "Relief valve in A"), possible(0.3), possible(0.05, "Wear in A"))
     said = headline_of("none", (), (), [fit_at(0.3)], standing)
     assert said == (
-        "It is not sure that anything is missing (30 % that nothing is). "
-        "What may be: relief valve in A (60 %)."
+        "It is not sure that anything is missing (30\u00a0% that nothing is). "
+        "What may be: relief valve in A (60\u00a0%)."
     )
     assert "`rulec experiment`" in next_step("none", (), None, (), standing=standing)
     assert "`rulec experiment`" in next_step("ambiguous", (UNSURE,), None, (), standing=standing)
