@@ -55,14 +55,16 @@ def broker() -> Iterator[OwnBroker]:
     made.stop()
 
 
-def listening(port: int) -> tuple[paho.Client, Queue[tuple[str, dict[str, Any]]]]:
+def listening(
+    port: int, topics: str = "rulec/#"
+) -> tuple[paho.Client, Queue[tuple[str, dict[str, Any]]]]:
     heard: Queue[tuple[str, dict[str, Any]]] = Queue()
     ready: Queue[None] = Queue()
     client = paho.Client(paho.CallbackAPIVersion.VERSION2)
     client.on_message = lambda _c, _d, m: heard.put((m.topic, json.loads(m.payload)))
     client.on_subscribe = lambda *_: ready.put(None)
     client.connect("127.0.0.1", port)
-    client.subscribe("rulec/#", qos=1)
+    client.subscribe(topics, qos=1)
     client.loop_start()
     ready.get(timeout=5)
     return client, heard

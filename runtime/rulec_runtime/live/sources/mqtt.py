@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ssl
+import sys
 from collections.abc import Sequence
 from threading import Event, Thread
 from typing import Any
@@ -12,6 +13,7 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.network import tls_reason
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler
@@ -122,7 +124,13 @@ class Mqtt:
             self._lost(f"the connection ended: {code.getName()}")
 
     def _on_connect_fail(self, _client: Any, _data: Any) -> None:
-        self._lost("the broker does not answer")
+        """Called while paho handles what went wrong: it hands over no reason."""
+        error = sys.exc_info()[1]
+        if not isinstance(error, ssl.SSLError):
+            self._lost("the broker does not answer")
+            return
+        remedy = "name its authority with 'security: {ca: FILE}'"
+        self._lost(f"{tls_reason(error)}; {remedy}")
 
     def _lost(self, why: str) -> None:
         """Told once until the connection stands again."""
