@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.findings import Evidence, Finding, Period
+from rulec_runtime.diagnosis.steady.evidence import Evidence
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course, span
 

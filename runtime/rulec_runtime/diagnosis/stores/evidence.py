@@ -12,7 +12,7 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.threshold import sign_of, threshold_of
-from rulec_runtime.diagnosis.steady.findings import Evidence
+from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.spells import Cause, Spell
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
@@ -44,6 +44,28 @@ def evidence_of(
     return tuple(_entries(model, window, shown, slopes, rows, reference, cause))
 
 
+def latest_of(model: Model, windows: Windows, judged: Sequence[Judged]) -> Latest | None:
+    """How far the readings of the last window are from what the balances predict there, followed
+    from the window before; None where nothing could be followed."""
+    for i in range(len(judged) - 1, 0, -1):
+        before, target = judged[i - 1], judged[i]
+        if before.plain is None or before.window.piece != target.window.piece:
+            continue
+        window = windows.joined(before.window, target.window)
+        guess = Guess(before.plain.guess.starts, before.plain.guess.errors, np.zeros(0))
+        try:
+            shown, slopes, _ = model.simulate(window, guess)
+        except RanAway:
+            return None
+        # What both windows share was fitted: only behind it something is predicted.
+        rows = window.time > before.window.time[-1]
+        if not rows.any():
+            return None
+        entries = _entries(model, window, shown, slopes, rows, before, None)
+        return Latest(float(window.time[rows][0]), float(window.time[-1]), tuple(entries))
+    return None
+
+
 def _worst(model: Model, window: Window, shown: Array) -> np.ndarray:
     """The third of a window in which readings are farthest off."""
     count = len(window.time)
@@ -60,8 +82,9 @@ def _entries(
     slopes: Array,
     rows: np.ndarray,
     reference: Judged,
-    cause: Cause,
+    cause: Cause | None,
 ) -> Iterator[Evidence]:
+    """Entries of all outputs; with a cause the last slope is that of its degree."""
     assert reference.plain is not None
     covariance = reference.plain.covariance
     for i, name in enumerate(model.dynamics.outputs):
@@ -71,8 +94,9 @@ def _entries(
             continue
         value = float(np.mean(window.measured[here, i] - shown[here, i]))
         mean = slopes[here, i].mean(axis=0)
-        lasting = float(np.sqrt(max(mean[:-1] @ covariance @ mean[:-1], 0.0)))
+        own = mean if cause is None else mean[:-1]
+        lasting = float(np.sqrt(max(own @ covariance @ own, 0.0)))
         u = float(np.hypot(lasting, model.spread[i] / np.sqrt(here.sum())))
-        effect = float(mean[-1] * cause.degree)
+        effect = 0.0 if cause is None else float(mean[-1] * cause.degree)
         signs = sign_of(value, u), sign_of(effect, u)
         yield Evidence(name, value, u, lasting, threshold_of(u), *signs)
