@@ -43,7 +43,7 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     found = weighed(ruleset, windows)
     spells = spells_of(found.judged, {f.id: i for i, f in enumerate(ruleset.faults)})
     blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
-    said = Found([], [], blind, latest_of(found.judge.model, windows, found.judged))
+    said = Found([], [], blind, latest_of(found.judge, found.judged))
     for place, spell in enumerate(spells):
         since, until = _times(found.judged, spell)
         if spell.brief:

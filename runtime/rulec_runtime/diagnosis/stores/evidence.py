@@ -13,7 +13,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
-from rulec_runtime.diagnosis.stores.judge import Judged
+from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.stores.judge import Judge, Judged
 from rulec_runtime.diagnosis.stores.spells import Cause, Spell
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
@@ -44,26 +46,27 @@ def evidence_of(
     return tuple(_entries(model, window, shown, slopes, rows, reference, cause))
 
 
-def latest_of(model: Model, windows: Windows, judged: Sequence[Judged]) -> Latest | None:
-    """How far the readings of the last window are from what the balances predict there, followed
-    from the window before; None where nothing could be followed."""
-    for i in range(len(judged) - 1, 0, -1):
-        before, target = judged[i - 1], judged[i]
-        if before.plain is None or before.window.piece != target.window.piece:
+def latest_of(judge: Judge, judged: Sequence[Judged]) -> Latest | None:
+    """What the balances without a fault leave of each reading in the last window, as its root mean
+    square, beside that from which on the reading alone would deviate; None where no window could
+    be followed."""
+    one = next((one for one in reversed(judged) if one.plain is not None), None)
+    if one is None or one.plain is None:
+        return None
+    model, chance = judge.model, alarm_chance(len(judged)) / 2
+    entries = []
+    for i, name in enumerate(model.dynamics.outputs):
+        error = one.plain.error[np.isfinite(one.plain.error[:, i]), i]
+        if not len(error):
+            entries.append(Evidence(name, 0.0, 0.0, 0.0, 0.0, "invalid", "0"))
             continue
-        window = windows.joined(before.window, target.window)
-        guess = Guess(before.plain.guess.starts, before.plain.guess.errors, np.zeros(0))
-        try:
-            shown, slopes, _ = model.simulate(window, guess)
-        except RanAway:
-            return None
-        # What both windows share was fitted: only behind it something is predicted.
-        rows = window.time > before.window.time[-1]
-        if not rows.any():
-            return None
-        entries = _entries(model, window, shown, slopes, rows, before, None)
-        return Latest(float(window.time[rows][0]), float(window.time[-1]), tuple(entries))
-    return None
+        freedom = max(int(len(error) * judge.share[i]) - len(model.dynamics.states), 1)
+        limit = chi_square_limit(freedom, quantile(chance)) / len(error)
+        u = float(model.spread[i] * np.sqrt(limit)) / threshold_of(1.0)
+        value = float(np.sqrt(np.mean(error**2)))
+        entries.append(Evidence(name, value, u, 0.0, threshold_of(u), sign_of(value, u), "0"))
+    time = one.window.time
+    return Latest(float(time[0]), float(time[-1]), tuple(entries))
 
 
 def _worst(model: Model, window: Window, shown: Array) -> np.ndarray:
@@ -82,9 +85,8 @@ def _entries(
     slopes: Array,
     rows: np.ndarray,
     reference: Judged,
-    cause: Cause | None,
+    cause: Cause,
 ) -> Iterator[Evidence]:
-    """Entries of all outputs; with a cause the last slope is that of its degree."""
     assert reference.plain is not None
     covariance = reference.plain.covariance
     for i, name in enumerate(model.dynamics.outputs):
@@ -94,9 +96,8 @@ def _entries(
             continue
         value = float(np.mean(window.measured[here, i] - shown[here, i]))
         mean = slopes[here, i].mean(axis=0)
-        own = mean if cause is None else mean[:-1]
-        lasting = float(np.sqrt(max(own @ covariance @ own, 0.0)))
+        lasting = float(np.sqrt(max(mean[:-1] @ covariance @ mean[:-1], 0.0)))
         u = float(np.hypot(lasting, model.spread[i] / np.sqrt(here.sum())))
-        effect = 0.0 if cause is None else float(mean[-1] * cause.degree)
+        effect = float(mean[-1] * cause.degree)
         signs = sign_of(value, u), sign_of(effect, u)
         yield Evidence(name, value, u, lasting, threshold_of(u), *signs)
