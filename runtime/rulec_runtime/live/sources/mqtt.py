@@ -22,6 +22,7 @@ from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
 
@@ -108,7 +109,8 @@ class Mqtt:
         if denied:
             text = f"{endpoint}: the broker denies the topics {', '.join(denied)}"
             self._hand.notices([notice("refused", now(), text)])
-        text = f"{endpoint}: {len(self._scales)} signals of {len(self._by_topic)} topics"
+        signals = plural(len(self._scales), "signal", "signals")
+        text = f"{endpoint}: {signals} of {plural(len(self._by_topic), 'topic', 'topics')}"
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:
             text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
