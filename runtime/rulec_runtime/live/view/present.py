@@ -10,7 +10,7 @@ from dataclasses import replace
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
 from rulec_runtime.live.episode import Episode, Event
-from rulec_runtime.live.follower import Memory
+from rulec_runtime.live.follower import Memory, diagnosis_of
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.limits import PAST
 
@@ -18,7 +18,8 @@ ORDER = ("F", "C", "S", "M", "ok")
 
 
 class Present:
-    """What is shown; may be read and acknowledged from several threads."""
+    """What is shown, at first what an earlier process remembered; may be read and acknowledged from
+    several threads."""
 
     def __init__(self, ruleset: Ruleset, source: str, memory: Memory) -> None:
         self._lock = threading.Lock()
@@ -31,13 +32,13 @@ class Present:
             calendar=memory.recent.calendar,
             status=worst({one.status for one in active}),
             source=source,
-            connected=False,
+            connected=bool(memory.count) and all(one.kind != "source" for one in active),
             remark="",
             rows=memory.count,
             active=active,
             past=(),
             acknowledged=frozenset(),
-            diagnosis=None,
+            diagnosis=diagnosis_of(ruleset, memory),
         )
 
     def now(self) -> Now:
