@@ -20,8 +20,9 @@ from rulec.cli import main
 from tests.live.journal.postgres import Postgres
 from tests.live.journal.test_device_health import asked, free_port, health_of, values
 from tests.live.journal.test_mqtt_out import OwnBroker, broker, listening  # noqa: F401
-from tests.live.test_watch import LEAKAGE, environment, rules, run, watching  # noqa: F401
+from tests.live.test_watch import LEAKAGE, environment, rules, watching  # noqa: F401
 
+CLIENT = httpx.Client(verify=False)
 LINES = LEAKAGE.read_text(encoding="utf-8").splitlines(keepends=True)
 
 
@@ -54,13 +55,13 @@ def until(true: Callable[[], Any], seconds: float = 20.0) -> Any:
     ends = time.monotonic() + seconds
     while not (found := true()):
         assert time.monotonic() < ends
-        time.sleep(0.05)
+        time.sleep(0.2)
     return found
 
 
 def now_at(page: str) -> dict[str, Any] | None:
     try:
-        found: dict[str, Any] = httpx.get(f"{page}now.json").json()
+        found: dict[str, Any] = CLIENT.get(f"{page}now.json").json()
     except httpx.TransportError:
         return None
     return found
@@ -77,13 +78,13 @@ def test_acknowledged_on_the_page_is_in_the_journal_and_there_again(
     page, options = f"http://127.0.0.1:{port}/", ("--journal", where, "--page", str(port))
     with watched(rules, log, *options):
         until(lambda: (now_at(page) or {}).get("active"))
-        text = httpx.get(page).text
+        text = CLIENT.get(page).text
         form = {
             name: found[1]
             for name in ("seal", "episode")
             if (found := re.search(f'name="{name}" value="([^"]+)"', text))
         }
-        posted = httpx.post(f"{page}acknowledge", data={**form, "by": "Ann"})
+        posted = CLIENT.post(f"{page}acknowledge", data={**form, "by": "Ann"})
         assert posted.status_code == 303
         with closing(open_journal(where)) as journal:
             (episode,) = until(lambda: journal.acknowledged("abc"))
@@ -140,6 +141,7 @@ def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhi
     rules: Path,  # noqa: F811
     log: Path,
     tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """What waits outlives the process; what is left at the end is told, and written next time."""
     waits = tmp_path / "waits"
@@ -155,13 +157,12 @@ def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhi
                 _add(log, 25, 59)
                 until(lambda: list(waits.iterdir()))
                 killed.kill()
-            done = run(rules, "--source", str(log), "--until-end", *options)
-            assert done.returncode == 1
-            assert "could not be written; what waits stands in" in done.stderr
+            again = ["watch", str(rules), "--source", str(log), "--until-end", *options]
+            assert main(again) == 1
+            assert "could not be written; what waits stands in" in capsys.readouterr().err
             _add(log, 59, len(LINES))
             server.start()
-            done = run(rules, "--source", str(log), "--until-end", *options)
-            assert done.returncode == 0, done.stderr
+            assert main(again) == 0
             events = [entry.event for entry in journal.events("abc")]
         assert [e.number for e in events] == list(range(1, len(events) + 1))
         faults = [e for e in events if e.episode.kind == "fault"]
@@ -169,8 +170,10 @@ def test_database_that_is_gone_loses_nothing_even_if_the_watch_is_killed_meanwhi
             assert [e.episode.since for e in faults if e.what == what] == [11.0, 31.0, 51.0]
         assert list(waits.iterdir()) == []
         server.stop()
-        none = run(rules, "--source", str(log), "--until-end", "--journal", server.url)
-        assert (none.returncode, "Traceback" in none.stderr) == (1, False)
+        assert (
+            main([*again[:-1], str(tmp_path)]) == 1
+        )  # nothing waits there: who knows the numbers?
+        assert "rulec: postgresql+psycopg://" in capsys.readouterr().err
     finally:
         server.close()
 
