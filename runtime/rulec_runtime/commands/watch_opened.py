@@ -56,7 +56,8 @@ def opened(
     source = open_source(options.source, ruleset, map_path, position or None)
     stack.callback(source.close)
     out = console(options)
-    out.print(styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant))
+    first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
+    out.print(first, soft_wrap=True)
     present = Present(ruleset, options.source, memory)
     acknowledge: Acknowledge = present.acknowledge
     if journal is not None:
