@@ -16,6 +16,7 @@ from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 
 from tests.conftest import ROOT, compiled
+from tests.runtime.tanks import made, plant
 
 ABC = ROOT / "plants" / "abc" / "examples"
 
@@ -181,3 +182,25 @@ def test_a_plant_that_stores_is_followed() -> None:
     assert told.diagnosis.findings == whole.findings
     assert told.diagnosis.unknown == whole.unknown
     assert told.diagnosis.judged == whole.judged
+
+
+def test_a_fault_of_a_tank_is_told_once_with_its_beginning() -> None:
+    """Also the reading that shows it is beyond its threshold then, and was not before."""
+    recording = made("cascaded-tanks", 1, ("lower.y.low", 0.2, 0.5), count=600)
+    rules, memory = plant("cascaded-tanks"), nothing_yet(plant("cascaded-tanks"), False)
+    faults, beyond = [], []
+    for first, last in ((0, 300), (300, 450), (450, 600)):
+        for told in follow(rules, memory, part_of(recording, first, last)):
+            memory = told.memory
+            faults += [e for e in told.events if e.episode.kind == "fault"]
+            latest = told.diagnosis.latest
+            assert latest is not None
+            assert latest.until == recording.time[last - 1]
+            beyond.append([e.residual for e in latest.residuals if e.verdict == "+"])
+    assert [(e.what, e.episode.subject) for e in faults][:1] == [("began", "lower.y.low")]
+    assert {e.what for e in faults[1:]} <= {"changed"}
+    (episode,) = [one for one in memory.episodes if one.kind == "fault"]
+    assert episode.active
+    assert episode.lower <= 0.2 <= episode.upper
+    assert abs(episode.since - 1200.0) < 256.0  # between two windows
+    assert beyond == [[], ["lower.y"], ["lower.y"]]

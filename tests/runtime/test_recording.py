@@ -220,7 +220,7 @@ NOTED = {
         SHEET.filled("A.dp", "Störung", 7, 9),
         "2 cells of A.dp are words (the first, in data row 8: 'Störung')",
     ),
-    "Bad": (SHEET.filled("A.dp", "Bad", 3, 4), "1 cells of A.dp are words"),
+    "Bad": (SHEET.filled("A.dp", "Bad", 3, 4), "1 cell of A.dp is a word"),
     "fill value": (
         SHEET.filled("A.dp", "9.96921e36", 5, 7),
         "2 cells of A.dp are beyond any sensor (the first in data row 6)",

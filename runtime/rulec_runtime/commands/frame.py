@@ -130,6 +130,32 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
     )
     watch.add_argument("--events", metavar="FILE.jsonl", help="put each event behind the others")
     watch.add_argument(
+        "--mqtt",
+        metavar="URL",
+        help="send events and status to a broker: mqtt://HOST or mqtts://HOST, with /TOPIC behind "
+        "it in place of /rulec; user and password from RULEC_MQTT_USER, RULEC_MQTT_PASSWORD",
+    )
+    watch.add_argument(
+        "--mqtt-ca", metavar="FILE", help="whom to trust for mqtts://, in place of the system's"
+    )
+    watch.add_argument(
+        "--device-health",
+        metavar="[HOST:]PORT",
+        help="say by OPC UA how each module is (IDeviceHealthType); beyond this machine with "
+        "certificates",
+    )
+    watch.add_argument(
+        "--device-health-certificates",
+        metavar="FOLDER",
+        help="holds own.der, own.pem and a folder trusted with the certificates of clients",
+    )
+    watch.add_argument(
+        "--waiting",
+        metavar="FOLDER",
+        help="where events wait while database or broker are gone (default: that of the journal's "
+        "or the state's file)",
+    )
+    watch.add_argument(
         "--until-end", action="store_true", help="end where a file ends, instead of waiting"
     )
     watch.add_argument(

@@ -70,5 +70,5 @@ def _acknowledge(
         raise JournalRefused(f"{' and '.join(having)} have an episode {options.ack}: give --plant")
     plant = having[0] if having else options.plant or "any plant"
     new = journal.acknowledge(plant, options.ack, options.by)
-    text = "{} of {}: noted" if new else "{} of {}: somebody had taken note of it before"
+    text = "{} of {}: acknowledged" if new else "{} of {}: somebody had acknowledged it before"
     out.print(styled(text, options.ack, plant))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
+from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period, findings_of
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_stretches
 from rulec_runtime.recordings.recording import Recording
@@ -33,6 +34,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     sensors: tuple[SensorFinding, ...] = ()
     calendar: Calendar | None = None
+    latest: Latest | None = None
 
 
 def diagnose(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Diagnosis:
@@ -77,6 +79,7 @@ def assembled(
         notes=(*recording.notes, *missing, *notes),
         sensors=health.findings,
         calendar=recording.calendar,
+        latest=found.latest,
     )
 
 
@@ -115,6 +118,7 @@ def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple
         found.unknown.extend(own.unknown)
         found.not_judged.extend(own.not_judged)
         judged |= part.isolation.judged
+    found = replace(found, latest=latest_of(ruleset, timeline, seen))
     return int(timeline.samples[judged].sum()), found
 
 

@@ -85,6 +85,11 @@ def follow(ruleset: Ruleset, memory: Memory, rows: Rows) -> Iterator[Told]:
         yield told
 
 
+def diagnosis_of(ruleset: Ruleset, memory: Memory) -> Diagnosis | None:
+    """What the rows say that are remembered, as it was told last; None before any."""
+    return _looked(ruleset, memory).diagnosis if len(memory.recent) else None
+
+
 def _appended(ruleset: Ruleset, recent: Recording, rows: Rows, part: slice) -> Recording:
     """The latest rows with new ones behind them; a reading that comes late has none before."""
     time = rows.time[part]

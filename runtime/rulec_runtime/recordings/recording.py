@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.clock import ClockSet, in_order
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
@@ -163,7 +164,9 @@ def _part(file: RecordingFile, notes: list[str], lost: list[tuple[int, str]]) ->
         notes.append(f"{file.path.name}: the rows were not in order of time; they are now")
     first = np.concatenate([[True], np.diff(ordered.time) > 0])
     repeated = len(first) - int(first.sum())
-    _tell_left_out(file.path, repeated, "repeat the time of another row", notes, lost)
+    _tell_left_out(
+        file.path, repeated, ("repeats", "repeat"), "the time of another row", notes, lost
+    )
     rows = kept[ordered.order[first]]
     values = {name: v[rows] for name, v in file.values.items()}
     zones = None if file.zones is None else file.zones[rows]
@@ -177,17 +180,23 @@ def _with_time(
     has_time = np.isfinite(time) & (np.abs(time) < limits.ABSURD)
     if not has_time.any():
         raise RecordingRefused(f"{path}: no row has a usable time")
-    _tell_left_out(path, int((~has_time).sum()), "have no usable time", notes, lost)
+    _tell_left_out(path, int((~has_time).sum()), ("has", "have"), "no usable time", notes, lost)
     return np.flatnonzero(has_time)
 
 
 def _tell_left_out(
-    path: Path, count: int, what: str, notes: list[str], lost: list[tuple[int, str]]
+    path: Path,
+    count: int,
+    verb: tuple[str, str],
+    what: str,
+    notes: list[str],
+    lost: list[tuple[int, str]],
 ) -> None:
     """Rows that are no part of the recording, for the operator and for the count of rows."""
     if count:
-        notes.append(f"{path.name}: {count} rows {what} and are left out")
-        lost.append((count, f"they {what}"))
+        one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
+        notes.append(f"{path.name}: {plural(count, one, many)} left out")
+        lost.append((count, f"they {verb[1]} {what}"))
 
 
 def _one_behind_the_other(

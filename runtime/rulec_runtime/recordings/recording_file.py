@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_table
 from rulec_runtime.recordings.header import Header, Target, assign
 from rulec_runtime.recordings.time_column import read_times
@@ -68,9 +69,11 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
 
     table = read_table(path, choose)
     if table.left_out:
+        other = "another number of cells than the header and"
+        one, many = f"row has {other} is", f"rows have {other} are"
         notes.append(
-            f"{path.name}: {table.left_out} rows have another number of cells than the header and "
-            f"are left out (the first is data row {table.first_left_out})"
+            f"{path.name}: {plural(table.left_out, one, many)} left out (the first is data row "
+            f"{table.first_left_out})"
         )
     time, zones = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
     values = {}
@@ -108,19 +111,20 @@ def in_si(numbers: Array, target: Target, most: float) -> tuple[Array, NDArray[n
 
 def _readings(path: Path, column: Column, target: Target, most: float, notes: list[str]) -> Array:
     """Numbers of a column in SI; what is no reading becomes NaN and is noted."""
+    cell, cells = f"cell of {target.signal}", f"cells of {target.signal}"
     if column.words:
         assert column.first is not None
         row, word = column.first
         notes.append(
-            f"{path.name}: {column.words} cells of {target.signal} are words (the first, in data "
-            f"row {row}: '{word}'); there it has no reading"
+            f"{path.name}: {plural(column.words, f'{cell} is a word', f'{cells} are words')} (the "
+            f"first, in data row {row}: '{word}'); there it has no reading"
         )
     values, absurd = in_si(column.numbers(), target, most)
     if absurd.any():
         count, row = int(absurd.sum()), int(np.argmax(absurd)) + 1
         notes.append(
-            f"{path.name}: {count} cells of {target.signal} are beyond any sensor (the first in "
-            f"data row {row}); there it has no reading"
+            f"{path.name}: {plural(count, f'{cell} is', f'{cells} are')} beyond any sensor (the "
+            f"first in data row {row}); there it has no reading"
         )
     if not np.isfinite(values).any():
         notes.append(f"{path.name}: {target.signal} has not one reading")

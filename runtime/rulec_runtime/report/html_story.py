@@ -8,7 +8,8 @@ from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.sensors.conditions import SensorFinding
-from rulec_runtime.diagnosis.steady.findings import Evidence, Finding, Period
+from rulec_runtime.diagnosis.steady.evidence import Evidence
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course
 from rulec_runtime.report.text import bounds, counted, degree, listed, percent, period, safe

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.findings import Evidence, Finding, Period
+from rulec_runtime.diagnosis.steady.evidence import Evidence
+from rulec_runtime.diagnosis.steady.findings import Finding, Period
 from rulec_runtime.recordings.wall_clock import Calendar
 from rulec_runtime.recordings.when import course, span
 
@@ -75,7 +76,7 @@ def told_residual(ruleset: Ruleset, evidence: Evidence, flow: FlowUnit) -> Told:
         return Told(unit, "–", "–")
     if signal is None:
         value, threshold = flow.factor * evidence.value, flow.factor * evidence.threshold
-        return Told(unit, f"{value:.1f}", f"±{threshold:.1f}")
+        return Told(unit, f"{value:z.1f}", f"±{threshold:.1f}")
     value, threshold = evidence.value / signal.factor, evidence.threshold / signal.factor
     return Told(unit, f"{value:.3g} {unit}", f"±{threshold:.2g} {unit}")
 

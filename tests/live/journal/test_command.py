@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
@@ -62,11 +63,13 @@ def test_filters_and_exit_code(file: str, capsys: pytest.CaptureFixture[str]) ->
 
 def test_take_note(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["journal", file, "--ack", LEAKAGE.id, "--by", "Ann"]) == 0
-    assert "A.leakage@1700000000.000 of abc: noted" in capsys.readouterr().out
+    assert "A.leakage@1700000000.000 of abc: acknowledged" in capsys.readouterr().out
     assert main(["journal", file, "--ack", LEAKAGE.id, "--by", "Ben"]) == 0
-    assert "somebody had taken note of it before" in capsys.readouterr().out
+    assert "somebody had acknowledged it before" in capsys.readouterr().out
     assert main(["journal", file, "--json", file + ".json"]) == 0
-    assert "noted by Ann" in capsys.readouterr().out
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"acknowledged by Ann, 20\d\d-\d\d-\d\d \d\d:\d\d:\d\d UTC", told)
+    assert re.search(r"Acknowledged newest .* Ann, .* UTC: A.leakage since 2023-11-14 22:1", told)
     data = json.loads(Path(file + ".json").read_text())
     assert [record["acknowledged_by"] for record in data["events"]] == ["Ann", None, "Ann", None]
 

@@ -28,9 +28,9 @@ def free_port() -> int:
         return int(s.getsockname()[1])
 
 
-def asked(server: DeviceHealth, work: Callable[[Client], Awaitable[Any]], user: str = "") -> Any:
+def asked(place: str, work: Callable[[Client], Awaitable[Any]], user: str = "") -> Any:
     async def run() -> Any:
-        client = Client(server.place, timeout=4)
+        client = Client(place, timeout=4)
         if user:
             client.set_user(user)
         async with client:
@@ -65,17 +65,17 @@ def server() -> Iterator[DeviceHealth]:
 
 
 def test_health_of_plant_and_modules(server: DeviceHealth) -> None:
-    first = asked(server, health_of)
+    first = asked(server.place, health_of)
     assert all(not v.StatusCode.is_good() for v in first.values())
     server.show([LEAKAGE, replace(LEAKAGE, id="2", status="M")])
-    found = asked(server, health_of)
+    found = asked(server.place, health_of)
     assert values(found) == {"abc": 3, "A": 3, "B": 0, "C": 0}
     assert all(v.StatusCode.is_good() for v in found.values())
     stuck = replace(LEAKAGE, id="3", kind="sensor", module="B", status="C")
     blind = replace(LEAKAGE, id="4", kind="unknown", module="", status="F")
     over = replace(LEAKAGE, id="5", module="C", active=False)
     server.show([LEAKAGE, stuck, blind, over], usable=False)
-    found = asked(server, health_of)
+    found = asked(server.place, health_of)
     assert values(found) == {"abc": 1, "A": 3, "B": 2, "C": 0}
     assert all(v.StatusCode.name == "UncertainLastUsableValue" for v in found.values())
 
@@ -107,11 +107,11 @@ async def changed(client: Client) -> list[str]:
 def test_clients_change_nothing(server: DeviceHealth, user: str) -> None:
     server.show([LEAKAGE])
     try:
-        told = asked(server, changed, user)
+        told = asked(server.place, changed, user)
     except ua.UaStatusCodeError as error:
         told = [type(error).__name__] if user else ["let in"]  # no name is taken
     assert set(told) <= {"BadUserAccessDenied", "BadIdentityTokenRejected"}, told
-    assert values(asked(server, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
+    assert values(asked(server.place, health_of)) == {"abc": 3, "A": 3, "B": 0, "C": 0}
 
 
 async def certificates(folder: Path) -> None:

@@ -7,6 +7,7 @@ import json
 import logging
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from queue import Queue
 from threading import Thread
 from typing import Any
@@ -22,9 +23,11 @@ from tests.live.journal.test_device_health import free_port
 
 
 class OwnBroker:
-    """A broker on loopback that can be stopped and started."""
+    """A broker on loopback that can be stopped and started; with TLS for a certificate, whose key
+    stands beside it."""
 
-    def __init__(self) -> None:
+    def __init__(self, certificate: Path | None = None) -> None:
+        self._certificate = certificate
         logging.getLogger("amqtt").setLevel(logging.CRITICAL + 1)
         logging.getLogger("transitions").setLevel(logging.CRITICAL + 1)
         self.port = free_port()
@@ -33,7 +36,10 @@ class OwnBroker:
         self.start()
 
     def start(self) -> None:
-        listener = {"type": "tcp", "bind": f"127.0.0.1:{self.port}"}
+        listener: dict[str, Any] = {"type": "tcp", "bind": f"127.0.0.1:{self.port}"}
+        if self._certificate is not None:
+            key = str(self._certificate.with_suffix(".key"))
+            listener |= {"ssl": True, "certfile": str(self._certificate), "keyfile": key}
         plugins: dict[str, Any] = {
             "amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}
         }
@@ -55,14 +61,16 @@ def broker() -> Iterator[OwnBroker]:
     made.stop()
 
 
-def listening(port: int) -> tuple[paho.Client, Queue[tuple[str, dict[str, Any]]]]:
+def listening(
+    port: int, topics: str = "rulec/#"
+) -> tuple[paho.Client, Queue[tuple[str, dict[str, Any]]]]:
     heard: Queue[tuple[str, dict[str, Any]]] = Queue()
     ready: Queue[None] = Queue()
     client = paho.Client(paho.CallbackAPIVersion.VERSION2)
     client.on_message = lambda _c, _d, m: heard.put((m.topic, json.loads(m.payload)))
     client.on_subscribe = lambda *_: ready.put(None)
     client.connect("127.0.0.1", port)
-    client.subscribe("rulec/#", qos=1)
+    client.subscribe(topics, qos=1)
     client.loop_start()
     ready.get(timeout=5)
     return client, heard

@@ -45,11 +45,13 @@ asyncio.run(main())
 
 
 class PlantBroker:
-    """A broker in a process of its own, which is killed, and a client that publishes."""
+    """A broker in a process of its own, which is killed, and a client that publishes; `heard` are
+    the topics of all that anybody has published."""
 
     def __init__(self) -> None:
         self.port = free_port()
         self.url = f"mqtt://127.0.0.1:{self.port}"
+        self.heard: list[str] = []
         self.start()
 
     def start(self) -> None:
@@ -61,7 +63,9 @@ class PlantBroker:
         assert self._process.stdout is not None
         assert self._process.stdout.readline() == b"up\n"
         self._client = paho.Client(CallbackAPIVersion.VERSION2)
+        self._client.on_message = lambda _c, _d, message: self.heard.append(message.topic)
         self._client.connect("127.0.0.1", self.port)
+        self._client.subscribe("#", qos=1)
         self._client.loop_start()
 
     def stop(self) -> None:
@@ -82,7 +86,8 @@ def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> Taken:
 
 
 def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
-    """A message with all signals is a row; lost, stale, connected and the gap are told."""
+    """A message with all signals is a row; lost, stale, connected and the gap are told. Nothing is
+    published but what the plant itself sends."""
     path = tmp_path / "map.yaml"
     path.write_text(MAP, encoding="utf-8")
     broker = PlantBroker()
@@ -101,6 +106,7 @@ def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
     taken.until(lambda t: len(t.times) == 6)
     taken.source.close()
     broker.stop()
+    assert broker.heard == ["plant/A"] * 6
     kinds = taken.kinds()
     assert [kinds.count(k) for k in ("connected", "lost", "gap")] == [2, 1, 1]
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.live.changes import Sight, episodes_of
 from rulec_runtime.live.episode import Episode, Event, What
 from rulec_runtime.live.now import Now
 from rulec_runtime.recordings.recording import Recording, read_recording
@@ -42,62 +43,18 @@ def diagnosed(name: str, rows: int = 9999, stuck: str = "") -> Diagnosis:
     return diagnose(recording, compiled("abc"))
 
 
-def episodes(diagnosis: Diagnosis) -> Iterator[Episode]:
-    """What a diagnosis tells that lasts."""
-    for sensor in diagnosis.sensors:
-        yield Episode(
-            id=f"{sensor.id}@{sensor.since:.3f}",
-            kind="sensor",
-            subject=sensor.id,
-            module=sensor.module,
-            status=sensor.condition.status,
-            since=sensor.since,
-            until=sensor.until,
-            active=sensor.active,
-            text=sensor.text,
-            action=sensor.condition.action,
-        )
-    for f in diagnosis.findings:
-        yield Episode(
-            id=f"{f.fault.id}@{f.since:.3f}",
-            kind="fault",
-            subject=f.fault.id,
-            module=f.fault.module,
-            status=f.fault.status,
-            since=f.since,
-            until=f.until,
-            active=f.active,
-            text=f.text,
-            action=f.fault.action,
-            degree=f.degree,
-            lower=f.lower,
-            upper=f.upper,
-            unit=f.fault.unit,
-            probability=f.probability,
-            alternatives=f.alternatives,
-        )
-    for kind, status, periods in (
-        ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", diagnosis.not_judged),
-    ):
-        for period in periods:
-            yield Episode(
-                id=f"{kind}@{period.since:.3f}",
-                kind=kind,  # type: ignore[arg-type]
-                subject=period.text,
-                module="",
-                status=status,
-                since=period.since,
-                until=period.until,
-                active=True,
-                text=period.text,
-            )
+def episodes(diagnosis: Diagnosis, until: float) -> Iterator[Episode]:
+    """What a diagnosis tells that lasts, however short, at the time of its last row."""
+    since, rules = -np.inf, diagnosis.ruleset
+    sight = Sight(since=since, until=until, settled=since, pause=1.0, usual=since)
+    yield from episodes_of(rules, diagnosis, sight)
 
 
 def now_of(diagnosis: Diagnosis, **changed: object) -> Now:
     """The moment of the last row of what was diagnosed."""
-    found = tuple(episodes(diagnosis))
     time = 59.0 if diagnosis.samples <= 60 else 79.0
+    kinds = ("sensor", "fault", "unknown", "blind")
+    found = tuple(sorted(episodes(diagnosis, time), key=lambda e: kinds.index(e.kind)))
     events = [_event(e, "began", e.since) for e in found]
     events += [_event(e, "ended", e.until) for e in found if not e.active]
     events.sort(key=lambda e: e.time)

@@ -47,7 +47,8 @@ def test_operator_acknowledges_and_quits() -> None:
         assert not live.quit
         os.write(ours, b"q")
         assert waited_for(lambda: live.quit)
-    assert [(now.active[1].id, "terminal")] == asked
+    assert [(now.active[1].id, live_screen.who())] == asked
+    assert live_screen.who().endswith("terminal")
     text = out.getvalue()
     assert "\x1b[?1049h" in text
     behind = text.rpartition("\x1b[?1049l")[2]

@@ -16,6 +16,7 @@ from rulec_runtime.live.view.words import listed
 from rulec_runtime.output.terminal import Terminal
 from rulec_runtime.report.wording import STATUS
 
+from tests.conftest import compiled
 from tests.live.view.hostile import TEXTS, hostile
 from tests.live.view.nows import before, failing, healthy, leaking
 
@@ -61,6 +62,13 @@ def test_nothing_found_and_nothing_known_are_told_apart() -> None:
     assert "✗ NOT CONNECTED" in blind
     assert "connection refused" in blind
     assert "nothing found" not in "\n".join(drawn(replace(before(), status="ok")))
+
+
+def test_each_residual_stands_beside_its_threshold_where_nothing_is_wrong() -> None:
+    text = "\n".join(drawn(healthy()))
+    assert "Residuals of the last settled stretch, until 2026-09-21 16:14:19" in text
+    for residual in compiled("abc").residuals:
+        assert re.search(rf"{residual.id} +-?[\d.]+ l/h +±[\d.]+ l/h .* 0\.\d × within", text)
 
 
 def test_acknowledged_is_no_longer_new() -> None:

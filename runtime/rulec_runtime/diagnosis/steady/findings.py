@@ -9,9 +9,9 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.contract.threshold import sign_of, threshold_of
 from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
+from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.runs import runs_of
@@ -20,23 +20,6 @@ from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdic
 from rulec_runtime.recordings.stationary import Timeline
 from rulec_runtime.recordings.when import ENDED as OVER
 from rulec_runtime.recordings.when import TO_THE_END, UNJUDGED, UNSETTLED
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """A residual at the strongest point of a finding; flows in m3/s.
-
-    `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``,
-    ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
-    """
-
-    residual: str
-    value: float
-    u: float
-    u_systematic: float
-    threshold: float
-    verdict: str
-    expected: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,11 +85,12 @@ class Period:
 
 @dataclass(frozen=True)
 class Found:
-    """What a block of estimates says over a recording."""
+    """What a block of estimates says over a recording, and all residuals at its end."""
 
     findings: list[Finding]
     unknown: list[Period]
     not_judged: list[Period]
+    latest: Latest | None = None
 
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
@@ -212,33 +196,12 @@ def _finding(
         tuple((ruleset.faults[i].id, p) for i, p in cause.rivals),
         tuple((ruleset.faults[i].id, p) for i, p in cause.remote),
         tuple(ruleset.faults[i].id for i in cause.together),
-        _evidence(ruleset, seen, fault, strongest),
+        evidence_at(ruleset, seen, strongest, fault),
         _readings(ruleset, seen.observed, strongest),
         _flows(ruleset, seen.observed, strongest),
         len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
     )
-
-
-def _evidence(ruleset: Ruleset, seen: Seen, fault: FaultSpec, point: int) -> tuple[Evidence, ...]:
-    observed = seen.observed
-    signs = {c.residual: c.sign for c in ruleset.cells_of_fault[fault.id]}
-    index = ruleset.observer_index
-    rows = []
-    for i, residual in enumerate(ruleset.residuals):
-        if not seen.block.holds(ruleset, residual):
-            continue
-        expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
-        value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
-        shared = float(observed.residual_systematic[i, point])
-        usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
-        verdict = "invalid"
-        if usable and np.isfinite(value) and np.isfinite(u):
-            verdict = sign_of(value, u)
-        else:
-            value, u, shared = 0.0, 0.0, 0.0
-        rows.append(Evidence(residual.id, value, u, shared, threshold_of(u), verdict, expected))
-    return tuple(rows)
 
 
 def _readings(ruleset: Ruleset, observed: Observed, point: int) -> tuple[tuple[str, float], ...]:

@@ -16,7 +16,7 @@ from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.findings import Finding, Found, Period
 from rulec_runtime.diagnosis.stores.edges import edge_of
-from rulec_runtime.diagnosis.stores.evidence import evidence_of
+from rulec_runtime.diagnosis.stores.evidence import evidence_of, latest_of
 from rulec_runtime.diagnosis.stores.judge import Judged
 from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
 from rulec_runtime.diagnosis.stores.spells import Cause, Spell, spells_of
@@ -43,7 +43,7 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
     found = weighed(ruleset, windows)
     spells = spells_of(found.judged, {f.id: i for i, f in enumerate(ruleset.faults)})
     blind = _not_judged(windows, found.judged, found.judge.model.dynamics.outputs)
-    said = Found([], [], blind)
+    said = Found([], [], blind, latest_of(found.judge, found.judged))
     for place, spell in enumerate(spells):
         since, until = _times(found.judged, spell)
         if spell.brief:

@@ -12,8 +12,10 @@ import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.threshold import sign_of, threshold_of
-from rulec_runtime.diagnosis.steady.findings import Evidence
-from rulec_runtime.diagnosis.stores.judge import Judged
+from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
+from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.stores.judge import Judge, Judged
 from rulec_runtime.diagnosis.stores.spells import Cause, Spell
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
@@ -42,6 +44,29 @@ def evidence_of(
     if reference is target:
         rows = _worst(model, window, shown)
     return tuple(_entries(model, window, shown, slopes, rows, reference, cause))
+
+
+def latest_of(judge: Judge, judged: Sequence[Judged]) -> Latest | None:
+    """What the balances without a fault leave of each reading in the last window, as its root mean
+    square, beside that from which on the reading alone would deviate; None where no window could
+    be followed."""
+    one = next((one for one in reversed(judged) if one.plain is not None), None)
+    if one is None or one.plain is None:
+        return None
+    model, chance = judge.model, alarm_chance(len(judged)) / 2
+    entries = []
+    for i, name in enumerate(model.dynamics.outputs):
+        error = one.plain.error[np.isfinite(one.plain.error[:, i]), i]
+        if not len(error):
+            entries.append(Evidence(name, 0.0, 0.0, 0.0, 0.0, "invalid", "0"))
+            continue
+        freedom = max(int(len(error) * judge.share[i]) - len(model.dynamics.states), 1)
+        limit = chi_square_limit(freedom, quantile(chance)) / len(error)
+        u = float(model.spread[i] * np.sqrt(limit)) / threshold_of(1.0)
+        value = float(np.sqrt(np.mean(error**2)))
+        entries.append(Evidence(name, value, u, 0.0, threshold_of(u), sign_of(value, u), "0"))
+    time = one.window.time
+    return Latest(float(time[0]), float(time[-1]), tuple(entries))
 
 
 def _worst(model: Model, window: Window, shown: Array) -> np.ndarray:

@@ -7,7 +7,6 @@ refused whoever asks. Beyond this computer it only speaks signed and encrypted.
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import logging
 from collections.abc import Coroutine, Iterable, Sequence
 from concurrent.futures import TimeoutError as Late
@@ -27,6 +26,7 @@ from asyncua.crypto.validator import CertificateValidator, CertificateValidatorO
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.network import is_loopback
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.report.wording import STATUS
 
@@ -66,7 +66,7 @@ class DeviceHealth:
         host: str = "127.0.0.1",
         security: Security | None = None,
     ) -> None:
-        if security is None and not _is_loopback(host):
+        if security is None and not is_loopback(host):
             raise JournalRefused(
                 f"device health at {host}: beyond this computer it needs a certificate, a key and "
                 "a folder of trusted ones"
@@ -223,10 +223,3 @@ def _content(file: Path) -> tuple[bytes, str]:
     """A certificate or key, and its form."""
     content = file.read_bytes()
     return content, "pem" if content.lstrip().startswith(b"-----BEGIN") else "der"
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"

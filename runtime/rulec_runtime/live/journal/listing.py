@@ -10,6 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from rulec_runtime.live.journal.entry import Entry
+from rulec_runtime.live.journal.form import iso
 from rulec_runtime.output.terminal import one_line, styled
 from rulec_runtime.report.text import degree
 from rulec_runtime.report.wording import STATUS
@@ -26,8 +27,15 @@ def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: 
         out.print(styled("[bold]{} nothing is active[/]", symbol))
     for entry in sorted(active, key=_rank):
         _active(out, entry, several)
-    if not past:
-        return
+    if past:
+        _told(out, past, several)
+    noted = {(e.plant, e.event.episode.id): e for e in (*past, *active) if e.by is not None}
+    if noted:
+        _acknowledged(out, list(noted.values()), several)
+
+
+def _told(out: Console, past: Sequence[Entry], several: bool) -> None:
+    """Events, newest first."""
     zone = "times in UTC" if past[-1].iso is not None else "times in s"
     out.print(styled("\n[bold]Told[/] [dim]newest first, {}[/]", zone))
     table = Table.grid(padding=(0, 2))
@@ -44,6 +52,22 @@ def tell(out: Console, active: Sequence[Entry], past: Sequence[Entry], several: 
         event = entry.event
         table.add_row(clock, _letter(entry), event.what, _named(entry, several, event.text))
     out.print(table)
+
+
+def _acknowledged(out: Console, noted: Sequence[Entry], several: bool) -> None:
+    """Who took note of what, and when, the latest first."""
+    out.print(styled("\n[bold]Acknowledged[/] [dim]newest first, times in UTC[/]"))
+    for entry in sorted(noted, key=lambda e: -(e.at or 0.0)):
+        one = entry.event.episode
+        since = " ".join(filter(None, _moment(entry, one.since)))
+        name = _named(entry, several, one.subject or one.kind)
+        out.print(Padding(styled("{}: {} since {}", _by(entry), name, since), (0, 0, 0, 2)))
+
+
+def _by(entry: Entry) -> str:
+    """Who has taken note of an episode, and when."""
+    date = None if entry.at is None else iso(entry.at)
+    return f"{entry.by}, {date[:19].replace('T', ' ')} UTC" if date else f"{entry.by}"
 
 
 def _rank(entry: Entry) -> tuple[int, float]:
@@ -69,7 +93,7 @@ def _active(out: Console, entry: Entry, several: bool) -> None:
         others = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in episode.alternatives)
         lines.append((others, "also possible: {}"))
     if entry.by is not None:
-        lines.append((entry.by, "noted by {}"))
+        lines.append((_by(entry), "acknowledged by {}"))
     lines.append((episode.id, "[dim]{}[/]"))
     for text, template in lines:
         out.print(Padding(styled(template, text), (0, 0, 0, 5)))

@@ -1,14 +1,17 @@
 """Events for an MQTT broker: each as a message, and the plant's status as a retained one.
 
-Topics are `rulec/PLANT/events` and `rulec/PLANT/status`. An event is confirmed by the broker before
-it counts (QoS 1); a subscriber that gets one twice knows it by its number. When the connection
-breaks, the broker itself says that the status is unknown.
+Topics are `rulec/PLANT/events` and `rulec/PLANT/status`, or another path before the plant. An event
+is confirmed by the broker before it counts (QoS 1); a subscriber that gets one twice knows it by
+its number. When the connection breaks, the broker itself says that the status is unknown.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import ssl
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
 from urllib.parse import urlsplit
 
 from paho.mqtt import client as paho
@@ -18,6 +21,7 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.form import form_for, iso, json_line
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.network import is_loopback, tls_reason
 from rulec_runtime.output.terminal import machine_text
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -25,9 +29,11 @@ _UNKNOWN = json.dumps({"status": "unknown", "text": "nobody watches"})
 
 
 class MqttOut:
-    """A connection to ``mqtt://host:port`` or ``mqtts://host:port``, which comes back by itself.
+    """A connection to ``mqtt://host:port`` or ``mqtts://host:port``, which comes back by itself; a
+    path behind it stands in the topics in place of ``rulec``.
 
-    Raises `JournalRefused` for a URL or plant that cannot be used.
+    `say` gets a line for people where a certificate is not trusted. Raises `JournalRefused` for a
+    URL or plant that cannot be used, and for a password that would travel readable.
     """
 
     def __init__(
@@ -38,6 +44,7 @@ class MqttOut:
         user: str | None = None,
         password: str | None = None,
         authorities: str | None = None,
+        say: Callable[[str], None] | None = None,
     ) -> None:
         if not plant or any(sign in plant for sign in "+#/\0"):
             raise JournalRefused(f"the plant's name {plant} cannot be part of an MQTT topic")
@@ -51,8 +58,16 @@ class MqttOut:
             raise JournalRefused(
                 "an MQTT broker is named mqtt://HOST:PORT or mqtts://HOST:PORT, without a user"
             )
+        before = parts.path.strip("/") or "rulec"
+        if any(sign in before for sign in "+#\0") or parts.query or "#" in url:
+            raise JournalRefused(f"{before} cannot be the beginning of an MQTT topic")
+        if password and parts.scheme == "mqtt" and not is_loopback(host):
+            raise JournalRefused(f"the password for {host} would travel readable; write mqtts://")
         self.place = f"{parts.scheme}://{host}:{port}"
-        self._topic = f"rulec/{plant}"
+        self.sessions = 0
+        """How often the broker has taken us; it tells by itself that one has ended."""
+        self._say, self._distrusted = say, False
+        self._topic = f"{before}/{plant}"
         self._last = 0
         self._sent: dict[int, paho.MQTTMessageInfo] = {}
         self._client = client = paho.Client(CallbackAPIVersion.VERSION2)
@@ -64,6 +79,7 @@ class MqttOut:
                 client.tls_set(ca_certs=authorities)
             except OSError as error:
                 raise JournalRefused(f"{authorities}: {error.strerror or error}") from None
+        client.on_connect, client.on_connect_fail = self._on_connect, self._on_connect_fail
         client.reconnect_delay_set(1, int(limits.LAST_RETRY))
         client.connect_async(host, port, limits.KEEP_ALIVE)
         client.loop_start()
@@ -102,6 +118,19 @@ class MqttOut:
             self._confirmed(self._client.publish(f"{self._topic}/status", _UNKNOWN, 1, True))
         self._client.disconnect()
         self._client.loop_stop()
+
+    def _on_connect(self, _client: Any, _data: Any, _flags: Any, code: Any, _p: Any) -> None:
+        if not code.is_failure:
+            self.sessions += 1
+        elif self._say is not None:
+            self._say(f"{self.place}: the broker refuses: {code.getName()}")
+
+    def _on_connect_fail(self, _client: Any, _data: Any) -> None:
+        """Called while paho handles what went wrong: it hands over no reason."""
+        error = sys.exc_info()[1]
+        if isinstance(error, ssl.SSLError) and self._say is not None and not self._distrusted:
+            self._distrusted = True
+            self._say(f"{self.place}: {tls_reason(error)}")
 
     def _confirmed(self, sent: paho.MQTTMessageInfo) -> None:
         try:

@@ -18,6 +18,7 @@ from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.journal.spill import Pending, spill, waiting
 from rulec_runtime.recordings.wall_clock import duration
+from rulec_runtime.report.text import counted
 
 
 class Sink(Protocol):
@@ -53,7 +54,9 @@ class Outbox:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._sink, self._plant, self._say = sink, plant, say
-        self._dated, self._file, self._clock = dated, file, clock
+        self.dated = dated
+        """Are times of events s since 1970? A source may know that from its first rows on."""
+        self.file, self._clock = file, clock
         left = Pending() if file is None else waiting(file, plant)
         self._events: list[Event] = list(left.events)
         self._state = left.state
@@ -76,6 +79,11 @@ class Outbox:
             return (self._events[-1].number, state) if self._events and state is not None else None
 
     @property
+    def place(self) -> str:
+        """What it writes to, for people."""
+        return self._sink.place
+
+    @property
     def pending(self) -> int:
         """How many events wait to be written."""
         with self._changed:
@@ -92,7 +100,7 @@ class Outbox:
                 raise JournalRefused(self._refused)
             if events and len(self._events) + len(events) > limits.MOST_PENDING:
                 raise JournalTrouble(
-                    f"{self._sink.place}: {len(self._events)} events wait to be written, no more "
+                    f"{self.place}: {len(self._events)} events wait to be written, no more "
                     "are taken"
                 )
             self._events.extend(events)
@@ -130,13 +138,13 @@ class Outbox:
             self._keep(pending, changes)  # before a try that may take long
         if now >= self._due:
             try:
-                self._sink.commit(self._plant, pending.events, pending.state, dated=self._dated)
+                self._sink.commit(self._plant, pending.events, pending.state, dated=self.dated)
             except JournalTrouble as error:
                 self._failed(str(error), now)
             except JournalRefused as error:
                 self._stopped(str(error))
             except Exception as error:  # a bug of ours must not end the diagnosis, nor be silent
-                self._stopped(f"{self._sink.place}: {type(error).__name__}: {error}")
+                self._stopped(f"{self.place}: {type(error).__name__}: {error}")
             else:
                 self._done(pending, changes, now)
                 return limits.RENEWED if self._idle() else 0.0
@@ -178,26 +186,26 @@ class Outbox:
             if self._changes == changes:
                 self._state = None
         self._written = now
-        if self._spilled and self._file is not None:
+        if self._spilled and self.file is not None:
             with suppress(OSError):  # what stands there is written again, which changes nothing
-                self._file.unlink(missing_ok=True)
+                self.file.unlink(missing_ok=True)
                 self._spilled = False
         if self._trouble is not None:
             lasted = duration(now - self._trouble)
             self._trouble, count = None, len(pending.events)
-            what = f", with {count} events that waited" if count else ""
-            self._say(f"{self._sink.place}: written again after {lasted}{what}")
+            what = f", with {counted(count, 'event')} that waited" if count else ""
+            self._say(f"{self.place}: written again after {lasted}{what}")
 
     def _keep(self, pending: Pending, changes: int) -> None:
         """What waits goes into the file, as a whole, as often as that takes little of the time."""
         began = self._clock()
-        if self._file is None or not pending.events or self._kept == changes:
+        if self.file is None or not pending.events or self._kept == changes:
             self._kept = changes
             return
         if began < self._spill_due:
             return
         with suppress(OSError):  # where the disk is full here as well, memory has it all
-            spill(self._file, self._plant, pending, self._dated)
+            spill(self.file, self._plant, pending, self.dated)
             self._spilled = True
             self._kept = changes
         now = self._clock()

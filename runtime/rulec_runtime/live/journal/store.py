@@ -205,10 +205,11 @@ class Journal:
         with self.transaction(reading=True) as connection:
             return connection.execute(sa.select(EVENTS.c.number).where(there)).first() is not None
 
-    def acknowledge(self, plant: str, episode: str, by: str) -> bool:
+    def acknowledge(self, plant: str, episode: str, by: str, at: float | None = None) -> bool:
         """Somebody has taken note of an episode; False if somebody had before, who stays.
 
-        Raises `JournalRefused` if there is no such episode.
+        `at` is when that was, s since 1970; now, where it is None. Raises `JournalRefused` if there
+        is no such episode.
         """
         who = name_of(by).strip()
         if not who:
@@ -216,7 +217,8 @@ class Journal:
         if not self.holds(plant, episode):
             raise JournalRefused(f"{self.place} holds no episode {episode} of {plant}")
         with self.transaction() as connection:
-            row = {"plant": plant, "episode": keepable(episode), "by": who, "at": clock(connection)}
+            when = clock(connection) if at is None else at
+            row = {"plant": plant, "episode": keepable(episode), "by": who, "at": when}
             statement = insert(connection, ACKNOWLEDGED).values(row).on_conflict_do_nothing()
             new = connection.execute(statement.returning(ACKNOWLEDGED.c.at))
             return new.first() is not None

@@ -13,6 +13,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import notice
+from rulec_runtime.output.plural import plural
 
 _Row = tuple[float, Array]
 
@@ -59,7 +60,8 @@ class Handover:
             dropped, self._dropped = self._dropped, 0
         found: list[Rows | Notice] = []
         if dropped:
-            text = f"{dropped} rows were dropped: they were not taken for too long"
+            what = plural(dropped, "row was", "rows were")
+            text = f"{what} dropped: nobody took them in time"
             found.append(notice("gap", self._since, text))
         block: list[_Row] = []
         for number, one in notices:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map_entry import Entry
 
@@ -17,7 +18,6 @@ ACCESS = ("security", "user", "password")
 POLICIES = ("Basic256Sha256", "Aes128_Sha256_RsaOaep", "Aes256_Sha256_RsaPss")
 MODES = ("SignAndEncrypt", "Sign")
 _SECURITY = ("policy", "mode", "certificate", "key", "server_certificate", "ca")
-_LOCAL = ("localhost", "127.0.0.1", "::1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ def read_access(path: Path, entries: Mapping[str, Entry], endpoint: str) -> Acce
         )
     password = _secret(path, entries["password"]) if "password" in entries else ""
     safe = parts.scheme == "mqtts" or bool(policy and parts.scheme == "opc.tcp")
-    if password and not safe and parts.hostname not in _LOCAL:
+    if password and not safe and not is_loopback(parts.hostname or ""):
         raise entries["password"].refused(
             "a password would travel readable; write 'security:', or mqtts:// for a broker"
         )

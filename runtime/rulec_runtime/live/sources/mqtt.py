@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ssl
+import sys
 from collections.abc import Sequence
 from threading import Event, Thread
 from typing import Any
@@ -12,6 +13,7 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live.network import tls_reason
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.assembler import Assembler
@@ -20,6 +22,7 @@ from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
 
@@ -106,7 +109,8 @@ class Mqtt:
         if denied:
             text = f"{endpoint}: the broker denies the topics {', '.join(denied)}"
             self._hand.notices([notice("refused", now(), text)])
-        text = f"{endpoint}: {len(self._scales)} signals of {len(self._by_topic)} topics"
+        signals = plural(len(self._scales), "signal", "signals")
+        text = f"{endpoint}: {signals} of {plural(len(self._by_topic), 'topic', 'topics')}"
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:
             text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
@@ -122,7 +126,13 @@ class Mqtt:
             self._lost(f"the connection ended: {code.getName()}")
 
     def _on_connect_fail(self, _client: Any, _data: Any) -> None:
-        self._lost("the broker does not answer")
+        """Called while paho handles what went wrong: it hands over no reason."""
+        error = sys.exc_info()[1]
+        if not isinstance(error, ssl.SSLError):
+            self._lost("the broker does not answer")
+            return
+        remedy = "name its authority with 'security: {ca: FILE}'"
+        self._lost(f"{tls_reason(error)}; {remedy}")
 
     def _lost(self, why: str) -> None:
         """Told once until the connection stands again."""

@@ -19,6 +19,7 @@ from rulec_runtime.live.sources.map import Server, SourceMap
 from rulec_runtime.live.sources.opcua_message import Message
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
 
@@ -158,9 +159,8 @@ class Link:
         """Told with the first values, before their row."""
         server = self._server
         safe = f"{server.access.policy}, {server.access.mode}" if server.access.policy else "open"
-        text = (
-            f"{server.endpoint} ({safe}): {len(self._channels)} signals every {self._interval:g} s"
-        )
+        signals = plural(len(self._channels), "signal", "signals")
+        text = f"{server.endpoint} ({safe}): {signals} every {self._interval:g} s"
         if server.access.policy and server.access.server_certificate is None:
             text += "; no 'server_certificate' in the map, so any server is trusted"
         found = [notice("connected", now(), "; ".join([text, *self._notes]))]

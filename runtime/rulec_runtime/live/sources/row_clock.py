@@ -12,6 +12,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.live.rows import Notice
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.remarks import Remarks
+from rulec_runtime.output.plural import plural
 
 
 class RowClock:
@@ -62,7 +63,7 @@ class RowClock:
             usable &= time < clocks.time() + limits.FUTURE
         found: list[Notice] = []
         if not usable.all():
-            found += self._tell(int((~usable).sum()), "have no usable time", "unusable")
+            found += self._tell(int((~usable).sum()), ("has", "have"), "no usable time", "unusable")
         if (self._begins or self._late >= limits.SET_BACK) and usable.any():
             found += self._begin_anew(float(time[usable][0]))
         time = time + self.shift
@@ -71,7 +72,7 @@ class RowClock:
         kept = usable & (known > before[:-1])
         late = int((usable & ~kept).sum())
         if late:
-            found += self._tell(late, f"are not later than {before[-1]:.10g} s", "late")
+            found += self._tell(late, ("is", "are"), f"not later than {before[-1]:.10g} s", "late")
         behind = int(np.flatnonzero(kept)[-1]) if kept.any() else -1
         self._late = int(usable[behind + 1 :].sum()) + (0 if kept.any() else self._late)
         if kept.any():
@@ -94,6 +95,7 @@ class RowClock:
         text = f"{self._name}: its clock began anew; {self.shift:.10g} s are added to its times"
         return self._remarks.tell("clock", "anew", self.last, text)
 
-    def _tell(self, rows: int, what: str, key: str) -> list[Notice]:
-        text = f"{self._name}: {rows} rows {what} and are left out"
+    def _tell(self, rows: int, verb: tuple[str, str], what: str, key: str) -> list[Notice]:
+        one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
+        text = f"{self._name}: {plural(rows, one, many)} left out"
         return self._remarks.tell("clock", key, self.now, text)

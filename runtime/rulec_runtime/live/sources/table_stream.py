@@ -13,6 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.live.sources.remarks import Remarks, notice
 from rulec_runtime.live.sources.row_clock import RowClock
+from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import (
     Column,
     before_header,
@@ -141,11 +142,13 @@ class TableStream:
         values, absurd = in_si(column.numbers(), target, most)
         found = []
         if column.first is not None:
-            text = f"{self._name}: {column.words} cells of {signal} are words (the first: "
+            one, many = f"cell of {signal} is a word", f"cells of {signal} are words"
+            text = f"{self._name}: {plural(column.words, one, many)} (the first: "
             text += f"'{column.first[1]}'); there it has no reading"
             found += self._told((signal, "words"), text)
         if absurd.any():
-            text = f"{self._name}: {int(absurd.sum())} cells of {signal} are beyond any sensor; "
+            one, many = f"cell of {signal} is", f"cells of {signal} are"
+            text = f"{self._name}: {plural(int(absurd.sum()), one, many)} beyond any sensor; "
             found += self._told((signal, "absurd"), text + "there it has no reading")
         return values, found
 
@@ -154,7 +157,7 @@ class TableStream:
         read = self._ruleset.read
         here = {t.signal for t in header.targets} & read
         missing = [s.id for s in self._ruleset.signals if s.id in read and s.id not in here]
-        text = f"{self._name}: {len(here)} of {len(read)} signals"
+        text = f"{self._name}: {len(here)} of {plural(len(read), 'signal', 'signals')}"
         text += f"; without {', '.join(missing)}" if missing else ""
         text = "; ".join([text, *(note.removeprefix(f"{self._name}: ") for note in self._notes)])
         return [notice("connected", time, text)]
@@ -164,7 +167,8 @@ class TableStream:
         return self._path.name
 
     def _odd(self, rows: int) -> str:
-        return f"{self._name}: {rows} rows have another number of cells than the header; left out"
+        what = plural(rows, "row has", "rows have")
+        return f"{self._name}: {what} another number of cells than the header; left out"
 
     def _told(self, key: object, text: str) -> list[Notice]:
         return self._remarks.tell("refused", key, self._clock.now, text)

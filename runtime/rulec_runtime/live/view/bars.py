@@ -1,14 +1,15 @@
-"""Residuals beside their thresholds, as far as a finding has them."""
+"""Residuals beside their thresholds, also where nothing is wrong."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.findings import Evidence
+from rulec_runtime.diagnosis.steady.evidence import Evidence
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.limits import BAR_ENDS
 from rulec_runtime.live.view.words import finding_of, listed
+from rulec_runtime.recordings.when import moment
 from rulec_runtime.report.wording import LISTED, flow_unit, told_residual
 
 
@@ -37,23 +38,43 @@ class Bar:
         return min(self.share / BAR_ENDS, 1.0)
 
 
-def bars_of(now: Now) -> tuple[tuple[Bar, ...], tuple[str, ...]]:
-    """Residuals where active findings show most, in the ruleset's order, of many the largest; and
-    names of those that are not available."""
+@dataclass(frozen=True)
+class Bars:
+    """Residuals with a title that says of when they are; of many the largest, and how many more
+    there are; names of those that are not available."""
+
+    title: str
+    bars: tuple[Bar, ...]
+    smaller: int
+    missing: tuple[str, ...]
+
+
+def bars_of(now: Now) -> Bars | None:
+    """Residuals where active findings show most, or, without any, as they were last; None before
+    anything could be judged."""
     if now.diagnosis is None:
-        return (), ()
+        return None
+    ruleset, latest = now.diagnosis.ruleset, now.diagnosis.latest
     seen: dict[str, Evidence] = {}
     for episode in listed(now):
         finding = finding_of(now, episode)
         for evidence in finding.evidence if finding else ():
             seen.setdefault(evidence.residual, evidence)
-    order = {r.id: i for i, r in enumerate(now.diagnosis.ruleset.residuals)}
+    title = "Residuals where the findings show most"
+    if not seen and latest is not None:
+        seen = {evidence.residual: evidence for evidence in latest.residuals}
+        part = "settled stretch" if ruleset.dynamics is None else "window"
+        title = f"Residuals of the last {part}, until {moment(now.calendar, latest.until)}"
+    if not seen:
+        return None
+    order = {r.id: i for i, r in enumerate(ruleset.residuals)}
     ordered = sorted(seen.values(), key=lambda e: order.get(e.residual, len(order)))
     usable = [e for e in ordered if e.verdict != "invalid" and e.threshold > 0.0]
-    bars = [_bar(now.diagnosis.ruleset, evidence) for evidence in usable]
+    bars = [_bar(ruleset, evidence) for evidence in usable]
     largest = sorted(bars, key=lambda b: -b.share)[:LISTED]
-    missing = (e.residual for e in ordered if e not in usable)
-    return tuple(bar for bar in bars if bar in largest), tuple(missing)
+    missing = tuple(e.residual for e in ordered if e not in usable)
+    shown = tuple(bar for bar in bars if bar in largest)
+    return Bars(title, shown, len(bars) - len(shown), missing)
 
 
 def _bar(ruleset: Ruleset, evidence: Evidence) -> Bar:

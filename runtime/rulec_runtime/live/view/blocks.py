@@ -75,12 +75,15 @@ def plant(now: Now, selected: int, width: int, whole: bool) -> Iterator[tuple[in
         if card.episode.kind == "blind" and (i == 0 or found[i - 1].episode.kind != "blind"):
             yield -1, _title("Cannot be judged now")
         yield i, _card(card, i == selected, whole or i == selected, width)
-    residuals, missing = bars_of(now)
-    if residuals or missing:
-        yield -1, _title("Residuals where the findings show most")
-        yield -1, _bars(residuals)
-    if missing:
-        yield -1, _indented(styled("not available: {}", ", ".join(missing)), 2, width)
+    residuals = bars_of(now)
+    if residuals is not None:
+        yield -1, _title(residuals.title)
+        yield -1, _bars(residuals.bars)
+        if residuals.smaller:
+            yield -1, styled("  and {} smaller ones", residuals.smaller)
+        if residuals.missing:
+            names = ", ".join(residuals.missing)
+            yield -1, _indented(styled("not available: {}", names), 2, width)
     remarks = unjudged(now)
     if remarks or unseen(now):
         yield -1, _title("Not judged")

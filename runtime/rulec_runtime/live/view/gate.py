@@ -15,21 +15,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
+from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.view.limits import SHORTEST_TOKEN
 
 
 class PageRefused(ValueError):
     """A page that would be open to everybody is not served; the text says what to do."""
-
-
-def is_loopback(host: str) -> bool:
-    """Can only this machine reach it?"""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 @dataclass(frozen=True)

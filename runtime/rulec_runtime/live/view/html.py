@@ -179,12 +179,16 @@ def _gauge(share: tuple[float, ...]) -> str:
 
 
 def _residuals(now: Now) -> str:
-    bars, missing = bars_of(now)
-    rows = "".join(_residual(bar) for bar in bars)
+    found = bars_of(now)
+    if found is None:
+        return ""
+    rows = "".join(_residual(bar) for bar in found.bars)
     body = f"<ul class=bars>{rows}</ul>" if rows else ""
-    if missing:
-        body += f'<p class="soft after">Not available: {safe(", ".join(missing))}</p>'
-    return _section("Residuals where the findings show most", body)
+    if found.smaller:
+        body += f'<p class="soft after">and {found.smaller} smaller ones</p>'
+    if found.missing:
+        body += f'<p class="soft after">Not available: {safe(", ".join(found.missing))}</p>'
+    return _section(safe(found.title), body)
 
 
 def _residual(bar: Bar) -> str:

@@ -31,6 +31,7 @@ def now_form(now: Now, age: float | None) -> dict[str, Any]:
         "connected": now.connected,
         "remark": now.remark,
         "active": [_episode(now, episode) for episode in now.active],
+        "residuals": _residuals(now),
         "past": [_event(now, event) for event in now.past],
         "diagnosis": diagnosis_form(now.diagnosis) if now.diagnosis else None,
     }
@@ -40,6 +41,16 @@ def now_text(now: Now, age: float | None) -> str:
     """The same as JSON; numbers that JSON lacks are null."""
     form = _finite(now_form(now, age))
     return machine_text(json.dumps(form, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def _residuals(now: Now) -> dict[str, Any] | None:
+    """Residuals of the last settled stretch or window; flows in m3/s, readings in SI."""
+    if now.diagnosis is None or now.diagnosis.latest is None:
+        return None
+    form = dataclasses.asdict(now.diagnosis.latest)
+    names = ("residual", "value", "u", "threshold", "verdict")
+    form["residuals"] = [{name: one[name] for name in names} for one in form["residuals"]]
+    return {**form, **_dates(now.calendar, until=now.diagnosis.latest.until)}
 
 
 def _episode(now: Now, episode: Episode) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import getpass
 import threading
 import time
 from collections.abc import Callable
@@ -20,8 +22,12 @@ from rulec_runtime.live.view.screen import Screen, screen
 from rulec_runtime.live.view.words import listed, news
 from rulec_runtime.output.terminal import terminal
 
-WHO = "terminal"
-"""Who acknowledges here."""
+
+def who() -> str:
+    """Who acknowledges here: the user of this computer who started the watch."""
+    with contextlib.suppress(OSError, KeyError, ImportError):  # a container may know no names
+        return f"{getpass.getuser()}, terminal"
+    return "terminal"
 
 
 class LiveScreen:
@@ -132,7 +138,7 @@ class LiveScreen:
             return
         now = picture.now
         if key == "acknowledge" and now.active:
-            self._acknowledge(listed(now)[place_of(self._look, now)].id, WHO)
+            self._acknowledge(listed(now)[place_of(self._look, now)].id, who())
         self._look = after(self._look, key, now, picture.room(self._console))
 
     def _picture(self) -> Screen | None:

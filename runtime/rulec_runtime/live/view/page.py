@@ -138,7 +138,9 @@ def application(board: Board, gate: Gate, acknowledge: Acknowledge) -> Door:
         if episode is None:
             return PlainTextResponse("there is no such episode any more\n", 404)
         client = request.client.host if request.client else ""
-        await asyncio.to_thread(acknowledge, episode, f"page {client}".strip())
+        name = form.get("by", "").strip()
+        who = ", ".join(filter(None, (name, f"page {client}".strip())))
+        await asyncio.to_thread(acknowledge, episode, who)
         if request.headers.get("accept") == "application/json":
             return Response(status_code=204)
         return Response(status_code=303, headers={"location": "./"})

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, worst
-from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory
+from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.follower import Memory, diagnosis_of
 from rulec_runtime.live.now import Now
 from rulec_runtime.live.view.limits import PAST
 
@@ -18,25 +18,27 @@ ORDER = ("F", "C", "S", "M", "ok")
 
 
 class Present:
-    """What is shown; may be read and acknowledged from several threads."""
+    """What is shown, at first what an earlier process remembered; may be read and acknowledged from
+    several threads."""
 
     def __init__(self, ruleset: Ruleset, source: str, memory: Memory) -> None:
         self._lock = threading.Lock()
         self._past: deque[Event] = deque(maxlen=PAST)
+        active, time = _active(memory), memory.recent.time
         self._now = Now(
             plant=ruleset.plant,
             title=ruleset.title,
-            time=None,
+            time=float(time[-1]) if len(time) else None,
             calendar=memory.recent.calendar,
-            status="ok",
+            status=worst({one.status for one in active}),
             source=source,
-            connected=False,
+            connected=bool(memory.count) and all(one.kind != "source" for one in active),
             remark="",
             rows=memory.count,
-            active=(),
+            active=active,
             past=(),
             acknowledged=frozenset(),
-            diagnosis=None,
+            diagnosis=diagnosis_of(ruleset, memory),
         )
 
     def now(self) -> Now:
@@ -45,8 +47,7 @@ class Present:
 
     def update(self, memory: Memory, events: Sequence[Event], diagnosis: Diagnosis | None) -> None:
         """Take in what is remembered after some rows or a notice, and what is new."""
-        active = [one for one in memory.episodes if one.active]
-        active.sort(key=lambda one: (ORDER.index(one.status), one.since))
+        active = _active(memory)
         away = any(one.kind == "source" for one in active)
         remarks = [event.text for event in events if event.episode.kind == "source"]
         with self._lock:
@@ -60,12 +61,29 @@ class Present:
                 connected=not away,
                 remark=remarks[-1] if remarks else self._now.remark,
                 rows=memory.count,
-                active=tuple(active),
+                active=active,
                 past=tuple(self._past),
                 diagnosis=diagnosis or self._now.diagnosis,
             )
 
+    def recall(self, events: Sequence[Event]) -> None:
+        """Events that an earlier process told, oldest first."""
+        with self._lock:
+            self._past.extendleft(events)
+            self._now = replace(self._now, past=tuple(self._past))
+
     def acknowledge(self, episode: str, by: str) -> None:
         """Somebody has taken note of an episode."""
+        self.acknowledged(frozenset([episode]))
+
+    def acknowledged(self, episodes: frozenset[str]) -> None:
+        """Of these episodes somebody has taken note, here or elsewhere."""
         with self._lock:
-            self._now = replace(self._now, acknowledged=self._now.acknowledged | {episode})
+            known = self._now.acknowledged | episodes
+            self._now = replace(self._now, acknowledged=known)
+
+
+def _active(memory: Memory) -> tuple[Episode, ...]:
+    """What has not ended, the worst first."""
+    active = [one for one in memory.episodes if one.active]
+    return tuple(sorted(active, key=lambda one: (ORDER.index(one.status), one.since)))

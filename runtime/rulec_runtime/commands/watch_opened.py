@@ -1,0 +1,108 @@
+"""What a watch opens: the source, where events go, and what shows them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.commands.watch_journal import KeptJournal, kept_journal
+from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live import state
+from rulec_runtime.live.follower import Memory, nothing_yet
+from rulec_runtime.live.journal.sinks import WatchSink
+from rulec_runtime.live.rows import Source
+from rulec_runtime.live.sources.open import open_source
+from rulec_runtime.live.sources.refused import extra
+from rulec_runtime.live.view.live_screen import LiveScreen
+from rulec_runtime.live.view.present import Present
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.recordings.recording import RecordingRefused
+
+Acknowledge = Callable[[str, str], None]
+
+
+@dataclass(frozen=True)
+class Opened:
+    """All that a watch uses, and what it remembers at the start."""
+
+    memory: Memory
+    source: Source
+    present: Present
+    screen: LiveScreen
+    sinks: tuple[WatchSink, ...]
+
+
+def opened(
+    options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack, unwritten: list[str]
+) -> Opened:
+    """Open what the options name; `stack` closes it, and `unwritten` gets then what the journal
+    lacks in the end. What a user can mend is raised as a message."""
+    if options.state and options.journal:
+        raise RecordingRefused("--journal keeps the state as well; leave out --state")
+    folder = _waiting(options)
+    journal = None
+    if options.journal:
+        journal = kept_journal(options.journal, ruleset.plant, folder, stack, unwritten)
+    memory, position = _restored(ruleset, options.state, journal)
+    sinks = sinks_of(options, ruleset, folder or _beside(options.state, journal), stack)
+    map_path = Path(options.map) if options.map else None
+    source = open_source(options.source, ruleset, map_path, position or None)
+    stack.callback(source.close)
+    out = console(options)
+    first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
+    out.print(first, soft_wrap=True)
+    present = Present(ruleset, options.source, memory)
+    acknowledge: Acknowledge = present.acknowledge
+    if journal is not None:
+        sinks.append(journal.sink)
+        acknowledge = journal.joined_to(present, stack)
+    if options.page:
+        url = _page(options.page, present, acknowledge, stack)
+        out.print(styled("[dim]page: {}[/]", url))
+    screen = stack.enter_context(LiveScreen(acknowledge, out, told=memory.number))
+    return Opened(memory, source, present, screen, tuple(sinks))
+
+
+def _waiting(options: argparse.Namespace) -> Path | None:
+    """The folder for events that wait until they can be written, if one is named."""
+    if options.waiting is not None and not Path(options.waiting).is_dir():
+        raise RecordingRefused(f"--waiting {options.waiting}: there is no such folder")
+    return Path(options.waiting) if options.waiting else None
+
+
+def _beside(kept: str | None, journal: KeptJournal | None) -> Path | None:
+    """The folder for them if none is named: that of the state."""
+    if journal is not None:
+        return journal.folder
+    return Path(kept).parent if kept else None
+
+
+def _restored(
+    ruleset: Ruleset, kept: str | None, journal: KeptJournal | None
+) -> tuple[Memory, Mapping[str, Any]]:
+    """What was remembered when the process ended, and how far the source was read."""
+    if journal is not None and (saved := journal.saved()) is not None:
+        return state.from_bytes(ruleset, *saved)
+    if kept and Path(kept).exists():
+        return state.from_bytes(ruleset, Path(kept).read_bytes(), kept)
+    return nothing_yet(ruleset, False), {}
+
+
+def _page(where: str, present: Present, acknowledge: Acknowledge, stack: ExitStack) -> str:
+    """Serve the page at ``PORT`` of loopback or at ``HOST:PORT``; its address."""
+    extra("starlette", "page")
+    extra("uvicorn", "page")
+    from rulec_runtime.live.view.page import serve
+
+    host, port = host_and_port("--page", where)
+    token = os.environ.get("RULEC_TOKEN")
+    page = serve(present.now, host, port, token, acknowledge)
+    stack.callback(page.close)
+    return page.url

@@ -1,0 +1,94 @@
+"""Where a watch tells what it finds, beside the journal: files, a broker, an OPC UA server."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from contextlib import ExitStack
+from pathlib import Path
+
+from rulec_runtime.commands.waiting import closed, waiting_in
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live import limits
+from rulec_runtime.live.journal.lines import LinesFile
+from rulec_runtime.live.journal.refused import JournalRefused, needs
+from rulec_runtime.live.journal.sinks import FileSink, HealthSink, MqttSink, WatchSink
+from rulec_runtime.output.terminal import say_aside
+
+HEALTH_PORT = 4840
+CERTIFICATES = ("own.der", "own.pem", "trusted")
+"""Of the server of device health: its certificate, its key, and a folder of those it trusts."""
+
+
+def sinks_of(
+    options: argparse.Namespace, ruleset: Ruleset, folder: Path | None, stack: ExitStack
+) -> list[WatchSink]:
+    """All that the options name but the journal; `folder` is where events may wait."""
+    sinks: list[WatchSink] = []
+    if options.events or options.state:
+        lines = LinesFile(Path(options.events)) if options.events else None
+        if lines is not None:
+            stack.callback(lines.close)
+        kept = Path(options.state) if options.state else None
+        sinks.append(FileSink(ruleset.plant, lines, kept))
+    if options.mqtt:
+        sinks.append(_mqtt(options, ruleset.plant, folder, stack))
+    elif options.mqtt_ca:
+        raise JournalRefused("--mqtt-ca says whom to trust: name the broker with --mqtt")
+    if options.device_health:
+        sinks.append(_device_health(options, ruleset, stack))
+    elif options.device_health_certificates:
+        raise JournalRefused("--device-health-certificates needs --device-health [HOST:]PORT")
+    return sinks
+
+
+def _mqtt(
+    options: argparse.Namespace, plant: str, folder: Path | None, stack: ExitStack
+) -> WatchSink:
+    """Events and status at a broker; user and password come from the environment."""
+    needs("paho", "mqtt")
+    from rulec_runtime.live.journal.mqtt_out import MqttOut
+
+    broker = MqttOut(
+        options.mqtt,
+        plant,
+        user=os.environ.get("RULEC_MQTT_USER"),
+        password=os.environ.get("RULEC_MQTT_PASSWORD"),
+        authorities=options.mqtt_ca,
+        say=say_aside,
+    )
+    stack.callback(broker.close)
+    outbox = waiting_in(folder, "mqtt", broker, plant)
+    stack.callback(closed, outbox)
+    return MqttSink(broker, outbox, say_aside)
+
+
+def _device_health(options: argparse.Namespace, ruleset: Ruleset, stack: ExitStack) -> WatchSink:
+    """An OPC UA server at ``PORT`` of loopback or at ``HOST:PORT``."""
+    needs("asyncua", "opcua")
+    from rulec_runtime.live.journal.device_health import DeviceHealth, Security
+
+    text = options.device_health.removeprefix("opc.tcp://")
+    host, port = host_and_port("--device-health", text)
+    security = None
+    if options.device_health_certificates:
+        folder = Path(options.device_health_certificates)
+        files = [folder / name for name in CERTIFICATES]
+        for file in files:
+            if not file.exists():
+                raise JournalRefused(
+                    f"{file}: there is no such file or folder; --device-health-certificates FOLDER "
+                    f"holds {', '.join(CERTIFICATES[:2])} and the folder {CERTIFICATES[2]}"
+                )
+        security = Security(*files)
+    server = DeviceHealth(ruleset.plant, tuple(ruleset.modules), port, host=host, security=security)
+    stack.callback(server.close)
+    return HealthSink(server)
+
+
+def host_and_port(option: str, text: str) -> tuple[str, int]:
+    """Of ``PORT``, at loopback, or ``HOST:PORT``. Raises `JournalRefused`."""
+    host, _, port = text.rstrip("/").rpartition(":")
+    if not port.isdecimal() or int(port) > limits.LAST_PORT:
+        raise JournalRefused(f"{option} {text[:60]}: write PORT or HOST:PORT, such as 8080")
+    return host.strip("[]") or "127.0.0.1", int(port)

@@ -1,0 +1,72 @@
+"""Residuals beside their thresholds, at one point of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
+from rulec_runtime.contract.threshold import sign_of, threshold_of
+from rulec_runtime.diagnosis.steady.seen import Seen
+from rulec_runtime.recordings.stationary import Timeline
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A residual at one point, of a finding the strongest; flows in m3/s.
+
+    `u_systematic` is the part of `u` that longer averaging does not lower. `verdict` is ``+``,
+    ``-``, ``0`` or ``invalid``; `expected` what the fault predicts.
+    """
+
+    residual: str
+    value: float
+    u: float
+    u_systematic: float
+    threshold: float
+    verdict: str
+    expected: str
+
+
+@dataclass(frozen=True)
+class Latest:
+    """All residuals of the last settled stretch or window, with or without a fault; times in s."""
+
+    since: float
+    until: float
+    residuals: tuple[Evidence, ...]
+
+
+def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> Latest:
+    """Residuals of the last settled stretch, in the ruleset's order."""
+    last = len(timeline) - 1
+    found = {e.residual: e for part in seen for e in evidence_at(ruleset, part, last)}
+    ordered = tuple(found[r.id] for r in ruleset.residuals if r.id in found)
+    return Latest(float(timeline.since[last]), float(timeline.until[last]), ordered)
+
+
+def evidence_at(
+    ruleset: Ruleset, seen: Seen, point: int, fault: FaultSpec | None = None
+) -> tuple[Evidence, ...]:
+    """All residuals of a block at a point, beside what a fault predicts; without one that is 0."""
+    observed = seen.observed
+    cells = () if fault is None else ruleset.cells_of_fault[fault.id]
+    signs = {c.residual: c.sign for c in cells}
+    index = ruleset.observer_index
+    rows = []
+    for i, residual in enumerate(ruleset.residuals):
+        if not seen.block.holds(ruleset, residual):
+            continue
+        expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
+        value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
+        shared = float(observed.residual_systematic[i, point])
+        usable = all(observed.valid[index[t.observer], point] for t in residual.terms)
+        verdict = "invalid"
+        if usable and np.isfinite(value) and np.isfinite(u):
+            verdict = sign_of(value, u)
+        else:
+            value, u, shared = 0.0, 0.0, 0.0
+        rows.append(Evidence(residual.id, value, u, shared, threshold_of(u), verdict, expected))
+    return tuple(rows)

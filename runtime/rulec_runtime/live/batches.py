@@ -1,0 +1,52 @@
+"""What a source gave, judged in its order: rows that follow each other as one block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.live.connection import noticed
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.follower import Memory, follow
+from rulec_runtime.live.rows import Notice, Rows
+
+
+def judged(
+    ruleset: Ruleset, memory: Memory, came: Sequence[Rows | Notice]
+) -> Iterator[tuple[Memory, tuple[Event, ...], Diagnosis | None]]:
+    """What is remembered after each block of rows and each notice, what is new, and the diagnosis
+    of rows."""
+    for item in _blocks(came):
+        if isinstance(item, Notice):
+            memory, told = noticed(memory, item)
+            yield memory, told, None
+            continue
+        for said in follow(ruleset, memory, item):
+            memory = said.memory
+            yield memory, said.events, said.diagnosis
+
+
+def _blocks(came: Sequence[Rows | Notice]) -> Iterator[Rows | Notice]:
+    """Rows that follow each other as one block: they are judged once."""
+    waiting: list[Rows] = []
+    for item in came:
+        if isinstance(item, Rows) and (
+            not waiting or waiting[-1].values.keys() == item.values.keys()
+        ):
+            waiting.append(item)
+            continue
+        if waiting:
+            yield _one(waiting)
+        waiting = [item] if isinstance(item, Rows) else []
+        if isinstance(item, Notice):
+            yield item
+    if waiting:
+        yield _one(waiting)
+
+
+def _one(rows: Sequence[Rows]) -> Rows:
+    values = {name: np.concatenate([r.values[name] for r in rows]) for name in rows[0].values}
+    return Rows(np.concatenate([r.time for r in rows]), values)

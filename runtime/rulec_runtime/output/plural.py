@@ -1,0 +1,12 @@
+"""Numbers with what they count."""
+
+from __future__ import annotations
+
+
+def plural(count: int, one: str, many: str) -> str:
+    """A count with what it counts, and perhaps its verb.
+
+    >>> plural(1, "row has", "rows have"), plural(3, "row has", "rows have")
+    ('1 row has', '3 rows have')
+    """
+    return f"{count} {one if count == 1 else many}"
