@@ -6,10 +6,10 @@ BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 .DEFAULT_GOAL := help
-.PHONY: help demo test prove bench figures golden clean
+.PHONY: help demo demo-live test prove bench figures golden clean
 
 help: ## list the commands
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/'
 
 $(BIN)/rulec: pyproject.toml runtime/pyproject.toml
 	@echo "preparing $(VENV) (once, about a minute)"
@@ -23,6 +23,13 @@ $(VENV)/dev: $(BIN)/rulec
 
 demo: $(BIN)/rulec ## see a leakage found and explained on a shipped example
 	@$(BIN)/rulec demo
+
+$(VENV)/watch: $(BIN)/rulec
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable ./runtime --editable '.[watch]'
+	@touch $@
+
+demo-live: $(VENV)/watch ## a whole plant on this machine, watched while it runs; a minute
+	@$(BIN)/rulec demo --live
 
 test: $(VENV)/dev ## lint, types, all tests
 	$(BIN)/ruff check .

@@ -119,6 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     _mismatch(made["mismatch"])
     _study(made["study"])
     prove_options(made["prove"])
+    _demo(made["demo"])
     return parser
 
 
@@ -224,6 +225,21 @@ def _study(study: argparse.ArgumentParser) -> None:
         "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
     )
     json_option(study)
+
+
+def _demo(demo: argparse.ArgumentParser) -> None:
+    demo.add_argument(
+        "--live",
+        action="store_true",
+        help="a whole plant on this machine: servers of its modules, and rulec watch beside them",
+    )
+    demo.add_argument(
+        "--speed",
+        type=float,
+        default=10.0,
+        metavar="X",
+        help="with --live: play so much faster than recorded (default 10)",
+    )
 
 
 def prove_options(prove: argparse.ArgumentParser) -> None:

@@ -10,6 +10,7 @@ from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.recordings.recording import read_recording
 from rulec_runtime.report.terminal_story import explain
 
+from rulec.commands.demo_live import run_live
 from rulec.commands.matrix import show
 from rulec.knowledge.read import shipped
 from rulec.passes.pipeline import compile_plant
@@ -21,6 +22,8 @@ def run(options: argparse.Namespace) -> int:
     plant = shipped("plants") / "abc"
     if plant.is_relative_to(Path.cwd()):
         plant = plant.relative_to(Path.cwd())
+    if options.live:
+        return run_live(options, plant, out)
     recording = _example(plant / "examples")
     out.rule("1. compile: from module files to a fault-symptom matrix")
     out.print(f"$ rulec matrix {plant}")

@@ -1,0 +1,40 @@
+"""`rulec demo --live`: servers, watch, journal, on a short recording."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import pytest
+
+from rulec.cli import main
+from rulec.commands import demo_live
+from rulec.demo import limits
+
+PLANTED = "A.leakage=0.3@20:39"
+
+
+def test_a_planted_fault_is_found(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "ROWS", 40)
+    monkeypatch.setattr(demo_live, "planted", lambda _: [PLANTED])
+    assert main(["demo", "--live", "--speed", "12"]) == 0
+    out, _ = capfd.readouterr()
+    assert "the page: http://127.0.0.1:" in out
+    assert "began A.leakage 0.300" in out
+    assert "✓  A.leakage" in out
+    assert "1 of 1 planted faults found, 0 told that nobody planted" in out
+    assert "\x1b[" not in out
+
+
+def test_what_is_missing_is_named(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["demo", "--live", "--speed", "0"]) == 1
+    assert "--speed 0: give a number up to 50" in capfd.readouterr().err
+    absent = {"asyncua"}
+    monkeypatch.setattr(
+        demo_live, "find_spec", lambda name: None if name in absent else find_spec(name)
+    )
+    assert main(["demo", "--live"]) == 1
+    assert "pip install 'rulec[watch]'" in capfd.readouterr().err
