@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from asyncua import Server, ua
+from rulec_runtime.output.terminal import write_machine_text
 
 from rulec.demo import limits
 
@@ -105,7 +106,7 @@ def _tell_ended() -> None:
 
 
 def _tell(**what: object) -> None:
-    sys.stdout.write(json.dumps(what) + "\n")
+    write_machine_text(json.dumps(what) + "\n")
     sys.stdout.flush()
 
 
