@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from rulec_runtime.contract.degree import degree_in_figures
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
 from rulec_runtime.diagnosis.steady.findings import Finding, Period
@@ -21,14 +24,20 @@ from rulec_runtime.live.episode import Episode, Event, Kind, What
 @dataclass(frozen=True, kw_only=True)
 class Sight:
     """How far a diagnosis looks, s: since when, until which row, and until which settled one;
-    `pause` is how long nothing may be seen of an episode that goes on, `usual` how long something
-    that is no fault lasts before it is told."""
+    `usual` is how long something that is no fault lasts before it is told. `time` are those of the
+    rows, shape (n,); `pause` is in how many rows nothing may be seen of an episode that goes on."""
 
     since: float
     until: float
     settled: float
-    pause: float
     usual: float
+    time: Array
+    pause: int
+
+    def rows_between(self, first: float, last: float) -> int:
+        """Rows later than one time and before another. While there are none, nothing ends."""
+        after = np.searchsorted(self.time, first, "right")
+        return int(np.searchsorted(self.time, last, "left") - after)
 
 
 def changes(
@@ -50,7 +59,7 @@ def changes(
         if old.kind == "source":
             kept.append(old)
             continue
-        mine = [one for one in seen if _same(old, one, sight.pause)]
+        mine = [one for one in seen if _same(old, one, sight)]
         seen = [one for one in seen if one not in mine]
         now = replace(
             mine[-1] if mine else old, id=old.id, since=min([old.since, *(e.since for e in mine)])
@@ -164,7 +173,7 @@ def _id(subject: str, since: float) -> str:
     return f"{subject}@{since:.3f}"
 
 
-def _same(old: Episode, new: Episode, pause: float) -> bool:
+def _same(old: Episode, new: Episode, sight: Sight) -> bool:
     """Is it what was told before? A fault may have another name by now: one of those that fitted
     about as well."""
     if old.kind != new.kind:
@@ -173,7 +182,8 @@ def _same(old: Episode, new: Episode, pause: float) -> bool:
         names = {old.subject, *(name for name, _ in old.alternatives)}
         others = {new.subject, *(name for name, _ in new.alternatives)}
         return bool(names & others)
-    return _of_one_subject(old, new) and old.active and 0.0 < new.since - old.until <= pause
+    follows = _of_one_subject(old, new) and old.active and old.until < new.since
+    return follows and sight.rows_between(old.until, new.since) <= sight.pause
 
 
 def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:

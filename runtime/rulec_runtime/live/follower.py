@@ -178,8 +178,9 @@ def _sight(recent: Recording, judged: _Judged | None) -> Sight:
         since=float(time[0]),
         until=float(time[-1]),
         settled=float(until[-1]),
-        pause=(common.SETTLING + 1) * interval,
         usual=limits.BLIND_ROWS * interval,
+        time=time,
+        pause=common.SETTLING,
     )
 
 

@@ -1,0 +1,1 @@
+"""What `rulec watch` survives, measured: `python -m tests.soak`."""

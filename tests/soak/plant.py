@@ -1,0 +1,116 @@
+"""A simulated plant with one fault after the other, as rows that somebody writes or serves."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Event, Thread
+
+import numpy as np
+from rulec_runtime.recordings.recording_file import read_file
+
+from rulec.simulation.predict import predict
+from rulec.simulation.prediction import Injected
+from rulec.simulation.rewrite import rewrite
+from tests.conftest import ROOT, compiled
+
+FAULTS = (("A.leakage", 0.3), ("B.dp.high", 0.1), ("C.clogging", 0.2), ("B.leakage", 0.3))
+HEALTHY = ROOT / "plants" / "abc" / "examples" / "healthy.csv"
+LEAD, ON, OFF = 60, 60, 40
+"""Rows before the first fault, with a fault, and between two."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Rows a second apart, without their times, and the faults in them by the number of rows."""
+
+    titles: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    planted: tuple[Injected, ...]
+
+    def at(self, first: float, step: float) -> tuple[Injected, ...]:
+        """What is planted, by times of a play whose first row is at `first`, s."""
+        return tuple(
+            replace(f, since=first + f.since * step, until=first + f.until * step)
+            for f in self.planted
+        )
+
+
+def course(folder: Path, rows: int, on: int = ON, off: int = OFF) -> Course:
+    """A recording of plant abc with as many faults as fit in, the last one over."""
+    starts = range(LEAD, rows - on - off, on + off)
+    planted = tuple(
+        Injected(*FAULTS[i % len(FAULTS)], since, since + on - 1) for i, since in enumerate(starts)
+    )
+    inputs, played = folder / "inputs.csv", io.StringIO()
+    with HEALTHY.open(encoding="utf-8", newline="") as file:
+        titles, *shipped = csv.reader(file)
+    random = np.random.default_rng(5)
+    keep = [i for i, title in enumerate(titles) if ".n [" in title]
+    with inputs.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(titles)
+        for k in range(rows):
+            row = list(shipped[k % len(shipped)])
+            row[0] = str(k)
+            for i in keep:
+                row[i] = f"{float(row[i]) * random.normal(1.0, 0.0005):.6g}"
+            table.writerow(row)
+    ruleset = compiled("abc")
+    source = read_file(inputs, ruleset, [])
+    rewrite(source, ruleset, predict(ruleset, [source], planted, 1).values, played)
+    head, *body = csv.reader(io.StringIO(played.getvalue()))
+    read = [i for i, title in enumerate(head) if title.partition(" ")[0] in ruleset.read]
+    return Course(
+        tuple(head[i] for i in read), tuple(tuple(r[i] for i in read) for r in body), planted
+    )
+
+
+class Logger:
+    """A thread that writes a growing CSV file, a row every `pause` s, in halves now and then."""
+
+    def __init__(self, path: Path, course: Course, pause: float, step: float = 1.0) -> None:
+        self._path, self._course, self._pause, self._step = path, course, pause, step
+        self._out = path.open("w", encoding="utf-8", buffering=1)
+        self._out.write(",".join(["time [s]", *course.titles]) + "\n")
+        self.written, self.over = 0, Event()
+        self._stop = Event()
+        self._thread = Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Logger:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._out.close()
+
+    def _run(self) -> None:
+        for k, row in enumerate(self._course.rows):
+            line = ",".join([f"{k * self._step:g}", *row]) + "\n"
+            half = len(line) // 2 if k % 7 == 0 else 0
+            self._out.write(line[:half])
+            self._out.flush()
+            if self._stop.wait(self._pause):
+                break
+            self._out.write(line[half:])
+            self._out.flush()
+            self.written = k + 1
+        self.over.set()
+
+
+def moments(start: float, step: float, count: int) -> Iterator[float]:
+    """Waits until each row is due."""
+    for k in range(count):
+        time.sleep(max(start + k * step - time.time(), 0.0))
+        yield start + k * step
+
+
+def texts(titles: Sequence[str]) -> list[str]:
+    """Signals of titles."""
+    return [title.partition(" ")[0] for title in titles]

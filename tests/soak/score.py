@@ -1,0 +1,127 @@
+"""Events against what was planted, and against those of a watch that nobody disturbed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.journal.store import open_journal
+
+from rulec.simulation.prediction import Injected
+from tests.conftest import compiled
+
+PARTS = ("id", "kind", "subject", "module", "status", "since", "until", "active", "text")
+
+Known = tuple[str, float]
+"""A fault and since when."""
+
+
+def events_of(journal: Path | str) -> list[Event]:
+    """All events of plant abc in a journal, in order of their numbers."""
+    with closing(open_journal(str(journal), make=False)) as opened:
+        found = [entry.event for entry in opened.events("abc")]
+    return sorted(found, key=lambda e: e.number)
+
+
+def events_in(lines: Path) -> list[dict[str, Any]]:
+    """Events of a file of lines."""
+    return [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
+
+
+def rows_of(journal: Path | str) -> tuple[int, list[float]]:
+    """How many rows the state of a journal counts, and times of those that it still holds."""
+    from rulec_runtime.live.state import from_bytes
+
+    with closing(open_journal(str(journal), make=False)) as opened:
+        saved = opened.state("abc")
+    assert saved is not None
+    memory, _ = from_bytes(compiled("abc"), saved.state, str(journal))
+    return memory.count, [float(t) for t in memory.recent.time]
+
+
+def numbers(found: Iterable[int]) -> dict[str, int]:
+    """Numbers of events that are missing, or there twice."""
+    there = list(found)
+    return {
+        "numbers_lost": max(there, default=0) - len(set(there)),
+        "numbers_twice": len(there) - len(set(there)),
+    }
+
+
+def told(events: Sequence[Event]) -> list[Event]:
+    """The last event of each episode of a fault, a sensor or something unknown, unless that was
+    withdrawn."""
+    last: dict[str, Event] = {}
+    for event in events:
+        if event.episode.kind in ("fault", "sensor", "unknown"):
+            last[event.episode.id] = event
+    return [event for event in last.values() if event.what != "withdrawn"]
+
+
+def against_plant(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, Any]:
+    """Faults that were told once, never, more than once; what nobody planted."""
+    episodes = [event.episode for event in told(events)]
+    count = [
+        sum(
+            e.subject == f.fault and e.since <= f.until and f.since <= e.until for e in episodes
+        )
+        for f in planted
+    ]
+    strange = [
+        f"{e.subject or e.text}@{e.since:.0f}"
+        for e in episodes
+        if not any(
+            e.subject == f.fault and e.since <= f.until and f.since <= e.until for f in planted
+        )
+    ]
+    return {
+        "faults": len(planted),
+        "faults_lost": sum(n == 0 for n in count),
+        "faults_twice": sum(n > 1 for n in count),
+        "faults_strange": len(strange),
+        "strange": strange,
+    }
+
+
+def against_undisturbed(events: Sequence[Event], quiet: Sequence[Event]) -> dict[str, int]:
+    """Episodes by name and beginning: those of the undisturbed watch that are missing, and those
+    that are there beyond them."""
+    mine, theirs = ([_known(e) for e in told(part)] for part in (events, quiet))
+    return {
+        "episodes": len(theirs),
+        "lost": sum(max(theirs.count(k) - mine.count(k), 0) for k in set(theirs)),
+        "twice": sum(max(mine.count(k) - theirs.count(k), 0) for k in set(mine)),
+    }
+
+
+def _known(event: Event) -> Known:
+    return event.episode.subject or event.episode.kind, event.episode.since
+
+
+def forms_against_plant(
+    events: Sequence[dict[str, Any]], planted: Sequence[Injected]
+) -> dict[str, Any]:
+    """As `against_plant`, of events as they stand in a file of lines."""
+    return against_plant([_read(e) for e in events], planted)
+
+
+def _read(form: dict[str, Any]) -> Event:
+    parts = {name: form["episode"][name] for name in PARTS}
+    episode = Episode(**parts)
+    return Event(
+        number=form["number"],
+        time=form["time"],
+        what=form["what"],
+        text=form["text"],
+        episode=episode,
+    )
+
+
+def bad_output(text: str) -> dict[str, int]:
+    """Tracebacks, and characters that steer a terminal."""
+    steering = sum(1 for c in text if ord(c) < 32 and c not in "\n\t" or 127 <= ord(c) < 160)
+    return {"tracebacks": text.count("Traceback"), "steering": steering}

@@ -1,0 +1,111 @@
+"""The source killed and started again, while the watch runs on."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rulec_runtime.live.episode import Event
+
+from tests.live.sources.plant_server import free_port
+from tests.soak import score
+from tests.soak.plant import course
+from tests.soak.served import maps, write_play
+from tests.soak.watching import Watch
+
+STEP = 0.2
+"""Seconds from row to row."""
+PATIENCE = 90.0
+"""Seconds that the watch has to be connected again."""
+
+
+class Served:
+    """A process that serves the plant and can be killed."""
+
+    def __init__(self, kind: str, folder: Path, host: str = "127.0.0.1", port: int = 0) -> None:
+        self.kind, self.folder, self.host = kind, folder, host
+        self.port = port or free_port()
+        self.before: tuple[str, ...] = ()
+
+    def start(self) -> None:
+        words = (self.kind, str(self.port), str(self.folder / "play.json"), self.host)
+        self._process = subprocess.Popen(
+            [*self.before, sys.executable, "-m", "tests.soak.served", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == b"up\n"
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+def opcua_killed(folder: Path, times: int) -> dict[str, Any]:
+    """An OPC UA server."""
+    return _killed("opcua", folder, times)
+
+
+def mqtt_killed(folder: Path, times: int) -> dict[str, Any]:
+    """An MQTT broker, with the client that publishes."""
+    return _killed("mqtt", folder, times)
+
+
+def _killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    draw, what = random.Random(3), course(folder, 300 + 120 * times, 200, 100)
+    served = Served(kind, folder)
+    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
+    start = time.time() + 5.0
+    write_play(folder / "play.json", what, start, STEP)
+    served.start()
+    watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")
+    watch.start()
+    time.sleep(8.0)
+    reconnected, longest = 0, 0.0
+    for _ in range(times):
+        time.sleep(draw.uniform(1.0, 5.0))
+        served.kill()
+        known = _connections(folder)
+        time.sleep(draw.uniform(0.0, 3.0))
+        served.start()
+        began = time.monotonic()
+        while _connections(folder) <= known and time.monotonic() - began < PATIENCE:
+            time.sleep(0.1)
+        reconnected += _connections(folder) > known
+        longest = max(longest, time.monotonic() - began)
+    time.sleep(5.0)
+    end = time.time()
+    code = watch.interrupt()
+    served.kill()
+    events = score.events_of(folder / "journal.db")
+    planted = [f for f in what.at(start, STEP) if f.until < end]
+    return {
+        "tried": times,
+        "survived": reconnected if code == 0 else 0,
+        "longest_until_read_again": round(longest, 1),
+        **_of_connection(events),
+        "events": len(events),
+        **score.numbers(e.number for e in events),
+        **score.against_plant(events, planted),
+        **score.bad_output(watch.out + watch.err),
+    }
+
+
+def _connections(folder: Path) -> int:
+    """How often the journal says that the plant is read again."""
+    return _of_connection(score.events_of(folder / "journal.db"))["read_again"]
+
+
+def _of_connection(events: Sequence[Event]) -> dict[str, int]:
+    """How often it was told that the plant is read no more, that it is again, and rows missing."""
+    source = [e for e in events if e.episode.kind == "source"]
+    count = Counter(e.what for e in source)
+    gaps = sum(1 for e in source if e.episode.subject == "gap")
+    return {"told_lost": count["began"], "read_again": count["ended"], "told_gaps": gaps}
