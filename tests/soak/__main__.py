@@ -15,13 +15,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.soak import killed, sources
+from tests.soak import killed, network, sources
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-journal": (killed.journal_killed, 50),
     "kill-lines": (killed.lines_killed, 50),
     "opcua": (sources.opcua_killed, 50),
     "mqtt": (sources.mqtt_killed, 50),
+    "network-opcua": (network.opcua, 10),
+    "network-mqtt": (network.mqtt, 10),
 }
 """Each with what it does, and how often."""
 

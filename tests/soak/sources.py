@@ -90,7 +90,7 @@ def _killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
         "tried": times,
         "survived": reconnected if code == 0 else 0,
         "longest_until_read_again": round(longest, 1),
-        **_of_connection(events),
+        **of_connection(events),
         "events": len(events),
         **score.numbers(e.number for e in events),
         **score.against_plant(events, planted),
@@ -100,10 +100,10 @@ def _killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
 
 def _connections(folder: Path) -> int:
     """How often the journal says that the plant is read again."""
-    return _of_connection(score.events_of(folder / "journal.db"))["read_again"]
+    return of_connection(score.events_of(folder / "journal.db"))["read_again"]
 
 
-def _of_connection(events: Sequence[Event]) -> dict[str, int]:
+def of_connection(events: Sequence[Event]) -> dict[str, int]:
     """How often it was told that the plant is read no more, that it is again, and rows missing."""
     source = [e for e in events if e.episode.kind == "source"]
     count = Counter(e.what for e in source)

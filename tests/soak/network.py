@@ -1,0 +1,114 @@
+"""A network that loses packets, and one that falls silent while both ends think they are connected."""
+
+from __future__ import annotations
+
+import random
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.soak import lossy, score
+from tests.soak.plant import course
+from tests.soak.served import maps, write_play
+from tests.soak.sources import STEP, Served, of_connection
+from tests.soak.watching import Watch
+
+LOSS = 0.3
+LOSSY = 120.0  # s with that loss
+CALM = 30.0  # s without, afterwards
+PATIENCE = 90.0
+
+
+def opcua(folder: Path, times: int) -> dict[str, Any]:
+    """OPC UA."""
+    return _through("opcua", folder, times)
+
+
+def mqtt(folder: Path, times: int) -> dict[str, Any]:
+    """MQTT."""
+    return _through("mqtt", folder, times)
+
+
+def _through(kind: str, folder: Path, times: int) -> dict[str, Any]:
+    with lossy.spaces() as there:
+        if not there:
+            return {"skipped": "network namespaces and TUN devices need root"}
+        link = lossy.Link()
+        try:
+            return _watched(kind, folder, times, link)
+        finally:
+            came, dropped = link.close()
+            print(f"{came} packets, {dropped} dropped")
+
+
+def _watched(kind: str, folder: Path, times: int, link: lossy.Link) -> dict[str, Any]:
+    seconds = LOSSY + CALM + times * 60.0 + 60.0
+    draw, what = random.Random(6), course(folder, int(seconds / STEP), 200, 100)
+    served = Served(kind, folder, lossy.HOST, 4840)
+    served.before = lossy.inside(lossy.PLANT)
+    (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
+    start = time.time() + 5.0
+    write_play(folder / "play.json", what, start, STEP)
+    served.start()
+    options = ("--source", kind, "--map", "map.yaml", "--journal", "journal.db")
+    watch = Watch(folder, *options, before=lossy.inside(lossy.WATCHER))
+    watch.start()
+    try:
+        time.sleep(15.0)
+        before = score.rows_of(folder / "journal.db")[0]
+        link.says(f"loss {LOSS}")
+        time.sleep(LOSSY)
+        link.says("loss 0")
+        after = score.rows_of(folder / "journal.db")[0]
+        time.sleep(CALM)
+        of_loss = of_connection(score.events_of(folder / "journal.db"))
+        reads = score.rows_of(folder / "journal.db")[0] > after
+        told, again = _silences(folder, times, link, draw)
+        end = time.time()
+        code = watch.interrupt()
+    finally:
+        if watch.runs:
+            watch.kill()
+        served.kill()
+    events = score.events_of(folder / "journal.db")
+    planted = [f for f in what.at(start, STEP) if f.until < end]
+    return {
+        "loss": LOSS,
+        "rows_with_loss": after - before,
+        "rows_without_loss": round(LOSSY / STEP),
+        "reads_after_loss": reads,
+        **{f"{name}_with_loss": n for name, n in of_loss.items()},
+        "tried": times,
+        "told_silent": sum(s is not None for s in told),
+        "longest_until_told": max((s for s in told if s is not None), default=None),
+        "survived": sum(s is not None for s in again) if code == 0 else 0,
+        "longest_until_read_again": max((s for s in again if s is not None), default=None),
+        "events": len(events),
+        **score.numbers(e.number for e in events),
+        **score.against_plant(events, planted),
+        **score.bad_output(watch.out + watch.err),
+    }
+
+
+def _silences(
+    folder: Path, times: int, link: lossy.Link, draw: random.Random
+) -> tuple[list[float | None], list[float | None]]:
+    """Per silence s until it was told, and s until the plant was read again; None if never."""
+    told, again = [], []
+    for _ in range(times):
+        time.sleep(draw.uniform(3.0, 6.0))
+        link.says("silent")
+        told.append(_until(folder, "told_lost"))
+        link.says("loss 0")
+        again.append(_until(folder, "read_again"))
+    return told, again
+
+
+def _until(folder: Path, what: str) -> float | None:
+    """Seconds until one more is told."""
+    known, began = of_connection(score.events_of(folder / "journal.db"))[what], time.monotonic()
+    while (lasts := time.monotonic() - began) < PATIENCE:
+        if of_connection(score.events_of(folder / "journal.db"))[what] > known:
+            return round(lasts, 1)
+        time.sleep(0.2)
+    return None
