@@ -162,6 +162,7 @@ def test_readings_that_stay_away_are_an_alarm() -> None:
         Notice("lost", 5.0, "server: no answer"),
         Notice("stale", 6.0, "server: nothing new"),
         Notice("gap", 7.0, "9 s are missing"),
+        Notice("connected", 8.0, "one server of two is back", still=True),
         Notice("connected", 9.0, "server is back"),
     ):
         memory, events = noticed(memory, notice)
@@ -170,6 +171,7 @@ def test_readings_that_stay_away_are_an_alarm() -> None:
         ("noted", 0.0, False),
         ("began", 5.0, True),
         ("noted", 7.0, False),
+        ("noted", 8.0, False),
         ("ended", 5.0, False),
     ]
     assert not any(one.active for one in memory.episodes)

@@ -66,9 +66,7 @@ def against_plant(events: Sequence[Event], planted: Sequence[Injected]) -> dict[
     """Faults that were told once, never, more than once; what nobody planted."""
     episodes = [event.episode for event in told(events)]
     count = [
-        sum(
-            e.subject == f.fault and e.since <= f.until and f.since <= e.until for e in episodes
-        )
+        sum(e.subject == f.fault and e.since <= f.until and f.since <= e.until for e in episodes)
         for f in planted
     ]
     strange = [

@@ -38,7 +38,13 @@ class Watch:
             (self._folder / f"{self._name}.err").open("ab") as err,
         ):
             self._process = subprocess.Popen(
-                [*self._command, *more], cwd=self._folder, env=environment, stdout=out, stderr=err
+                [*self._command, *more],
+                cwd=self._folder,
+                env=environment,
+                stdout=out,
+                stderr=err,
+                # Whoever runs us in the background has it ignored.
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             )
         self.lives += 1
 

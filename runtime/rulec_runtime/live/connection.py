@@ -34,7 +34,7 @@ def noticed(memory: Memory, notice: Notice) -> tuple[Memory, tuple[Event, ...]]:
             return memory, ()
         what, one = "began", replace(one, active=True)
         others = (*others, one)
-    elif notice.kind == "connected" and away:
+    elif notice.kind == "connected" and away and not notice.still:
         what = "ended"
         one = replace(away[0], until=notice.time, active=False, text=notice.text)
     elif away:

@@ -30,11 +30,15 @@ class Rows:
 
 @dataclass(frozen=True)
 class Notice:
-    """What happened to the connection at a time (as of rows), for the operator."""
+    """What happened to the connection at a time (as of rows), for the operator.
+
+    `still`: though something is connected, something else of the source is not read.
+    """
 
     kind: NoticeKind
     time: float
     text: str
+    still: bool = False
 
 
 class Source(Protocol):

@@ -214,9 +214,27 @@ def test_silence_is_told_once_until_rows_come_again(
     taken.until(lambda t: t.kinds().count("stale") == 2)
     path.unlink()
     taken.until(lambda t: "lost" in t.kinds())
-    assert taken.kinds() == ["connected", "stale", "stale", "lost"]
+    assert taken.kinds() == ["connected", "stale", "connected", "stale", "lost"]
     path.write_text(lines([3]))
     taken.until(lambda t: t.times == [0, 1, 2, 3])
+
+
+def test_rows_that_are_left_out_are_silence(
+    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A logger whose clock was set back writes on, and nothing of it can be judged."""
+    monkeypatch.setattr(limits, "STALE", 0.1)
+    monkeypatch.setattr(limits, "STALE_STEPS", 0.1)
+    path = tmp_path / "x.csv"
+    path.write_text("time,A.dp [bar],A.n [rpm]\n2026-03-01 12:00:00,1,900\n")
+    taken = Taken(GrowingFile(path, abc)).take()
+    for second in range(3):
+        append(path, f"2026-03-01 11:00:0{second},1,900\n")
+        taken.take(0.1)
+    taken.until(lambda t: "stale" in t.kinds())
+    append(path, "2026-03-01 12:00:01,1,900\n")
+    taken.until(lambda t: len(t.times) == 2)
+    assert taken.kinds() == ["connected", "clock", "stale", "connected"]
 
 
 def test_reading_goes_on_where_it_was_stored(tmp_path: Path, abc: Ruleset) -> None:

@@ -86,8 +86,8 @@ def without_broker(abc: Ruleset, tmp_path: Path, text: str) -> Taken:
 
 
 def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
-    """A message with all signals is a row; lost, stale, connected and the gap are told. Nothing is
-    published but what the plant itself sends."""
+    """A message with all signals is a row; lost, stale, connected and the gap are told; that values
+    come again as well. Nothing is published but what the plant itself sends."""
     path = tmp_path / "map.yaml"
     path.write_text(MAP, encoding="utf-8")
     broker = PlantBroker()
@@ -108,7 +108,8 @@ def test_rows_of_a_broker_that_is_killed(abc: Ruleset, tmp_path: Path) -> None:
     broker.stop()
     assert broker.heard == ["plant/A"] * 6
     kinds = taken.kinds()
-    assert [kinds.count(k) for k in ("connected", "lost", "gap")] == [2, 1, 1]
+    assert [kinds.count(k) for k in ("connected", "lost", "gap")] == [3, 1, 1]
+    assert [n.still for n in taken.notices if n.kind == "connected"] == [False, True, False]
 
 
 @pytest.mark.parametrize(
@@ -177,5 +178,7 @@ def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> 
         time.sleep(0.03)
     taken.until(lambda t: math.isnan(t.of("A.dp")[-1]))
     assert "stale" in taken.kinds()
+    send("t/dp", 1.8, 30)
+    taken.until(lambda t: t.told[-1] == ("connected", "all values come again"))
     source.close()
     assert (np.diff(taken.times) > 0).all()

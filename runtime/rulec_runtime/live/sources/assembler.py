@@ -42,6 +42,17 @@ class Assembler:
         """Whether there was a row."""
         return self._last > -float("inf")
 
+    @property
+    def silent(self) -> bool:
+        """Whether some place says nothing."""
+        return len(self._heard) < len(self._silence)
+
+    def found(self, place: str) -> None:
+        """A place that was lost is connected again, which is told."""
+        with self._lock:
+            self._silence[place].heard()
+            self._heard.add(place)
+
     def put(self, places: Iterable[str], values: Mapping[str, float], time: float) -> None:
         """What places say at a time, s since 1970; readings in SI, NaN where there is none."""
         with self._lock:
@@ -50,11 +61,13 @@ class Assembler:
                 self._end_row()
             if not self._pending:
                 self._first, self._first_time = clocks.monotonic(), time
-            for place in here:
-                self._silence[place].heard()
+            again = [place for place in here if self._silence[place].heard()]
             for name, value in values.items():
                 self._values[self._index[name]] = value
             self._heard |= here
+            if again and not self.silent:
+                text = "all values come again"
+                self._hand.notices([notice("connected", now(), text)])
             self._pending |= here
             self._newest = max(self._newest, time)
             if self._pending >= self._heard:

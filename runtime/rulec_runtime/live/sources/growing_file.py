@@ -117,14 +117,18 @@ class GrowingFile:
         if not data:
             return self._end_of_file()
         self._replaced = None
-        self._silence.heard()
         before = self._cutter.offset
         lines = self._cutter.feed(data)
         if self._cutter.offset > before:
             self._tail = tail_of(file, self._cutter.offset)
-        found = [*self._found_again(), *self._rows(lines)]
+        rows = self._rows(lines)
         self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
-        return found
+        if not any(isinstance(part, Rows) for part in rows):
+            return [*self._found_again(), *rows, *self._stale()]
+        again: list[Notice] = self._found_again()
+        if self._silence.heard() and not again:
+            again = [notice("connected", self._clock.now, f"{self._path.name}: rows come again")]
+        return [*again, *rows]
 
     def _rows(self, lines: list[str]) -> list[Rows | Notice]:
         found: list[Rows | Notice] = []
@@ -218,7 +222,8 @@ class GrowingFile:
         if not self._missing:
             return []
         self._missing = False
-        return [notice("connected", self._clock.now, f"{self._path.name} is read again")]
+        text, still = f"{self._path.name} is read again", self._silence.stale
+        return [notice("connected", self._clock.now, text, still=still)]
 
     def _resume(self, position: Mapping[str, Any]) -> None:
         """Go on at a position, in the file that it belongs to, wherever that is now."""

@@ -114,7 +114,7 @@ class Mqtt:
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:
             text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
-        found = [notice("connected", now(), text)]
+        found = [notice("connected", now(), text, still=self._rows.silent)]
         if self._gone is not None and self._rows.begun:
             text = f"{endpoint}: not connected for {now() - self._gone:.3g} s"
             found.append(notice("gap", self._gone, text))

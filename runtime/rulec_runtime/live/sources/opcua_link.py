@@ -163,7 +163,9 @@ class Link:
         text = f"{server.endpoint} ({safe}): {signals} every {self._interval:g} s"
         if server.access.policy and server.access.server_certificate is None:
             text += "; no 'server_certificate' in the map, so any server is trusted"
-        found = [notice("connected", now(), "; ".join([text, *self._notes]))]
+        self._rows.found(server.name)
+        still = self._rows.silent
+        found = [notice("connected", now(), "; ".join([text, *self._notes]), still=still)]
         if self._gone is not None and self._rows.begun:
             quiet = now() - self._gone
             text = f"{server.endpoint}: nothing was read for {quiet:.3g} s"

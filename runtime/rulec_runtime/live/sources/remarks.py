@@ -10,10 +10,10 @@ from rulec_runtime.live.sources import limits
 from rulec_runtime.output.terminal import one_line
 
 
-def notice(kind: NoticeKind, time: float, text: str) -> Notice:
+def notice(kind: NoticeKind, time: float, text: str, *, still: bool = False) -> Notice:
     """A notice whose text steers no terminal, whatever data stands in it."""
     short = text if len(text) <= limits.LONGEST_NOTICE else f"{text[: limits.LONGEST_NOTICE]}..."
-    return Notice(kind, time, one_line(short))
+    return Notice(kind, time, one_line(short), still)
 
 
 class Remarks:
@@ -54,9 +54,11 @@ class Silence:
         """Seconds since something was heard."""
         return clocks.monotonic() - self._heard
 
-    def heard(self) -> None:
+    def heard(self) -> bool:
+        """Something was; whether it was stale until now."""
+        was, self.stale = self.stale, False
         self._heard = clocks.monotonic()
-        self.stale = False
+        return was
 
     def begins(self) -> bool:
         """Whether it is stale from now on."""

@@ -44,9 +44,12 @@ class StandardInput:
             if not select.select([self._descriptor], [], [], max(0.0, left))[0]:
                 return self._stale()
             data = os.read(self._descriptor, limits.PIECE)
-            self._silence.heard()
             found = self._read(data)
             self._silence.seconds = max(limits.STALE, limits.STALE_STEPS * self._clock.step)
+            if not any(isinstance(part, Rows) for part in found):
+                found += self._stale()
+            elif self._silence.heard():
+                found.insert(0, notice("connected", self._clock.now, f"{NAME}: rows come again"))
             if found or left <= 0:
                 return found
         return []
