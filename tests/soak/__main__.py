@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.soak import killed, network, sources
+from tests.soak import clocks, disk, killed, mutated, network, sources
 
 PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "kill-journal": (killed.journal_killed, 50),
@@ -24,6 +24,16 @@ PARTS: dict[str, tuple[Callable[[Path, int], dict[str, Any]], int]] = {
     "mqtt": (sources.mqtt_killed, 50),
     "network-opcua": (network.opcua, 10),
     "network-mqtt": (network.mqtt, 10),
+    "clock-seconds": (clocks.seconds, 3),
+    "clock-dates": (clocks.dates, 3),
+    "clock-opcua": (clocks.opcua, 3),
+    "clock-mqtt": (clocks.mqtt, 3),
+    "disk-journal": (disk.journal, 10),
+    "disk-lines": (disk.lines, 10),
+    "database": (disk.database, 1),
+    "mutated-input": (mutated.standard_input, 10_000),
+    "mutated-file": (mutated.growing_file, 10_000),
+    "mutated-mqtt": (mutated.messages, 10_000),
 }
 """Each with what it does, and how often."""
 

@@ -1,4 +1,4 @@
-"""A network that loses packets, and one that falls silent while both ends think they are connected."""
+"""A network that loses packets, and one that falls silent with both ends still connected."""
 
 from __future__ import annotations
 

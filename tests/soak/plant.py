@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Thread
 
@@ -70,13 +70,28 @@ def course(folder: Path, rows: int, on: int = ON, off: int = OFF) -> Course:
     )
 
 
-class Logger:
-    """A thread that writes a growing CSV file, a row every `pause` s, in halves now and then."""
+def ahead(jumps: Sequence[tuple[int, float]], row: int) -> float:
+    """What the clock of the source is wrong by at a row, s; it jumps from some rows on."""
+    return sum(by for first, by in jumps if first <= row)
 
-    def __init__(self, path: Path, course: Course, pause: float, step: float = 1.0) -> None:
-        self._path, self._course, self._pause, self._step = path, course, pause, step
+
+class Logger:
+    """A thread that writes a growing CSV file, a row every `pause` s, in halves now and then.
+
+    `jumps` of its clock as (from which row on, by how many s); `since` where times are dates, s.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        course: Course,
+        pause: float,
+        jumps: Sequence[tuple[int, float]] = (),
+        since: float | None = None,
+    ) -> None:
+        self._course, self._pause, self._jumps, self._since = course, pause, jumps, since
         self._out = path.open("w", encoding="utf-8", buffering=1)
-        self._out.write(",".join(["time [s]", *course.titles]) + "\n")
+        self._out.write(",".join(["time" if since else "time [s]", *course.titles]) + "\n")
         self.written, self.over = 0, Event()
         self._stop = Event()
         self._thread = Thread(target=self._run, daemon=True)
@@ -92,7 +107,7 @@ class Logger:
 
     def _run(self) -> None:
         for k, row in enumerate(self._course.rows):
-            line = ",".join([f"{k * self._step:g}", *row]) + "\n"
+            line = ",".join([self._time(k), *row]) + "\n"
             half = len(line) // 2 if k % 7 == 0 else 0
             self._out.write(line[:half])
             self._out.flush()
@@ -103,12 +118,11 @@ class Logger:
             self.written = k + 1
         self.over.set()
 
-
-def moments(start: float, step: float, count: int) -> Iterator[float]:
-    """Waits until each row is due."""
-    for k in range(count):
-        time.sleep(max(start + k * step - time.time(), 0.0))
-        yield start + k * step
+    def _time(self, row: int) -> str:
+        time = row + ahead(self._jumps, row)
+        if self._since is None:
+            return f"{time:g}"
+        return f"{datetime.fromtimestamp(self._since + time, UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def texts(titles: Sequence[str]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -25,6 +26,11 @@ def events_of(journal: Path | str) -> list[Event]:
     with closing(open_journal(str(journal), make=False)) as opened:
         found = [entry.event for entry in opened.events("abc")]
     return sorted(found, key=lambda e: e.number)
+
+
+def events_from(lines: Path) -> list[Event]:
+    """Events of a file of lines, as far as they are needed here."""
+    return [_read(form) for form in events_in(lines)]
 
 
 def events_in(lines: Path) -> list[dict[str, Any]]:
@@ -100,6 +106,17 @@ def _known(event: Event) -> Known:
     return event.episode.subject or event.episode.kind, event.episode.since
 
 
+def by_name(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, int]:
+    """Faults by their names alone, where the clock of the source is wrong."""
+    there = Counter(e.episode.subject or e.episode.kind for e in told(events))
+    wanted = Counter(f.fault for f in planted)
+    return {
+        "faults": len(planted),
+        "faults_lost": (wanted - there).total(),
+        "faults_twice": (there - wanted).total(),
+    }
+
+
 def forms_against_plant(
     events: Sequence[dict[str, Any]], planted: Sequence[Injected]
 ) -> dict[str, Any]:
@@ -121,5 +138,5 @@ def _read(form: dict[str, Any]) -> Event:
 
 def bad_output(text: str) -> dict[str, int]:
     """Tracebacks, and characters that steer a terminal."""
-    steering = sum(1 for c in text if ord(c) < 32 and c not in "\n\t" or 127 <= ord(c) < 160)
+    steering = sum(1 for c in text if (ord(c) < 32 and c not in "\n\t") or 127 <= ord(c) < 160)
     return {"tracebacks": text.count("Traceback"), "steering": steering}

@@ -11,18 +11,24 @@ import json
 import logging
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tests.soak.plant import Course, texts
+from tests.soak.plant import Course, ahead, texts
 
 
-def write_play(path: Path, course: Course, start: float, step: float, ahead: float = 0.0) -> None:
-    """What is played from when on; `ahead` is what the clock of the source is wrong by, s."""
-    play = {**asdict(course), "start": start, "step": step, "ahead": ahead}
+def write_play(
+    path: Path,
+    course: Course,
+    start: float,
+    step: float,
+    jumps: Sequence[tuple[int, float]] = (),
+) -> None:
+    """What is played from when on, and how the clock of the source jumps."""
+    play = {**asdict(course), "start": start, "step": step, "jumps": jumps}
     path.write_text(json.dumps(play), encoding="utf-8")
 
 
@@ -32,7 +38,7 @@ async def due(play: dict[str, Any]) -> AsyncIterator[tuple[float, list[str]]]:
     while k < len(play["rows"]):
         at = play["start"] + k * play["step"]
         await asyncio.sleep(max(at - time.time(), 0.0))
-        yield at + play["ahead"], play["rows"][k]
+        yield at + ahead(play["jumps"], k), play["rows"][k]
         k += 1
 
 

@@ -158,21 +158,27 @@ class Mqtt:
         here = now()
         values, times = {}, []
         for channel, value in found:
-            time = here if value.stamp is None else value.stamp
-            if self._is_news(channel, time, here):
+            time = self._time(channel, value.stamp, here)
+            if self._is_news(channel, time):
                 values[channel.signal.id] = self._reading(channel, value)
                 times.append(time)
         if values:
             self._rows.put(values, values, max(times))
 
-    def _is_news(self, channel: Channel, time: float, here: float) -> bool:
-        """Whether a value is later than all before, and not of the future; else told once."""
+    def _time(self, channel: Channel, stamp: float | None, here: float) -> float:
+        """The stamp, s; the time of arrival where there is none, or it is of the future, which is
+        told once: a clock that runs ahead would make all late that comes after it is mended."""
+        if stamp is None or stamp <= here + limits.CLOCK_APART:
+            return here if stamp is None else stamp
+        signal = channel.signal.id
+        text = f"{signal}: its stamp is {stamp - here:.0f} s ahead of our clock; our time counts"
+        self._hand.notices(self._remarks.tell("clock", (signal, "ahead"), here, text))
+        return here
+
+    def _is_news(self, channel: Channel, time: float) -> bool:
+        """Whether a value is later than all before; else told once."""
         signal = channel.signal.id
         before = self._newest.get(signal, -float("inf"))
-        if time > here + limits.CLOCK_APART:
-            why = f"its stamp is {time - here:.0f} s ahead of our clock"
-            self._hand.notices(self._told(signal, "ahead", why))
-            return False
         if time <= before:
             why = "it came twice" if time == before else f"it is {before - time:.3g} s late"
             self._hand.notices(self._told(signal, "twice" if time == before else "late", why))
