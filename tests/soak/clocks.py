@@ -59,7 +59,7 @@ def mqtt(folder: Path, times: int) -> dict[str, Any]:
 def _served(kind: str, folder: Path) -> dict[str, Any]:
     what, served = course(folder, ROWS), Served(kind, folder)
     (folder / "map.yaml").write_text(maps(kind, what, served.host, served.port, STEP))
-    start = time.time() + 12.0
+    start = time.time() + 2.0
     write_play(folder / "play.json", what, start, STEP, JUMPS)
     served.start()
     watch = Watch(folder, "--source", kind, "--map", "map.yaml", "--journal", "journal.db")

@@ -26,7 +26,7 @@ from tests.soak.sources import STEP, Served
 
 STEERING = (b"\x1b]", b"\x07", b"\xe2\x80\xae", b"\x1b[2J", b"\x9b")
 """What the pieces put in hold, and no picture of ours."""
-ROWS = LEAD + ON + OFF
+ROWS = LEAD + ON + OFF + 1
 
 
 def standard_input(folder: Path, times: int) -> dict[str, Any]:

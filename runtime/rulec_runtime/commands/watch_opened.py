@@ -15,8 +15,9 @@ from rulec_runtime.commands.watch_journal import KeptJournal, kept_journal
 from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
+from rulec_runtime.live.caught_up import CaughtUp, caught_up
 from rulec_runtime.live.follower import Memory, nothing_yet
-from rulec_runtime.live.journal.sinks import WatchSink
+from rulec_runtime.live.journal.sinks import FileSink, WatchSink
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import extra
@@ -53,8 +54,11 @@ def opened(
     memory, position = _restored(ruleset, options.state, journal)
     sinks = sinks_of(options, ruleset, folder or _beside(options.state, journal), stack)
     map_path = Path(options.map) if options.map else None
-    source = open_source(options.source, ruleset, map_path, position or None)
+    source: Source = open_source(options.source, ruleset, map_path, position or None)
     stack.callback(source.close)
+    files = [sink for sink in sinks if isinstance(sink, FileSink)]
+    if ahead := [event for sink in files for event in sink.ahead(memory.number)]:
+        memory, source = caught_up(memory, ahead), CaughtUp(source, ahead)
     out = console(options)
     first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
     out.print(first, soft_wrap=True)

@@ -182,3 +182,18 @@ def test_signals_of_several_topics_become_rows(abc: Ruleset, tmp_path: Path) -> 
     taken.until(lambda t: t.told[-1] == ("connected", "all values come again"))
     source.close()
     assert (np.diff(taken.times) > 0).all()
+
+
+def test_stamps_of_the_future_do_not_blind_the_watch(abc: Ruleset, tmp_path: Path) -> None:
+    """A clock an hour ahead, then right again: no value is late."""
+    taken = without_broker(abc, tmp_path, "signals: {A.dp: t}\n")
+    source = taken.source
+    assert isinstance(source, Mqtt)
+    begin = time.time()
+    for ahead in (3600.0, 3600.0, 0.0):
+        source.receive("t", json.dumps({"value": 1.8, "time": time.time() + ahead}).encode())
+        time.sleep(0.01)
+    taken.until(lambda t: len(t.times) == 3)
+    source.close()
+    assert begin <= taken.times[0] < taken.times[-1] <= time.time()
+    assert taken.kinds().count("clock") == 1

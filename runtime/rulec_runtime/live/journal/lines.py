@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.form import Record, form_for, json_line, other_content
+from rulec_runtime.live.journal.form import Record, event_from, form_for, json_line, other_content
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.output.append_file import Appended
 from rulec_runtime.output.json_file import Damaged, parse_json
@@ -34,6 +34,16 @@ class LinesFile:
     def last(self, plant: str) -> int:
         """Number of the last event of a plant; 0 before any."""
         return self._last.get(plant, 0)
+
+    def after(self, plant: str, number: int) -> list[Event]:
+        """Events of a plant that have a larger number. Raises `JournalRefused` for a line that is
+        none."""
+        found = [
+            record
+            for other, record in self._records()
+            if other == plant and record["number"] > number
+        ]
+        return [event_from(record) for record in found]
 
     def commit(
         self, plant: str, events: Sequence[Event], state: bytes | None, *, dated: bool

@@ -42,12 +42,17 @@ class FileSink:
 
     def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
         if self._lines is not None:
-            # After a kill some are told again, perhaps with a later digit changed.
             new = [event for event in news if event.number > self._written]
             self._lines.commit(self._plant, new, None, dated=dated)
         if self._state is not None:
-            # Behind the events: a kill in between tells them again, with the same numbers.
+            # Behind the events: after a kill in between the next watch catches up with them.
             write_data(self._state, state)
+
+    def ahead(self, number: int) -> list[Event]:
+        """Events beyond the state, which ends with this number: it was killed between the two."""
+        if self._lines is None or self._state is None:
+            return []
+        return self._lines.after(self._plant, number)
 
     def show(self, now: Now) -> None:
         pass

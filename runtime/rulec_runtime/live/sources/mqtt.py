@@ -158,21 +158,20 @@ class Mqtt:
         here = now()
         values, times = {}, []
         for channel, value in found:
-            time = self._time(channel, value.stamp, here)
+            time = self._time(value.stamp, here)
             if self._is_news(channel, time):
                 values[channel.signal.id] = self._reading(channel, value)
                 times.append(time)
         if values:
             self._rows.put(values, values, max(times))
 
-    def _time(self, channel: Channel, stamp: float | None, here: float) -> float:
+    def _time(self, stamp: float | None, here: float) -> float:
         """The stamp, s; the time of arrival where there is none, or it is of the future, which is
         told once: a clock that runs ahead would make all late that comes after it is mended."""
         if stamp is None or stamp <= here + limits.CLOCK_APART:
             return here if stamp is None else stamp
-        signal = channel.signal.id
-        text = f"{signal}: its stamp is {stamp - here:.0f} s ahead of our clock; our time counts"
-        self._hand.notices(self._remarks.tell("clock", (signal, "ahead"), here, text))
+        text = f"stamps are {stamp - here:.0f} s ahead of our clock; rows bear our time"
+        self._hand.notices(self._remarks.tell("clock", "ahead", here, text))
         return here
 
     def _is_news(self, channel: Channel, time: float) -> bool:

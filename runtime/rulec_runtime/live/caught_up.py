@@ -1,0 +1,64 @@
+"""Events that were told after the state was kept: the process was killed in between.
+
+The rows behind the state come again, perhaps in other blocks, so they might be told differently,
+under the same numbers. Instead the watch remembers what it has told, and judges those rows at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.follower import Memory
+from rulec_runtime.live.rows import Notice, Rows, Source
+
+
+def caught_up(memory: Memory, told: Sequence[Event]) -> Memory:
+    """What is remembered, as it was after the last of these events; rows aside."""
+    episodes = {one.id: one for one in memory.episodes}
+    number = memory.number
+    for event in told:
+        if event.number > number:
+            episodes[event.episode.id] = event.episode
+            number = event.number
+    kept = (one for one in episodes.values() if one.active or one.kind != "source")
+    return replace(memory, episodes=tuple(kept), number=number)
+
+
+class CaughtUp:
+    """A source whose first rows are handed out together, as far as those go that were judged."""
+
+    def __init__(self, source: Source, told: Sequence[Event]) -> None:
+        self._source = source
+        times = [event.time for event in told if event.episode.kind != "source"]
+        self._until = max(times, default=-float("inf"))
+
+    @property
+    def dated(self) -> bool:
+        return self._source.dated
+
+    @property
+    def ended(self) -> bool:
+        return self._source.ended
+
+    @property
+    def position(self) -> Mapping[str, Any]:
+        """Where reading goes on; empty for a source that has none."""
+        position: Mapping[str, Any] = getattr(self._source, "position", {})
+        return position
+
+    def take(self, seconds: float) -> list[Rows | Notice]:
+        found = more = self._source.take(seconds)
+        while more and (newest := _newest(found)) is not None and newest < self._until:
+            more = self._source.take(0.0)
+            found = [*found, *more]
+        return found
+
+    def close(self) -> None:
+        self._source.close()
+
+
+def _newest(parts: Sequence[Rows | Notice]) -> float | None:
+    return max((float(p.time[-1]) for p in parts if isinstance(p, Rows)), default=None)
