@@ -71,7 +71,6 @@ def _watched(kind: str, folder: Path, times: int, link: lossy.Link) -> dict[str,
             watch.kill()
         served.kill()
     events = score.events_of(folder / "journal.db")
-    planted = [f for f in what.at(start, STEP) if f.until < end]
     return {
         "loss": LOSS,
         "rows_with_loss": after - before,
@@ -85,7 +84,7 @@ def _watched(kind: str, folder: Path, times: int, link: lossy.Link) -> dict[str,
         "longest_until_read_again": max((s for s in again if s is not None), default=None),
         "events": len(events),
         **score.numbers(e.number for e in events),
-        **score.against_plant(events, planted),
+        **score.against_plant(events, what.at(start, STEP), end),
         **score.bad_output(watch.out + watch.err),
     }
 

@@ -68,27 +68,30 @@ def told(events: Sequence[Event]) -> list[Event]:
     return [event for event in last.values() if event.what != "withdrawn"]
 
 
-def against_plant(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, Any]:
-    """Faults that were told once, never, more than once; what nobody planted."""
+def against_plant(
+    events: Sequence[Event], planted: Sequence[Injected], end: float = float("inf")
+) -> dict[str, Any]:
+    """Faults over before `end` that were told once, never, more than once; what nobody planted."""
     episodes = [event.episode for event in told(events)]
-    count = [
-        sum(e.subject == f.fault and e.since <= f.until and f.since <= e.until for e in episodes)
-        for f in planted
-    ]
+    over = [f for f in planted if f.until < end]
+    count = [sum(_is_of(e, f) for e in episodes) for f in over]
     strange = [
         f"{e.subject or e.text}@{e.since:.0f}"
         for e in episodes
-        if not any(
-            e.subject == f.fault and e.since <= f.until and f.since <= e.until for f in planted
-        )
+        if not any(_is_of(e, f) for f in planted)
     ]
     return {
-        "faults": len(planted),
+        "faults": len(over),
         "faults_lost": sum(n == 0 for n in count),
         "faults_twice": sum(n > 1 for n in count),
         "faults_strange": len(strange),
         "strange": strange,
     }
+
+
+def _is_of(episode: Episode, fault: Injected) -> bool:
+    at_one_time = episode.since <= fault.until and fault.since <= episode.until
+    return episode.subject == fault.fault and at_one_time
 
 
 def against_undisturbed(events: Sequence[Event], quiet: Sequence[Event]) -> dict[str, int]:

@@ -85,7 +85,6 @@ def _killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
     code = watch.interrupt()
     served.kill()
     events = score.events_of(folder / "journal.db")
-    planted = [f for f in what.at(start, STEP) if f.until < end]
     return {
         "tried": times,
         "survived": reconnected if code == 0 else 0,
@@ -93,7 +92,7 @@ def _killed(kind: str, folder: Path, times: int) -> dict[str, Any]:
         **of_connection(events),
         "events": len(events),
         **score.numbers(e.number for e in events),
-        **score.against_plant(events, planted),
+        **score.against_plant(events, what.at(start, STEP), end),
         **score.bad_output(watch.out + watch.err),
     }
 
