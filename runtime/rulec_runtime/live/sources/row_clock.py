@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time as clocks
+from contextlib import suppress
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +74,8 @@ class RowClock:
         kept = usable & (known > before[:-1])
         late = int((usable & ~kept).sum())
         if late:
-            found += self._tell(late, ("is", "are"), f"not later than {before[-1]:.10g} s", "late")
+            text = f"not later than {self._shown(before[-1])}"
+            found += self._tell(late, ("is", "are"), text, "late")
         behind = int(np.flatnonzero(kept)[-1]) if kept.any() else -1
         self._late = int(usable[behind + 1 :].sum()) + (0 if kept.any() else self._late)
         if kept.any():
@@ -94,6 +97,13 @@ class RowClock:
         self.shift = self.last + self.step - first
         text = f"{self._name}: its clock began anew; {self.shift:.10g} s are added to its times"
         return self._remarks.tell("clock", "anew", self.last, text)
+
+    def _shown(self, time: float) -> str:
+        """A time for people."""
+        if self.dated:
+            with suppress(ValueError, OverflowError, OSError):  # where the calendar ends
+                return f"{datetime.fromtimestamp(float(time), UTC):%Y-%m-%d %H:%M:%S} UTC"
+        return f"{time:.10g} s"
 
     def _tell(self, rows: int, verb: tuple[str, str], what: str, key: str) -> list[Notice]:
         one, many = (f"row {verb[0]} {what} and is", f"rows {verb[1]} {what} and are")
