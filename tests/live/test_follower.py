@@ -77,12 +77,13 @@ def test_row_by_row_each_fault_is_told_once_and_soon() -> None:
     assert [e.number for e in events] == [1, 2, 3, 4]
 
 
-def test_a_fault_that_outlasts_a_gap_is_told_once() -> None:
-    """While the plant is not read, nothing ends."""
+@pytest.mark.parametrize("step", [1, 14, 100])
+def test_a_fault_that_outlasts_a_gap_is_told_once(step: int) -> None:
+    """While the plant is not read, nothing ends; in whatever blocks its rows come."""
     rules, recording = recording_of("abc", "leakage_A.csv")
     some = _first(recording, 25)
     some = replace(some, time=some.time + 100.0 * (some.time > 15.0))
-    _, events, _ = followed(rules, some, 1)
+    _, events, _ = followed(rules, some, step)
     told = [(e.what, e.episode.subject, e.episode.since) for e in events]
     assert told == [("began", "A.leakage", 11.0), ("ended", "A.leakage", 11.0)]
     assert events[-1].time > 119.0

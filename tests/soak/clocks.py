@@ -43,7 +43,8 @@ def _logged(folder: Path, since: float | None) -> dict[str, Any]:
         watch.start()
         logger.over.wait()
     time.sleep(5.0)
-    return _result(folder, watch, watch.interrupt(), what.planted, ROWS)
+    found = _result(folder, watch, watch.interrupt(), what.planted, ROWS)
+    return {**found, "rows_lost": found["rows"] - found["rows_judged"]}
 
 
 def opcua(folder: Path, times: int) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import json
 import os
 import pty
 import random
+import signal
 import subprocess
 import sys
 import time
@@ -23,6 +24,7 @@ from tests.soak import score
 from tests.soak.plant import LEAD, OFF, ON, Course, course, texts
 from tests.soak.served import maps, write_play
 from tests.soak.sources import STEP, Served
+from tests.soak.watching import heed_interrupts
 
 STEERING = (b"\x1b]", b"\x07", b"\xe2\x80\xae", b"\x1b[2J", b"\x9b")
 """What the pieces put in hold, and no picture of ours."""
@@ -113,12 +115,13 @@ def messages(folder: Path, times: int) -> dict[str, Any]:
         stdin=subprocess.DEVNULL,
         stdout=theirs,
         stderr=theirs,
+        preexec_fn=heed_interrupts,
     )
     os.close(theirs)
     time.sleep(5.0)
     _publish(served, what, times)
     lives = process.poll() is None
-    process.send_signal(2)
+    process.send_signal(signal.SIGINT)
     code = process.wait(60)
     served.kill()
     result = _result(times, code, b"".join(shown), score.events_of(folder / "journal.db"), what)

@@ -12,6 +12,11 @@ from pathlib import Path
 from tests.conftest import SOURCES, compiled
 
 
+def heed_interrupts() -> None:
+    """Whoever runs us in the background has interrupts ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Watch:
     """Watches of plant abc one after the other, with the same options, in a folder of their own."""
 
@@ -43,8 +48,7 @@ class Watch:
                 env=environment,
                 stdout=out,
                 stderr=err,
-                # Whoever runs us in the background has it ignored.
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+                preexec_fn=heed_interrupts,
             )
         self.lives += 1
 

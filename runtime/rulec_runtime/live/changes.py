@@ -52,7 +52,7 @@ def changes(
     `known` are those told before that are active, or may still be seen; `number` is that of the
     last event.
     """
-    seen = _merged(episodes_of(ruleset, diagnosis, sight))
+    seen = _merged(episodes_of(ruleset, diagnosis, sight), sight)
     told: list[tuple[What, str, Episode]] = []
     kept: list[Episode] = []
     for old in known:
@@ -123,11 +123,13 @@ def episodes_of(ruleset: Ruleset, diagnosis: Diagnosis, sight: Sight) -> Iterato
                 )
 
 
-def _merged(episodes: Iterable[Episode]) -> list[Episode]:
-    """Of one subject at one time a single episode: the latest word on it."""
+def _merged(episodes: Iterable[Episode], sight: Sight) -> list[Episode]:
+    """Of one subject at one time, or before and behind a gap, a single episode: the latest word on
+    it."""
     found: list[Episode] = []
     for one in episodes:
-        same = [i for i, e in enumerate(found) if _of_one_subject(e, one) and _at_one_time(e, one)]
+        mine = [i for i, e in enumerate(found) if _of_one_subject(e, one)]
+        same = [i for i in mine if _at_one_time(found[i], one) or _goes_on(found[i], one, sight)]
         if same:
             first = found[same[0]]
             until, active = max(first.until, one.until), first.active or one.active
@@ -182,8 +184,13 @@ def _same(old: Episode, new: Episode, sight: Sight) -> bool:
         names = {old.subject, *(name for name, _ in old.alternatives)}
         others = {new.subject, *(name for name, _ in new.alternatives)}
         return bool(names & others)
-    follows = _of_one_subject(old, new) and old.active and old.until < new.since
-    return follows and sight.rows_between(old.until, new.since) <= sight.pause
+    return _of_one_subject(old, new) and old.active and _goes_on(old, new, sight)
+
+
+def _goes_on(first: Episode, second: Episode, sight: Sight) -> bool:
+    """Does one follow the other with next to no rows between them?"""
+    between = sight.rows_between(first.until, second.since)
+    return first.until < second.since and between <= sight.pause
 
 
 def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:
