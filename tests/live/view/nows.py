@@ -46,7 +46,8 @@ def diagnosed(name: str, rows: int = 9999, stuck: str = "") -> Diagnosis:
 def episodes(diagnosis: Diagnosis, until: float) -> Iterator[Episode]:
     """What a diagnosis tells that lasts, however short, at the time of its last row."""
     since, rules = -np.inf, diagnosis.ruleset
-    sight = Sight(since=since, until=until, settled=since, pause=1.0, usual=since)
+    times = np.array([since, until])
+    sight = Sight(since=since, until=until, settled=since, usual=since, time=times, pause=1)
     yield from episodes_of(rules, diagnosis, sight)
 
 
