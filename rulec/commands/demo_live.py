@@ -49,7 +49,7 @@ def run_live(options: argparse.Namespace, plant: Path, out: Console) -> int:
 def _made(place: Path, plant: Path, out: Console) -> tuple[Ruleset, list[Injected]]:
     """The ruleset, and the recording that is played, as files; what is planted in it."""
     out.rule("1. simulate: a recording with faults, which the modules' servers play")
-    told = planted(plant / "examples")
+    told = planted()
     out.print("$ rulec simulate abc.json inputs.csv -o played.csv --noise 1 \\")
     for text in told:
         out.print(f"    --fault {text}" + (" \\" if text != told[-1] else ""))

@@ -31,9 +31,9 @@ def write_inputs(examples: Path, target: Path) -> None:
     write_text(target, out.getvalue())
 
 
-def planted(examples: Path) -> list[str]:
+def planted() -> list[str]:
     """Faults as `rulec simulate --fault` takes them."""
-    return (examples / FAULTS).read_text(encoding="utf-8").split()
+    return Path(__file__).with_name(FAULTS).read_text(encoding="utf-8").split()
 
 
 def write_played(ruleset: Ruleset, inputs: Path, faults: Sequence[Injected], target: Path) -> None:

@@ -670,16 +670,6 @@ Origin: assumed."""
 FORM_KNOWN = 3.0
 """Factor to which that is known before. Origin: assumed."""
 
-FORM_LAWS = 2.0
-"""Factor to which it is known before how much more or less than the others one law is off. Origin:
-assumed."""
-
-SIZES_STEPS = 6
-"""Steps by which errors of form of single laws are found, at most. Origin: numerical."""
-
-SIZES_GAIN = 0.05
-"""Nats below which a further such step is not taken. Origin: numerical."""
-
 FORM_RANK = 1e-2
 """Share of the largest variance below which a smooth course is left out. Origin: numerical."""
 

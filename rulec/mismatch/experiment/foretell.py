@@ -22,7 +22,7 @@ from rulec.mismatch.evidence.steady.prepare import Data
 from rulec.mismatch.evidence.steady.rows import Rows, rows_of
 from rulec.mismatch.evidence.steady.system import System
 from rulec.mismatch.experiment.growing import known_with_onsets, slopes_by_onsets
-from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of, times_of
+from rulec.mismatch.search.settled.geometry import Geometry, Term, driver_of
 from rulec.mismatch.search.settled.posterior_curve import columns_of, size_of_term, solved
 from rulec.mismatch.search.settled.refit import Model
 
@@ -202,7 +202,7 @@ def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, 
     table.append(slopes_by_onsets(fitted)[there.seen])
     numbers += range(len(solution), len(known))
     slopes = np.concatenate(table, axis=1)
-    forms = model.sizes.form * times_of(model.sizes, there.law) * there.forms
+    forms = model.sizes.form * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
     covariance += added * slopes_by_value[:, stay] @ slopes_by_value[:, stay].T
     covariance[np.diag_indices(len(covariance))] += model.scale**2

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -133,14 +132,11 @@ def term_of(
 @dataclass(frozen=True)
 class Sizes:
     """How large random columns are: errors of form as share of an output's usual size, errors of
-    sensors as share of their class, terms without a name in units of the noise of a point.
-
-    `laws` says how many times the usual error of form each law has, by the id of its place."""
+    sensors as share of their class, terms without a name in units of the noise of a point."""
 
     form: float
     moving: float
     terms: tuple[float, ...]
-    laws: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def odds(self) -> float:
@@ -150,7 +146,6 @@ class Sizes:
             (self.moving, limits.USUAL_MOVING, limits.MOVING_KNOWN),
         )
         far = [np.log(size / usual) / np.log(factor) for size, usual, factor in known]
-        far += [np.log(times) / np.log(limits.FORM_LAWS) for times in self.laws.values()]
         return -0.5 * float(np.sum(np.square(far)))
 
 
@@ -160,12 +155,10 @@ USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, ())
 
 @dataclass(frozen=True)
 class Random:
-    """Random columns; `law` is the law of each of the errors of form. Sizes of errors of form, of
-    errors of sensors that move within their class, and of terms without a name are found; those of
-    held inputs are known."""
+    """Random columns. Sizes of errors of form, of errors of sensors that move within their class,
+    and of terms without a name are found; those of held inputs are known."""
 
     forms: Array
-    law: tuple[str, ...]
     moving: Array
     held: Array
     terms: tuple[Term, ...]
@@ -178,7 +171,7 @@ class Random:
 
     def ratio(self, sizes: Sizes) -> Array:
         """Standard deviation of each column's number, shape (columns,)."""
-        parts = [sizes.form * times_of(sizes, self.law)]
+        parts = [np.full(self.forms.shape[1], sizes.form)]
         parts += [np.full(self.moving.shape[1], sizes.moving), np.ones(self.held.shape[1])]
         own = zip(self.terms, sizes.terms, strict=True)
         parts += [np.full(t.columns.shape[1], size) for t, size in own]
@@ -189,11 +182,6 @@ class Random:
         """All columns, each of unit size, shape (rows, columns)."""
         own = [t.columns for t in self.terms]
         return np.concatenate([self.forms, self.moving, self.held, *own], axis=1)
-
-
-def times_of(sizes: Sizes, law: Sequence[str]) -> Array:
-    """How many times the usual error of form each column has, by its law."""
-    return np.array([sizes.laws.get(name, 1.0) for name in law])
 
 
 class Geometry:
@@ -213,7 +201,7 @@ class Geometry:
             known.mean,
             system.data.open,
         )
-        self.forms, self.law = self._forms(plain)
+        self.forms = self._forms(plain)
         self.moving = self._moving(plain)
         self.held = self._held(plain)
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
@@ -229,15 +217,15 @@ class Geometry:
             self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
         return self._sizes[unknown.id]
 
-    def _forms(self, plain: Fitted) -> tuple[Array, tuple[str, ...]]:
-        """Rows of errors of form of unit size, shape (rows, errors), and the law of each.
+    def _forms(self, plain: Fitted) -> Array:
+        """Rows of errors of form of unit size, shape (rows, errors).
 
         Each law has its own. Two meters in one line share no law: where they differ, no error of
         form explains it.
         """
         system = self.rows.system
         flows = system.flows(Configuration())
-        columns, law = [np.zeros((int(self.seen.sum()), 0))], []
+        columns = [np.zeros((len(self.rows), 0))]
         ways: dict[str, Array] = {}
         for spot in (s for s in system.builder.spots if s.kind != "signal"):
             column = spot_column(plain, spot)
@@ -248,12 +236,13 @@ class Geometry:
                     likeness(system, flows, spot.module), limits.FORM_RANK
                 )
             whole = column / self._share_shown(column)
-            own = (whole[:, None] * ways[spot.module][self.rows.point])[self.seen]
-            left, size, _ = np.linalg.svd(own, full_matrices=False)
-            kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
-            columns.append(left[:, kept] * size[kept])
-            law += [spot.id] * int(kept.sum())
-        return np.concatenate(columns, axis=1), tuple(law)
+            columns.append(whole[:, None] * ways[spot.module][self.rows.point])
+        left, size, _ = np.linalg.svd(
+            np.concatenate(columns, axis=1)[self.seen], full_matrices=False
+        )
+        kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
+        forms: Array = left[:, kept] * size[kept]
+        return forms
 
     def _share_shown(self, column: Array) -> float:
         """By which share the reading that shows it most is off, per unit of an error of a law."""
