@@ -15,6 +15,9 @@ from rulec_runtime.live.journal.refused import JournalRefused, needs
 from rulec_runtime.live.journal.sinks import FileSink, HealthSink, MqttSink, WatchSink
 from rulec_runtime.output.terminal import say_aside
 
+CERTIFICATES = ("own.der", "own.pem", "trusted")
+"""Of the server of device health: its certificate, its key, and a folder of those it trusts."""
+
 
 def sinks_of(
     options: argparse.Namespace, ruleset: Ruleset, folder: Path | None, stack: ExitStack
