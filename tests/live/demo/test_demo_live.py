@@ -17,7 +17,7 @@ def test_a_planted_fault_is_found(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "ROWS", 40)
-    monkeypatch.setattr(demo_live, "planted", lambda _: [PLANTED])
+    monkeypatch.setattr(demo_live, "planted", lambda: [PLANTED])
     assert main(["demo", "--live", "--speed", "12"]) == 0
     out, _ = capfd.readouterr()
     assert "the page: http://127.0.0.1:" in out
