@@ -33,6 +33,3 @@ STATE_FORM = 1
 
 LAST_PORT = 65535
 """Largest port. Origin: standard, TCP (RFC 9293)."""
-
-HEALTH_PORT = 4840
-"""Port of device health where none is given. Origin: standard (OPC UA, registered with IANA)."""
