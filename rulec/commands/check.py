@@ -36,7 +36,7 @@ def collect(paths: list[Path]) -> list[Diagnostic]:
     sources, plants, found = read_files(paths)
     # A file that cannot be read may hold what others then seem to lack.
     muted = _LACKING if found else ()
-    meaning = [*_refused_by(check_knowledge, sources)] if sources is not None else []
+    meaning = [d for part in sources for d in _refused_by(check_knowledge, part)]
     for plant in plants:
         meaning += _refused_by(_check_plant, plant)
     return sorted({*found, *(d for d in meaning if d.code not in muted)})

@@ -46,7 +46,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _sources(known: Compilation) -> Iterator[str]:
-    yield f"knowledge base {known.sources.kb}"
+    for layer in known.sources.layers:
+        yield f"layer {layer.name}: {layer.folder}"
     for kind, documents in known.sources.by_kind.items():
         for document in documents:
             yield f"{kind}: {document.path}"

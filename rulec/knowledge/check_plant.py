@@ -54,6 +54,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         knowledge=knowledge,
         digest=sources.digest(),
         place=document.place("plant"),
+        layers=sources.made_from(),
     )
 
 
