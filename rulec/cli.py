@@ -95,8 +95,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     _limits(made["matrix"])
     json_option(made["matrix"])
-    made["show"].add_argument("step", metavar="PASS", help="name of a pass, or 'passes' for a list")
-    made["show"].add_argument("plant", metavar="PLANT")
+    made["show"].add_argument(
+        "step",
+        metavar="PASS",
+        help="name of a pass, 'passes' for a list, or 'knowledge': what is known, and from where",
+    )
+    made["show"].add_argument("plant", metavar="PLANT", nargs="?", help="'knowledge' needs none")
     made["calibrate"].add_argument("plant", metavar="PLANT")
     made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)

@@ -41,6 +41,7 @@ GROUP = "rulec.kb"
 
 _OF_A_KIND = frozenset(("modules", "faults", "effects", "sensors", "fluids"))
 _PLAIN_UNIT = re.compile(rb"""^\s+(["'])1\1\s*:""", re.MULTILINE)
+_KNOWLEDGE = re.compile(rb"^(module|fault|effect|sensor|fluid|units):", re.MULTILINE)
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -70,9 +71,10 @@ class Layer:
         """Is this one of its files?"""
         return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
 
-    def label(self, file: Path) -> str:
-        """How a ruleset names a file of it, wherever it was compiled."""
-        return f"{self.name}/{file.relative_to(self.folder).as_posix()}"
+    def inside(self, path: str) -> str:
+        """Path of one of its files, as seen from its folder."""
+        real = Path(os.path.realpath(path))
+        return real.relative_to(os.path.realpath(self.folder)).as_posix()
 
 
 def layers_of(plant: Path, named: Sequence[tuple[str, Place]] = ()) -> tuple[Layer, ...]:
@@ -119,11 +121,7 @@ def shipped(name: str) -> Path:
 
 def is_whole(folder: Path) -> bool:
     """Does a folder list the unit "1", without which no knowledge base works?"""
-    try:
-        with (folder / UNITS).open("rb") as stream:
-            return _PLAIN_UNIT.search(stream.read(MAX_FILE_BYTES)) is not None
-    except OSError:
-        return False
+    return _has_line(folder / UNITS, _PLAIN_UNIT)
 
 
 def _stack(layers: Iterable[Layer]) -> tuple[Layer, ...]:
@@ -179,12 +177,25 @@ def _folder(folder: Path, kind: str) -> Layer:
 
 
 def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:
-    if not folder.is_dir() or not yaml_files_in(folder):
+    if not os.path.isdir(folder) or not _has_knowledge(folder):
         message = f"there is no knowledge in '{text}'"
         seen_from = "this file" if kind == NAMED else "the working folder"
-        hint = f"a folder with YAML files, as seen from {seen_from}"
+        hint = f"a folder with YAML files of module types and the like, as seen from {seen_from}"
         raise Refused([Diagnostic(place, "KB001", message, hint)])
     return _folder(folder, kind)
+
+
+def _has_knowledge(folder: Path) -> bool:
+    """Is there a file that describes something, as far as its text tells?"""
+    return any(_has_line(file, _KNOWLEDGE) for file in yaml_files_in(folder))
+
+
+def _has_line(file: Path, key: re.Pattern[bytes]) -> bool:
+    try:
+        with file.open("rb") as stream:
+            return key.search(stream.read(MAX_FILE_BYTES)) is not None
+    except OSError:
+        return False
 
 
 def _packages() -> Iterator[Layer]:
@@ -193,8 +204,8 @@ def _packages() -> Iterator[Layer]:
     for point in sorted(points, key=lambda p: (p.dist.name if p.dist else "", p.name, p.value)):
         name = point.dist.name if point.dist else point.name
         folder = _folder_of(point.value)
-        if folder is None or not yaml_files_in(folder):
-            message = f"the installed package '{name}' names '{point.value}', which holds no YAML"
+        if folder is None or not _has_knowledge(folder):
+            message = f"there is no knowledge in '{point.value}' of the package '{name}'"
             hint = f"install it again, or remove it: pip uninstall {name}"
             raise Refused([Diagnostic(Place(name), "KB001", message, hint)])
         yield Layer(name, PACKAGE, folder, point.dist.version if point.dist else "")

@@ -63,18 +63,26 @@ class Sources:
     def digest(self) -> str:
         """Hash of what a ruleset is made from, independent of layout and order."""
         parts = [self.plant, self.columns, *self.calibrations, *self.units, *self.counting()]
-        return _digest(parts, self.adjacency[1] if self.adjacency else "")
+        return digest_of(parts, self.adjacency[1] if self.adjacency else "")
+
+    def by_layer(self) -> dict[Layer, list[tuple[str, Document]]]:
+        """Kinds and documents of each layer, also of one that holds none."""
+        result: dict[Layer, list[tuple[str, Document]]] = {layer: [] for layer in self.layers}
+        for kind, documents in self.by_kind.items():
+            for document in documents:
+                layer = next((lay for lay in self.layers if lay.holds(document.path)), None)
+                if layer is not None:
+                    result[layer].append((kind, document))
+        return result
 
     def made_from(self) -> tuple[tuple[Layer, str], ...]:
         """Layers that a ruleset is made from, each with the hash of what it takes from there."""
-        left = self.counting()
-        result = []
-        for layer in self.layers:
-            own = [document for document in left if layer.holds(document.path)]
-            left = [document for document in left if document not in own]
-            if own:
-                result.append((layer, _digest(own)))
-        return tuple(result)
+        counting = self.counting()
+        taken = {
+            layer: [document for _, document in documents if document in counting]
+            for layer, documents in self.by_layer().items()
+        }
+        return tuple((layer, digest_of(own)) for layer, own in taken.items() if own)
 
     def connected(self, connections: Iterable[tuple[str, str]]) -> Sources:
         """The same with other connections, given as a list; places stay those of the files."""
@@ -89,7 +97,8 @@ class Sources:
         return {str(d.data[kind]) for d in documents if kind in d.data}
 
 
-def _digest(documents: Iterable[Document | None], *more: str) -> str:
+def digest_of(documents: Iterable[Document | None], *more: str) -> str:
+    """Hash of what documents say, independent of layout and order."""
     texts = sorted(json.dumps(d.data, sort_keys=True) for d in documents if d is not None)
     return hashlib.sha256("\n".join([*texts, *more]).encode()).hexdigest()[:16]
 
@@ -131,6 +140,27 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
         calibrations=kept,
         adjacency=adjacency,
     )
+
+
+def read_all(plant: Path | None) -> Sources:
+    """All knowledge that counts for a plant, used or not; without one, in the working folder.
+
+    Raises `Refused` with every mistake of form.
+    """
+    found: list[Diagnostic] = []
+    if plant is None:
+        layers = layers_around(Path())
+    else:
+        file = plant / PLANT if plant.is_dir() else plant
+        document = _read(file, "plant", found)
+        if document is None:
+            raise Refused(found)
+        layers = layers_of(file.parent, _named(document))
+    held = read_layers(layers, read_document)
+    by_kind = _merged(held, held, found)
+    if found:
+        raise Refused(found)
+    return Sources(layers=layers, by_kind=by_kind)
 
 
 def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], list[Diagnostic]]:

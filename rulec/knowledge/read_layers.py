@@ -123,7 +123,7 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
     if document is None:
         return
     if not is_whole(held.layer.folder):
-        document = replace(document, label=held.layer.label(file))
+        document = replace(document, label=f"{held.layer.name}/{held.layer.inside(str(file))}")
     kind = kind_of(document) or ""
     mistakes = held.mistakes
     if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:
