@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -242,12 +242,15 @@ def _named_beside(file: Path) -> list[tuple[str, Place]]:
 
 
 def _merged(
-    held: Iterable[Held], counting: Iterable[Held], found: list[Diagnostic]
+    held: Sequence[Held], counting: Iterable[Held], found: list[Diagnostic]
 ) -> dict[str, tuple[Document, ...]]:
-    """Documents of the layers that count, by kind; of the others the names."""
+    """Documents of the layers that count, by kind; of the others the names.
+
+    The shipped ones come first: of two that clash, the one nearer to the plant is to be renamed.
+    """
     result: dict[str, list[Document]] = {}
     taken = list(counting)
-    for part in held:
+    for part in reversed(held):
         if part in taken:
             found += part.mistakes
         for kind, documents in part.by_kind.items():
