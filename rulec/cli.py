@@ -23,6 +23,8 @@ from rulec_runtime.commands.frame import (
 )
 
 _COMMANDS = {
+    "init": "write a commented skeleton: plant, module, fault, effect, or a package of knowledge",
+    "schema": "write the schemas of all files, and the line by which an editor finds them",
     "check": "validate knowledge and plant files",
     "compile": "derive the ruleset of a plant",
     "matrix": "show the fault-symptom matrix of a plant",
@@ -47,6 +49,7 @@ _REFUSALS = (
     "AdoptRefused",
     "MismatchRefused",
     "ExperimentRefused",
+    "InitRefused",
 )
 """Exceptions whose message is for the user."""
 
@@ -82,6 +85,10 @@ def _parser() -> argparse.ArgumentParser:
         name: commands.add_parser(name, help=text, description=text.capitalize() + ".")
         for name, text in _COMMANDS.items()
     }
+    _init(made["init"])
+    made["schema"].add_argument(
+        "folder", metavar="FOLDER", help="schemas come into FOLDER/schema, lines into YAML below it"
+    )
     made["check"].add_argument("paths", nargs="+", metavar="PATH", help="YAML file or folder")
     made["compile"].add_argument("plant", metavar="PLANT")
     made["compile"].add_argument(
@@ -125,6 +132,17 @@ def _parser() -> argparse.ArgumentParser:
     prove_options(made["prove"])
     _demo(made["demo"])
     return parser
+
+
+def _init(init: argparse.ArgumentParser) -> None:
+    init.add_argument("kind", choices=("plant", "module", "fault", "effect", "kb"))
+    init.add_argument("name", metavar="NAME", help="name of what is described")
+    init.add_argument(
+        "folder",
+        metavar="FOLDER",
+        help="of the plant; of knowledge, as kb in the plant's (module, fault, effect); of the "
+        "project (kb, a package for pip); files that are there stay",
+    )
 
 
 def _experiment(experiment: argparse.ArgumentParser) -> None:
