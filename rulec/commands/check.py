@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
@@ -11,7 +12,8 @@ from rulec_runtime.output.terminal import styled
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
-from rulec.knowledge.read import read_files, read_plant
+from rulec.knowledge.doubts import doubts_of_plant, doubts_of_types
+from rulec.knowledge.read import Sources, read_files, read_plant
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
 from rulec.passes.link import link
@@ -26,32 +28,47 @@ def run(options: argparse.Namespace) -> int:
     out = console(options)
     if found:
         out.print(render_all(found), soft_wrap=True)
+    if any(not one.doubt for one in found):
         return 1
     out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(options.paths)))
     return 0
 
 
 def collect(paths: list[Path]) -> list[Diagnostic]:
-    """All diagnostics of the given files, sorted by place."""
+    """All diagnostics of the given files, sorted by place; doubts only where nothing is wrong."""
     sources, plants, found = read_files(paths)
     # A file that cannot be read may hold what others then seem to lack.
     muted = _LACKING if found else ()
-    meaning = [d for part in sources for d in _refused_by(check_knowledge, part)]
+    meaning: list[Diagnostic] = []
+    doubts: list[Diagnostic] = []
+    for part in sources:
+        meaning += _told_by(partial(_knowledge_doubts, part), doubts)
     for plant in plants:
-        meaning += _refused_by(_check_plant, plant)
-    return sorted({*found, *(d for d in meaning if d.code not in muted)})
+        meaning += _told_by(partial(_plant_doubts, plant), doubts)
+    mistakes = {*found, *(d for d in meaning if d.code not in muted)}
+    return sorted(mistakes or {*doubts})
 
 
-def _refused_by(step: Callable[..., object], *arguments: object) -> Sequence[Diagnostic]:
-    """Mistakes for which a step refuses its arguments."""
+def _told_by(
+    step: Callable[[], Iterable[Diagnostic]], doubts: list[Diagnostic]
+) -> Sequence[Diagnostic]:
+    """Mistakes for which a step refuses; else it adds its doubts."""
     try:
-        step(*arguments)
+        doubts += step()
     except Refused as refused:
         return refused.diagnostics
     return ()
 
 
-def _check_plant(document: Document) -> None:
-    network = link(check(read_plant(Path(document.path))))
+def _knowledge_doubts(sources: Sources) -> Iterable[Diagnostic]:
+    knowledge = check_knowledge(sources)
+    types = [document for document in sources.given if "module" in document.data]
+    return doubts_of_types(types, knowledge)
+
+
+def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
+    plant = check(read_plant(Path(document.path)))
+    network = link(plant)
     if network.stores:
-        dynamics_of(network, {name: [] for name in network.plant.modules})
+        dynamics_of(network, {name: [] for name in plant.modules})
+    return doubts_of_plant(document, plant)

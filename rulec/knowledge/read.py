@@ -40,7 +40,8 @@ class Sources:
 
     `layers` are the folders of knowledge that were read. Of module types that the plant does not
     have, the kind ``provider`` holds those whose provided names its modules may ask for, and
-    ``other`` the rest, and fluids that do not flow in it, unchecked, for their names.
+    ``other`` the rest, and fluids that do not flow in it, unchecked, for their names. `given` are
+    the documents that a check was asked for.
     """
 
     layers: tuple[Layer, ...]
@@ -49,6 +50,7 @@ class Sources:
     columns: Document | None = None
     calibrations: tuple[Document, ...] = ()
     adjacency: tuple[str, str] | None = None
+    given: tuple[Document, ...] = ()
 
     @property
     def units(self) -> tuple[Document, ...]:
@@ -195,7 +197,8 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
             kind = kind_of(document) or ""
             by_kind[kind] = (*by_kind.get(kind, ()), document)
         if "units" in by_kind:
-            result.append(Sources(layers=layers, by_kind=by_kind))
+            own = tuple(document for _, document in given)
+            result.append(Sources(layers=layers, by_kind=by_kind, given=own))
     return result, plants, found
 
 
