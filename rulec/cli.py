@@ -89,7 +89,18 @@ def _parser() -> argparse.ArgumentParser:
     made["schema"].add_argument(
         "folder", metavar="FOLDER", help="schemas come into FOLDER/schema, lines into YAML below it"
     )
-    made["check"].add_argument("paths", nargs="+", metavar="PATH", help="YAML file or folder")
+    made["check"].add_argument(
+        "paths",
+        nargs="+",
+        metavar="PATH",
+        help="YAML file or folder; PLANT RECORDING tells besides what the recording is good for",
+    )
+    made["check"].add_argument(
+        "--format",
+        choices=("text", "json", "sarif"),
+        default="text",
+        help="json and sarif go to standard output, for editors and CI servers",
+    )
     made["compile"].add_argument("plant", metavar="PLANT")
     made["compile"].add_argument(
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"

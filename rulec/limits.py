@@ -93,6 +93,10 @@ FAR_ESTIMATES = 50.0
 """Ratio of two estimates of one flow at the typical readings, beyond which a unit may be wrong.
 Shipped types have 1.12 at most; units that are mixed up differ by 60 at least. Origin: assumed."""
 
+FAR_READING = 50.0
+"""Ratio of the median of a recorded reading to the typical one, beyond which `rulec check` asks for
+its unit. As FAR_ESTIMATES. Origin: assumed."""
+
 ALIKE_ESTIMATES = 5.0
 """Ratio of estimates at the typical readings that counts as agreement. Origin: assumed."""
 

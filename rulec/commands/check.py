@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from rulec_runtime.commands.destinations import console
-from rulec_runtime.output.terminal import styled
+from rich.console import Console
+from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.output.terminal import say_aside, styled
 
+from rulec.commands.check_formats import json_form, sarif_form
+from rulec.commands.recording_facts import Facts, facts_of
+from rulec.commands.recording_story import json_form as recording_form
+from rulec.commands.recording_story import tell
+from rulec.effects.model_builder import open_builder
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
 from rulec.knowledge.doubts import doubts_of_plant, doubts_of_types
+from rulec.knowledge.layers import version_of_rulec, yaml_files_in
 from rulec.knowledge.read import Sources, read_files, read_plant
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
@@ -23,15 +30,49 @@ _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check files and folders; exit code 1 if there is any mistake."""
-    found = collect([Path(p) for p in options.paths])
-    out = console(options)
+    """Check files and folders, and a recording of the plant among them.
+
+    Exit code 1 if there is any mistake, or if nothing in the recording can be judged.
+    """
+    recordings = [path for path in map(Path, options.paths) if is_recording(path)]
+    paths = [path for path in map(Path, options.paths) if path not in recordings]
+    if recordings and len(paths) != 1:
+        say_aside("rulec check: a recording is checked with its plant, as PLANT RECORDING")
+        return 2
+    found = collect(paths)
+    wrong = any(not one.doubt for one in found)
+    facts: dict[str, Facts] = {}
+    if recordings and not wrong:
+        ruleset, builder = open_builder(paths[0])
+        facts = {str(path): facts_of(path, ruleset, builder.matches) for path in recordings}
+    options.json = None if options.format == "text" else "-"
+    if options.json is None:
+        _tell(console(options), options.paths if not facts else paths, found, facts)
+    elif options.format == "sarif":
+        write_json(options, sarif_form(found, version_of_rulec()))
+    else:
+        told = {name: recording_form(part) for name, part in facts.items()}
+        write_json(options, {"found": json_form(found), "recordings": told})
+    return 1 if wrong or not all(part.judges_something for part in facts.values()) else 0
+
+
+def is_recording(path: Path) -> bool:
+    """Is it none of the files that are checked, or a folder with tables and without YAML?"""
+    if path.is_dir():
+        tables = any(f.name.lower().endswith((".csv", ".csv.gz")) for f in path.iterdir())
+        return tables and not yaml_files_in(path)
+    return path.is_file() and path.suffix not in (".yaml", ".yml")
+
+
+def _tell(
+    out: Console, paths: Sequence[object], found: Sequence[Diagnostic], facts: Mapping[str, Facts]
+) -> None:
     if found:
         out.print(render_all(found), soft_wrap=True)
-    if any(not one.doubt for one in found):
-        return 1
-    out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(options.paths)))
-    return 0
+    if all(one.doubt for one in found):
+        out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(map(str, paths))))
+    for name, part in facts.items():
+        tell(out, name, part)
 
 
 def collect(paths: list[Path]) -> list[Diagnostic]:

@@ -167,7 +167,7 @@ def _base(near: Path) -> Layer:
 def _below_all(folder: Path) -> tuple[str, Path, str]:
     """Kind, folder and version of the last layer."""
     if folder == shipped(KB):
-        return SHIPPED, folder, _version_of_rulec()
+        return SHIPPED, folder, version_of_rulec()
     return UPWARDS, folder, ""
 
 
@@ -223,7 +223,8 @@ def _folder_of(module: str) -> Path | None:
     return next((folder for folder in folders if folder.is_dir()), None)
 
 
-def _version_of_rulec() -> str:
+def version_of_rulec() -> str:
+    """Version of the installed distribution; empty where it is none."""
     try:
         return importlib.metadata.version("rulec")
     except importlib.metadata.PackageNotFoundError:

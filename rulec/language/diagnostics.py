@@ -96,6 +96,7 @@ def render_all(diagnostics: Iterable[Diagnostic]) -> str:
     doubts = sum(d.doubt for d in found)
     kinds = (("mistake", len(found) - doubts), ("doubt", doubts))
     counted = [f"{count} {kind}{'s' * (count != 1)}" for kind, count in kinds if count]
+    counted = counted or ["0 mistakes"]
     count = f"{' and '.join(counted)} in {files} file{'s' * (files != 1)}"
     if len(found) > MAX_DIAGNOSTICS:
         count += f", of which the first {MAX_DIAGNOSTICS} are shown"
