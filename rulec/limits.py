@@ -101,7 +101,8 @@ ALIKE_ESTIMATES = 5.0
 """Ratio of estimates at the typical readings that counts as agreement. Origin: assumed."""
 
 MISREAD_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 1 / 60, 60.0, 1 / 3600, 3600.0)
-"""What a parameter in another unit would be off by: prefixes, minutes and hours. Origin: units."""
+"""What a parameter in another unit would be off by: prefixes, minutes and hours. Origin: standard
+(SI)."""
 
 ASYMMETRY = 1e-6
 """Difference between mirrored correlations of a covariance in a file, beyond which it is refused.

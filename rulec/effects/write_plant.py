@@ -13,7 +13,7 @@ from rulec.effects.recalibrate import calibration
 from rulec.effects.repair import Repair
 from rulec.effects.write_module import write_module
 from rulec.knowledge.fluid import reading_of
-from rulec.knowledge.layers import KB, Layer, is_whole, shipped
+from rulec.knowledge.layers import KB, Layer, shipped
 from rulec.knowledge.read import Sources
 from rulec.language.document import Document, read_document
 from rulec.language.schema import kind_of
@@ -36,7 +36,7 @@ def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterato
         if key in sources.plant.data:
             file = Path(sources.plant.path).parent / sources.plant.data[key]
             yield file.name, file.read_text(encoding="utf-8-sig")
-    yield from _knowledge(sources, adoption)
+    yield from knowledge_files(sources, adoption)
 
 
 def _plant(plant: Document, adoption: Adoption, repair: Repair, calibrated: bool) -> str:
@@ -90,7 +90,7 @@ def _calibration(values: Mapping[str, Any], repair: Repair) -> str:
     return head + yaml.safe_dump(dict(values), sort_keys=False, width=100)
 
 
-def _knowledge(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:
+def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:
     """The knowledge of all layers, amended types in place of the old ones."""
     by_type = {d.data["module"]: d for d in sources.by_kind.get("module", ())}
     amended = {
@@ -117,4 +117,4 @@ def _copied(layer: Layer, file: Path) -> str:
     """Where a file of a layer comes to stand: what is no whole knowledge base has a folder of its
     own there, so that no file takes the place of another."""
     inside = file.relative_to(layer.folder).as_posix()
-    return f"{KB}/{inside}" if is_whole(layer.folder) else f"{KB}/{layer.name}/{inside}"
+    return f"{KB}/{inside}" if layer.is_whole else f"{KB}/{layer.name.replace('/', '-')}/{inside}"

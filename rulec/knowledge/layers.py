@@ -20,6 +20,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from rulec.language.diagnostics import Diagnostic, Place, Refused
@@ -61,6 +62,11 @@ class Layer:
     def is_own(self) -> bool:
         """Is it none of those that count for every plant, whether the plant names it or not?"""
         return self.kind not in (PACKAGE, UPWARDS, SHIPPED)
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Does it list the unit "1", without which no knowledge base works?"""
+        return _has_line(self.folder / UNITS, _PLAIN_UNIT)
 
     @property
     def files(self) -> list[Path]:
@@ -119,11 +125,6 @@ def shipped(name: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / name
 
 
-def is_whole(folder: Path) -> bool:
-    """Does a folder list the unit "1", without which no knowledge base works?"""
-    return _has_line(folder / UNITS, _PLAIN_UNIT)
-
-
 def _stack(layers: Iterable[Layer]) -> tuple[Layer, ...]:
     """Each folder once, down to the first that stands alone."""
     result: list[Layer] = []
@@ -134,7 +135,7 @@ def _stack(layers: Iterable[Layer]) -> tuple[Layer, ...]:
             continue
         seen.add(real)
         result.append(layer)
-        if is_whole(layer.folder):
+        if layer.is_whole:
             break
     return tuple(result)
 
@@ -157,18 +158,12 @@ def _ambient(near: Path) -> Iterator[Layer]:
 
 def _base(near: Path) -> Layer:
     """The nearest whole knowledge base upwards, or the shipped one."""
-    for folder in (near.resolve(), *near.resolve().parents):
-        for candidate in (folder / KB, folder):
-            if is_whole(candidate):
-                return Layer(KB, *_below_all(candidate))
-    return Layer(KB, *_below_all(shipped(KB)))
-
-
-def _below_all(folder: Path) -> tuple[str, Path, str]:
-    """Kind, folder and version of the last layer."""
-    if folder == shipped(KB):
-        return SHIPPED, folder, version_of_rulec()
-    return UPWARDS, folder, ""
+    above = (near.resolve(), *near.resolve().parents)
+    layers = (Layer(KB, UPWARDS, place) for folder in above for place in (folder / KB, folder))
+    found = next((layer for layer in layers if layer.is_whole), None)
+    if found is None or found.folder == shipped(KB):
+        return Layer(KB, SHIPPED, shipped(KB), version_of_rulec())
+    return found
 
 
 def _folder(folder: Path, kind: str) -> Layer:

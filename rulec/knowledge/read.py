@@ -79,9 +79,9 @@ class Sources:
 
     def made_from(self) -> tuple[tuple[Layer, str], ...]:
         """Layers that a ruleset is made from, each with the hash of what it takes from there."""
-        counting = self.counting()
+        counting = {document.path for document in self.counting()}
         taken = {
-            layer: [document for _, document in documents if document in counting]
+            layer: [document for _, document in documents if document.path in counting]
             for layer, documents in self.by_layer().items()
         }
         return tuple((layer, digest_of(own)) for layer, own in taken.items() if own)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge.layers import PACKAGE, Layer, is_whole, shipped
+from rulec.knowledge.layers import PACKAGE, Layer, shipped
 from rulec.language.diagnostics import Diagnostic, Place, nearest
 from rulec.language.document import Document
 from rulec.language.schema import KINDS, check_schema, kind_of
@@ -122,7 +122,7 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
     document = open_document(file, None, held.mistakes, read)
     if document is None:
         return
-    if not is_whole(held.layer.folder):
+    if not held.layer.is_whole:
         document = replace(document, label=f"{held.layer.name}/{held.layer.inside(str(file))}")
     kind = kind_of(document) or ""
     mistakes = held.mistakes

@@ -7,12 +7,17 @@ import io
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from rulec_runtime.contract.ruleset_file import read_ruleset
 
 from rulec.cli import main
 from rulec.commands.check import collect
+from rulec.effects.adopt import Adoption
+from rulec.effects.write_plant import knowledge_files
+from rulec.knowledge.read import read_plant
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT, compiled
@@ -164,3 +169,21 @@ def test_listing_says_what_came_from_where(plant: Path, install: Install) -> Non
     assert ["unit", "gpm", "units.yaml"] in lines
     assert ["module", "acme-valve", "v3", "modules/acme_valve.yaml"] in lines
     assert ["fault", "leakage", "faults/leakage.yaml"] in lines
+
+
+def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> None:
+    """In folders of their own; the copy stands alone, and gives the same."""
+    install(units=UNITS)
+    write(plant / "kb", modules__acme_valve=VALVE)
+    before = compile_plant(plant)
+    nothing = cast(Adoption, SimpleNamespace(changed={}, taken=()))
+    for name, text in knowledge_files(read_plant(plant), nothing):
+        file = Path("copy") / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    shutil.copy(plant / "plant.yaml", "copy")
+    shutil.rmtree("site-packages")
+    assert collect([Path("copy")]) == []
+    after = compile_plant(Path("copy"))
+    assert (after.plan, after.cells) == (before.plan, before.cells)
+    assert after.knowledge == ()
