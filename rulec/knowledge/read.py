@@ -28,6 +28,7 @@ from rulec.knowledge.read_layers import (
     open_document,
     read_layers,
 )
+from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import kind_of
@@ -182,7 +183,7 @@ def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], li
         if kind == "plant":
             plants.append(document)
         elif kind in (*KNOWLEDGE, "units"):
-            groups.setdefault(root_of(file), []).append((file, document))
+            groups.setdefault(root_of(file), []).append((file, with_tables(document, found)))
     once = functools.cache(read_document)
     result = []
     for given in groups.values():

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec.knowledge.layers import PACKAGE, Layer, shipped
+from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import Diagnostic, Place, nearest
 from rulec.language.document import Document
 from rulec.language.schema import KINDS, check_schema, kind_of
@@ -131,7 +132,7 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
     if kind == "provider" and "provides" not in document.data:
         held.by_kind.setdefault("other", []).append(document)
     elif conforms(document, mistakes):
-        held.by_kind.setdefault(kind, []).append(document)
+        held.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
 
 
 def _holds_effect(file: Path) -> bool:
