@@ -20,7 +20,8 @@ from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
 from rulec.knowledge.doubts import doubts_of_plant, doubts_of_types
 from rulec.knowledge.layers import version_of_rulec, yaml_files_in
-from rulec.knowledge.read import Sources, read_files, read_plant
+from rulec.knowledge.read import read_files, read_plant
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
 from rulec.passes.link import link

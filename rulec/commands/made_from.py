@@ -11,7 +11,7 @@ from rulec_runtime.recordings.recording_file import files_of
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Basis
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 
 AGAIN = "run rulec mismatch again"
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.layers import Layer
-from rulec.knowledge.read import digest_of, read_all
+from rulec.knowledge.read import read_all
+from rulec.knowledge.sources import digest_of
 from rulec.language.document import Document
 
 

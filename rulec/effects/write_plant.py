@@ -14,7 +14,7 @@ from rulec.effects.repair import Repair
 from rulec.effects.write_module import write_module
 from rulec.knowledge.fluid import reading_of
 from rulec.knowledge.layers import KB, Layer, shipped
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.language.document import Document, read_document
 from rulec.language.schema import kind_of
 from rulec.language.written import rounded

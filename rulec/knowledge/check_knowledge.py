@@ -11,7 +11,7 @@ from rulec.knowledge.check_fault import check_fault
 from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
 from rulec.knowledge.knowledge import Knowledge, SensorClass
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document

@@ -73,14 +73,10 @@ class Layer:
         """Its YAML files, in order."""
         return yaml_files_in(self.folder)
 
-    def holds(self, path: str) -> bool:
-        """Is this one of its files?"""
-        return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder))
-
     def inside(self, path: str) -> str:
         """Path of one of its files, as seen from its folder."""
-        real = Path(os.path.realpath(path))
-        return real.relative_to(os.path.realpath(self.folder)).as_posix()
+        seen = os.path.relpath(os.path.realpath(path), os.path.realpath(self.folder))
+        return Path(seen).as_posix()
 
 
 def layers_of(plant: Path, named: Sequence[tuple[str, Place]] = ()) -> tuple[Layer, ...]:
@@ -102,7 +98,7 @@ def layers_around(near: Path, root: Path | None = None) -> tuple[Layer, ...]:
 
 def root_of(file: Path) -> Path | None:
     """The folder of knowledge that a file belongs to; None where it lies apart."""
-    folder = file.resolve().parent
+    folder = Path(os.path.abspath(file)).parent  # where a link stands, not where it leads
     for part in (folder, *folder.parents):
         if part.name == KB or (part / UNITS).is_file():
             return part

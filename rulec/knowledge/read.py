@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import functools
-import hashlib
-import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rulec.knowledge.layers import (
@@ -28,82 +25,12 @@ from rulec.knowledge.read_layers import (
     open_document,
     read_layers,
 )
+from rulec.knowledge.sources import Sources
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import Diagnostic, Place, Refused
 from rulec.language.document import Document, Path_, read_document
 from rulec.language.schema import kind_of
 from rulec.limits import MAX_FILE_BYTES
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sources:
-    """All documents that a plant or a check needs, by kind, with the schema already checked.
-
-    `layers` are the folders of knowledge that were read. Of module types that the plant does not
-    have, the kind ``provider`` holds those whose provided names its modules may ask for, and
-    ``other`` the rest, and fluids that do not flow in it, unchecked, for their names. `given` are
-    the documents that a check was asked for.
-    """
-
-    layers: tuple[Layer, ...]
-    by_kind: Mapping[str, tuple[Document, ...]]
-    plant: Document | None = None
-    columns: Document | None = None
-    calibrations: tuple[Document, ...] = ()
-    adjacency: tuple[str, str] | None = None
-    given: tuple[Document, ...] = ()
-
-    @property
-    def units(self) -> tuple[Document, ...]:
-        """Lists of units."""
-        return self.by_kind.get("units", ())
-
-    def counting(self) -> list[Document]:
-        """Documents of knowledge that a ruleset is made from."""
-        kinds = ("module", "fault", "sensor", "fluid", "units")
-        return [document for kind in kinds for document in self.by_kind.get(kind, ())]
-
-    def digest(self) -> str:
-        """Hash of what a ruleset is made from, independent of layout and order."""
-        parts = [self.plant, self.columns, *self.calibrations, *self.units, *self.counting()]
-        return digest_of(parts, self.adjacency[1] if self.adjacency else "")
-
-    def by_layer(self) -> dict[Layer, list[tuple[str, Document]]]:
-        """Kinds and documents of each layer, also of one that holds none."""
-        result: dict[Layer, list[tuple[str, Document]]] = {layer: [] for layer in self.layers}
-        for kind, documents in self.by_kind.items():
-            for document in documents:
-                layer = next((lay for lay in self.layers if lay.holds(document.path)), None)
-                if layer is not None:
-                    result[layer].append((kind, document))
-        return result
-
-    def made_from(self) -> tuple[tuple[Layer, str], ...]:
-        """Layers that a ruleset is made from, each with the hash of what it takes from there."""
-        counting = {document.path for document in self.counting()}
-        taken = {
-            layer: [document for _, document in documents if document.path in counting]
-            for layer, documents in self.by_layer().items()
-        }
-        return tuple((layer, digest_of(own)) for layer, own in taken.items() if own)
-
-    def connected(self, connections: Iterable[tuple[str, str]]) -> Sources:
-        """The same with other connections, given as a list; places stay those of the files."""
-        assert self.plant is not None
-        data = {key: part for key, part in self.plant.data.items() if key != "adjacency"}
-        data["connections"] = [f"{source} -> {target}" for source, target in connections]
-        return replace(self, plant=replace(self.plant, data=data), adjacency=None)
-
-    def names(self, kind: str) -> set[str]:
-        """Names of all module types or fluids of the knowledge base, for messages."""
-        documents = [d for k in (kind, "provider", "other") for d in self.by_kind.get(k, ())]
-        return {str(d.data[kind]) for d in documents if kind in d.data}
-
-
-def digest_of(documents: Iterable[Document | None], *more: str) -> str:
-    """Hash of what documents say, independent of layout and order."""
-    texts = sorted(json.dumps(d.data, sort_keys=True) for d in documents if d is not None)
-    return hashlib.sha256("\n".join([*texts, *more]).encode()).hexdigest()[:16]
 
 
 def read_plant(path: Path, effects: bool = False) -> Sources:
@@ -138,6 +65,7 @@ def read_plant(path: Path, effects: bool = False) -> Sources:
     return Sources(
         layers=layers,
         by_kind=by_kind,
+        layer_of=_layer_of(held),
         plant=plant,
         columns=columns,
         calibrations=kept,
@@ -163,7 +91,7 @@ def read_all(plant: Path | None) -> Sources:
     by_kind = _merged(held, held, found)
     if found:
         raise Refused(found)
-    return Sources(layers=layers, by_kind=by_kind)
+    return Sources(layers=layers, by_kind=by_kind, layer_of=_layer_of(held))
 
 
 def read_files(paths: Iterable[Path]) -> tuple[list[Sources], list[Document], list[Diagnostic]]:
@@ -263,6 +191,16 @@ def _merged(
             elif kind in ("provider", "other"):
                 result.setdefault("other", []).extend(documents)
     return {kind: tuple(documents) for kind, documents in result.items()}
+
+
+def _layer_of(held: Sequence[Held]) -> dict[str, Layer]:
+    """Layer of each document, by its path."""
+    return {
+        document.path: part.layer
+        for part in held
+        for documents in part.by_kind.values()
+        for document in documents
+    }
 
 
 def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:

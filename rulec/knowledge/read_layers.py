@@ -124,7 +124,8 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
     if document is None:
         return
     if not held.layer.is_whole:
-        document = replace(document, label=f"{held.layer.name}/{held.layer.inside(str(file))}")
+        inside = file.relative_to(held.layer.folder).as_posix()
+        document = replace(document, label=f"{held.layer.name}/{inside}")
     kind = kind_of(document) or ""
     mistakes = held.mistakes
     if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:

@@ -187,3 +187,14 @@ def test_adopted_plant_takes_its_layers_along(plant: Path, install: Install) -> 
     after = compile_plant(Path("copy"))
     assert (after.plan, after.cells) == (before.plan, before.cells)
     assert after.knowledge == ()
+
+
+def test_linked_file_counts_where_the_link_is(plant: Path) -> None:
+    """Its layer is that of the folder that was read."""
+    write(Path("elsewhere"), valve=VALVE)
+    write(plant / "kb", units=UNITS)
+    (plant / "kb" / "acme.yaml").symlink_to(Path("elsewhere/valve.yaml").resolve())
+    assert collect([plant]) == []
+    ruleset = compile_plant(plant)
+    assert ruleset.knowledge[0].name == "p/kb"
+    assert "p/kb/acme.yaml" in ruleset.parameters[0].origin
