@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     modules, refused = import_files([Path(file) for file in options.files], knowledge)
     out = console(options)
     out.print(_table(modules, refused))
-    for path, why in refused:
+    for _, why in refused:
         say_aside(one_line(f"rulec: {why}"))
     for module in modules:
         _tell_odd(out, module)
@@ -46,19 +46,17 @@ def run(options: argparse.Namespace) -> int:
 
 def _table(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> Table:
     """What was found of what is there, a row per module."""
-    table = Table(box=None, padding=(0, 2), pad_edge=False)
-    table.add_column("file")
-    table.add_column("module")
-    for title in ("tags", "units", "nodes", "services", "signals"):
-        table.add_column(title, justify="right")
+    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    table.add_column("file", overflow="fold")
+    for title in ("tags", "units", "online", "nodes", "services", "signals"):
+        table.add_column(title, justify="right", no_wrap=True)
     for module in modules:
         counts = module.counts
-        online = f" (+{counts.online} online)" if counts.online else ""
         table.add_row(
             Text(one_line(module.package.file)),
-            Text(module.name),
             f"{counts.tags} of {counts.tags_present}",
-            f"{counts.units} of {counts.units_present}{online}",
+            f"{counts.units} of {counts.units_present}",
+            f"+{counts.online}" if counts.online else "",
             f"{counts.nodes} of {counts.nodes_present}",
             str(counts.services),
             str(counts.signals),
@@ -83,25 +81,23 @@ def _tell_odd(out: Console, module: Imported) -> None:
 
 
 def _tell_next(out: Console, modules: Sequence[Imported], target: Path) -> None:
-    signals = [r for m in modules for r in m.readings if not r.repeats]
-    lacking = sum(bool(r.lacks) for r in signals)
-    out.print(
-        styled("[green]✓[/] {}", f"{plural(len(modules), 'module', 'modules')} in {target}/modules, "),
-        styled("{}", f"nodes in {target}/map.yaml"),
-        sep="",
-        soft_wrap=True,
-    )
+    count = plural(len(modules), "module", "modules")
+    where = f"{count} in {target}/modules, their nodes in {target}/map.yaml"
+    out.print(styled("[green]✓[/] {}", where), soft_wrap=True)
     out.print("What to do next:")
-    steps = [f"confirm what is marked 'proposal' in {target}/modules: quantities, sensor classes"]
-    if lacking:
-        left = f"{plural(lacking, 'signal lacks', 'signals lack')} something"
-        steps.append(f"fill in what is marked 'TODO': {left}, parameters and observers are missing")
-    else:
-        steps.append("fill in what is marked 'TODO': parameters, observers and faults")
-    if any(m.counts.online for m in modules):
-        steps.append("import again with --online where the controllers can be reached: units and "
-                     "ranges are read from them")
-    steps.append(f"rulec check {target}")
-    steps.append("write a plant.yaml that says what feeds what: pipes between modules stand in no MTP")
-    for number, step in enumerate(steps, 1):
+    for number, step in enumerate(_steps(modules, target), 1):
         out.print(one_line(f"  {number}. {step}"), soft_wrap=True)
+
+
+def _steps(modules: Sequence[Imported], target: Path) -> Iterator[str]:
+    lacking = sum(bool(r.lacks) for m in modules for r in m.readings if not r.repeats)
+    if any(m.counts.online for m in modules):
+        yield (
+            "where the controllers can be reached, import again with --online: units and ranges "
+            "are read from them"
+        )
+    yield f"confirm what is marked 'proposal' in {target}/modules: quantities and sensor classes"
+    left = f"{plural(lacking, 'signal lacks', 'signals lack')} something; " if lacking else ""
+    yield f"fill in what is marked 'TODO': {left}parameters, observers and faults stand in no MTP"
+    yield f"rulec check {target}"
+    yield "write a plant.yaml that says what feeds what: pipes between modules stand in no MTP"

@@ -17,7 +17,7 @@ _HEAD = 4096
 
 
 def read_units_and_sensors(kb: Path) -> Knowledge:
-    """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in these files."""
+    """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in its files."""
     sensors = [file for file in yaml_files_in(kb) if _SENSOR.search(_head(file))]
     units, *classes = [_document(file) for file in (kb / "units.yaml", *sensors)]
     return check_knowledge(Sources(kb=kb, units=units, by_kind={"sensor": tuple(classes)}))

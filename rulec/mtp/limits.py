@@ -10,8 +10,8 @@ LARGEST_UNPACKED = 64 << 20
 """Bytes that the XML files of one container may unpack to. Origin: assumed; as `LARGEST_FILE`."""
 
 LARGEST_RATIO = 200
-"""Bytes unpacked per byte packed at most. Origin: assumed; real ones pack to between a twelfth and a
-nineteenth, and deflate ends at 1032."""
+"""Bytes unpacked per byte packed at most. Origin: assumed; real ones pack to a twentieth at best, and
+deflate ends at 1032."""
 
 MOST_MEMBERS = 2000
 """Members of a container at most. Origin: assumed; real ones have up to three, and pictures."""
@@ -28,7 +28,7 @@ MOST_KEPT = 200_000
 """Elements that are kept at most, without class libraries. Origin: assumed; memory, 100 MB."""
 
 LONGEST_TEXT = 1 << 16
-"""Characters of one value or attribute at most. Origin: assumed; real ones have up to some hundred."""
+"""Characters of one value or attribute at most. Origin: assumed; real ones have some hundred."""
 
 LONGEST_NAME = 300
 """Characters of a name, an identifier or a unit at most. Origin: assumed; five times the longest of
@@ -37,26 +37,27 @@ ten real files."""
 # What is made of it
 
 LONGEST_SIGNAL = 40
-"""Characters of the name of a signal at most. Origin: standard, kb/schema/module.schema.json with one
-letter to spare."""
+"""Characters of the name of a signal or of a module in a plant at most. Origin: standard,
+kb/schema/module.schema.json, with one letter to spare."""
 
 LONGEST_MODULE = 60
-"""Characters of the name of a module type at most. Origin: standard, kb/schema/module.schema.json with
-one letter to spare."""
+"""Characters of the name of a module type at most. Origin: standard, kb/schema/module.schema.json,
+with one letter to spare."""
 
 MOST_TOLD = 5
-"""Oddities of one kind that are shown of a file; the others are counted. Origin: assumed; a screen."""
+"""Oddities of one kind that are shown of a file; the others are counted. Origin: assumed."""
 
 MOST_LISTED = 2000
-"""Tags, services, parameters or connections that a skeleton lists at most. Origin: assumed; the file
-stays below the bytes that a YAML file may have."""
+"""Tags, services or connections that a skeleton lists at most. Origin: assumed; the file stays
+shorter than a YAML file may be."""
 
 NEAR_SYMBOL = 0.5
-"""How far the end of a pipe may lie from the edge of a symbol to lead there, as a share of the symbol's
-smaller side. Origin: assumed; in real pictures pipes end within the box or a few pixels off."""
+"""How far the end of a pipe may lie from the edge of a symbol to lead there, as a share of the
+symbol's smaller side. Origin: assumed; in real pictures pipes end within the box or a few pixels
+off."""
 
 # Asking the controller
 
 ONLINE = 20.0
-"""Seconds in which a server must have answered for all units and ranges. Origin: assumed; some hundred
-values need a few requests."""
+"""Seconds in which a server must have answered for all units and ranges. Origin: assumed; some
+hundred values need a few requests."""

@@ -35,7 +35,7 @@ def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTab
     units : quantities of the knowledge base.
     """
     named = _named(name, title)
-    said = [*named, *([(usual, "its class")] if usual else [])]
+    said = [*([(usual, "its class")] if usual else []), *named]
     if unit is None:
         for quantity, why in said:
             return Proposal(quantity=quantity, confidence=GUESS, because=why, against="")
@@ -47,7 +47,7 @@ def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTab
             return Proposal(quantity=quantity, confidence=LIKELY, because=because, against="")
     quantity = _first(fitting)
     against = ""
-    if named and unit.dimension != NONE:
+    if named and fitting and unit.dimension != NONE:
         against = f"{named[0][1]} speaks of {named[0][0]}, the unit {unit.text} does not"
     confidence = GUESS if against or unit.dimension == NONE else POSSIBLE
     return Proposal(quantity=quantity, confidence=confidence, because="unit", against=against)

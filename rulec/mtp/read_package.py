@@ -29,15 +29,15 @@ def read_packages(path: Path) -> list[Package]:
     found = list(_packages(space))
     if not found:
         raise MtpRefused(
-            f"{path.name}: no list of instances in it, and so no tag; give the manifest of a module "
-            "(a file with CommunicationSet and InstanceList)"
+            f"{path.name}: no list of instances in it, and so no tag; give the manifest of a "
+            "module (a file with CommunicationSet and InstanceList)"
         )
     whole = space.roots if len(found) == 1 else None
     return [_package(path, space, element, whole or _parts(space, element)) for element in found]
 
 
 def _packages(space: Space) -> Iterator[Element]:
-    """The elements that stand for a module each: packages, or else what holds a list of instances."""
+    """The elements that stand for a module each: packages, or what holds a list of instances."""
     elements = [e for root in space.roots for e in root.walk() if e.tag == "InternalElement"]
     lists = [e for e in elements if space.is_a(e, ("InstanceList",))]
     seen: set[int] = set()
@@ -107,7 +107,9 @@ def _twice(space: Space) -> Iterator[Oddity]:
 
 
 def _text(element: Element, name: str) -> str:
-    return next((a.texts.get("Value", "") for a in element.of("Attribute") if a.get("Name") == name), "")
+    return next(
+        (a.texts.get("Value", "") for a in element.of("Attribute") if a.get("Name") == name), ""
+    )
 
 
 def _writer(roots: Sequence[Element]) -> str:

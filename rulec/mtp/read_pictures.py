@@ -100,9 +100,8 @@ def _links(
     for element in picture.walk():
         if element.tag != "InternalLink":
             continue
-        ends = [
-            _owner(space, element, element.get(f"RefPartnerSide{side}"), owners) for side in ("A", "B")
-        ]
+        partners = [element.get(f"RefPartnerSide{side}") for side in ("A", "B")]
+        ends = [_owner(space, element, partner, owners) for partner in partners]
         if ends[0] is not None and ends[1] is not None and ends[0][0] is not ends[1][0]:
             yield ends[0], ends[1]
 

@@ -26,9 +26,7 @@ def read_services(
                 yield _service(space, element, by_reference, odd)
 
 
-def _service(
-    space: Space, element: Element, tags: Mapping[str, Tag], odd: list[Oddity]
-) -> Service:
+def _service(space: Space, element: Element, tags: Mapping[str, Tag], odd: list[Oddity]) -> Service:
     inside = [e for e in element.walk() if e.tag == "InternalElement"]
     parameters = {
         id(e): _parameter(space, e, tags, odd) for e in inside if space.passes(e, _PARAMETER)
@@ -56,7 +54,7 @@ def _procedure(
         number=texts.get("procedureid") or texts.get("strategyid", ""),
         default=texts.get("isdefault", "").lower() in _TRUE,
         completes=texts.get("isselfcompleting", "").lower() in _TRUE,
-        parameters=tuple([*own, *(by_id[key] for key in asked if key in by_id)]),
+        parameters=(*own, *(by_id[key] for key in asked if key in by_id)),
     )
 
 

@@ -19,7 +19,6 @@ _ID = re.compile(r"\{?(?=.*\d)[\w-]+\}?")
 """What an id looks like; makers type fixed words as references too."""
 
 
-
 def read_tags(
     space: Space, package: Element, items: Mapping[int, Node | None], odd: list[Oddity]
 ) -> Iterator[Tag]:
@@ -80,11 +79,12 @@ def _attribute(
     linked = target is not None and id(target) in items
     dangling = node is None and (linked or (wants and not literal))
     if dangling and not linked:
+        here = f"{space.name(tag)}.{element.get('Name')}"
         odd.append(
             Oddity(
                 kind="references that lead nowhere",
                 place=element.place,
-                text=f"{space.name(tag)}.{element.get('Name')} refers to '{text[:60]}', which is not there",
+                text=f"{here} refers to '{text[:60]}', which is not there",
                 remedy="export again, or look the node up in the server",
             )
         )

@@ -20,7 +20,9 @@ from rulec.mtp.tables import tables
 from rulec.mtp.units import FoundUnit, unit_of
 
 _USUAL = {"drive": "rotational speed", "valve": "valve travel"}
-_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
+_UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"}
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +80,7 @@ def _reading(
     span, default = _range(tag, scale, odd)
     usual = _USUAL.get(role, "")
     proposal = propose(tag.name, tag.title, unit.unit, usual, units)
-    sensor = _sensor(proposal.quantity, span, unit, sensors)
+    sensor, range_is_needed = _sensor(proposal.quantity, span, unit, sensors)
     reading = Reading(
         signal="",
         tag=tag,
@@ -87,7 +89,7 @@ def _reading(
         unit=unit,
         range=span,
         range_is_default=default,
-        limits={n: t for n in tables().limits if n in tag.attributes and (t := tag.attributes[n].known)},
+        limits=_limits(tag),
         proposal=proposal,
         sensor=sensor,
         is_input=bool(where.get("input")),
@@ -95,13 +97,20 @@ def _reading(
         lacks="",
     )
     _tell(reading, tag.attributes.get(f"{scale}Unit"), odd)
-    return replace(reading, lacks=_lacks(reading))
+    return replace(reading, lacks=_lacks(reading, range_is_needed))
 
 
-def _lacks(reading: Reading) -> str:
+def _limits(tag: Tag) -> Mapping[str, str]:
+    known = {name: attribute.known for name, attribute in tag.attributes.items()}
+    return {name: known[name] for name in tables().limits if known.get(name)}
+
+
+def _lacks(reading: Reading, range_is_needed: bool) -> str:
     """What keeps a reading from being a signal."""
+    if reading.unit.online and not reading.unit.text:
+        return "the unit: the controller holds it"
     if not reading.unit.raw:
-        return "the unit: the controller holds it, or its data sheet"
+        return "the unit: the data sheet says it"
     if not reading.unit.text:
         return f"the unit: '{reading.unit.raw[:20]}' is no unit code that is known"
     if reading.unit.unit is None:
@@ -109,14 +118,16 @@ def _lacks(reading: Reading) -> str:
     if not reading.proposal.quantity:
         return f"a quantity for {reading.unit.text}: units.yaml has none"
     if not reading.sensor:
-        return "a sensor class for this quantity, or the range that its class needs"
+        return "a sensor class for this quantity"
+    if range_is_needed:
+        return "the range, which the sensor class needs"
     return ""
 
 
 def _tell(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
     tag, found = reading.tag, reading.unit
     place = unit.place if unit is not None else tag.place
-    if found.raw and not found.text:
+    if found.raw.strip("0.") and not found.text:
         text = f"{tag.name} has the unit '{found.raw[:40]}', which is no unit code that is known"
         remedy = "write the unit into the skeleton"
         odd.append(Oddity(kind="unknown units", place=place, text=text, remedy=remedy))
@@ -136,18 +147,17 @@ def _tell(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
 
 
 def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float] | None, bool]:
-    """The range that the file gives, and whether it is a default that the controller may replace."""
+    """The range that the file gives, and whether it is a default that may be replaced."""
     low, high = (tag.attributes.get(f"{scale}Scl{end}") for end in ("Min", "Max"))
     if low is None or high is None or not low.known or not high.known:
         return None, False
     ends = _number(low.known), _number(high.known)
-    if None in ends:
+    first, last = ends
+    if first is None or last is None:
         text = f"{tag.name} ranges from '{low.known[:30]}' to '{high.known[:30]}'"
         remedy = "take the range from the data sheet"
         odd.append(Oddity(kind="ranges that are none", place=low.place, text=text, remedy=remedy))
         return None, False
-    first, last = ends
-    assert first is not None and last is not None
     if first >= last:
         text = f"{tag.name} ranges from {first:g} to {last:g}"
         remedy = "the lower end comes first; take the range from the data sheet"
@@ -169,16 +179,19 @@ def _sensor(
     span: tuple[float, float] | None,
     unit: FoundUnit,
     sensors: Mapping[str, SensorClass],
-) -> str:
-    """A class of the knowledge base for a quantity, as far as it can do with what is known."""
+) -> tuple[str, bool]:
+    """A sensor class of the knowledge base, and whether it needs a range that is lacking."""
+    needing = ""
     for name in tables().sensors.get(quantity, ()):
         one = sensors.get(name)
-        if one is None or (one.kind == "full scale" and span is None):
+        if one is None or (
+            one.kind == "value" and unit.unit and one.unit.dimension != unit.unit.dimension
+        ):
             continue
-        if one.kind == "value" and unit.unit and one.unit.dimension != unit.unit.dimension:
-            continue
-        return name
-    return ""
+        if one.kind != "full scale" or span is not None:
+            return name, False
+        needing = needing or name
+    return needing, bool(needing)
 
 
 def _named(found: list[Reading]) -> Iterator[Reading]:
@@ -201,11 +214,11 @@ def _named(found: list[Reading]) -> Iterator[Reading]:
 def signal_name(text: str, kind: str = "") -> str:
     """A name that equations can use.
 
-    >>> signal_name("Füllstand L-001"), signal_name("3021"), signal_name("MCL01_AnaMon", "AnaMon")
-    ('Fuellstand_L_001', 'x3021', 'MCL01')
+    >>> signal_name("Füllstand L-001"), signal_name("3021"), signal_name("L1_MonAnaVlv", "AnaVlv")
+    ('Fuellstand_L_001', 'x3021', 'L1')
     """
-    plain = _plain(text.removesuffix(kind) if kind and text != kind else text)
-    name = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")
+    short = re.sub(rf"[_.](Mon|Lock)*{kind}$", "", text) if kind else text
+    name = re.sub(r"[^A-Za-z0-9]+", "_", _plain(short)).strip("_")
     name = name if name[:1].isalpha() else f"x{name}"
     return name[: limits.LONGEST_SIGNAL].rstrip("_")
 
@@ -216,7 +229,7 @@ def module_name(text: str) -> str:
     >>> module_name("PiMAd-core:0.0.1"), module_name("(1)")
     ('PiMAd-core-0-0-1', 'module-1')
     """
-    name = re.sub(r"[^A-Za-z0-9_]+", "-", _plain(text)).strip("-_")
+    name = re.sub(r"_*[^A-Za-z0-9_]+_*", "-", _plain(text)).strip("-_")
     name = name if name[:1].isalpha() else f"module-{name}".rstrip("-")
     return name[: limits.LONGEST_MODULE].rstrip("-_")
 

@@ -44,14 +44,15 @@ def skeleton(package: Package, name: str, readings: Sequence[Reading]) -> str:
 def _head(package: Package) -> Iterator[str]:
     version = f", version {_said(package.version)}" if package.version else ""
     writer = f", written by {_said(package.writer)}" if package.writer else ""
-    yield f"# From the Module Type Package {_said(package.file)}: {_said(package.name)}{version}{writer}."
-    yield "# 'proposal' marks what was concluded from units, names and classes: confirm it or correct it,"
-    yield "# and delete the remark. 'TODO' marks what no such package says. Then: rulec check THIS_FILE"
+    what = f"{_said(package.file)}: {_said(package.name)}"
+    yield f"# From the Module Type Package {what}{version}{writer}."
+    yield "# 'proposal' marks what was concluded from units, names and classes: confirm or correct it,"
+    yield "# and delete the remark. 'TODO' marks what the package does not say. Then: rulec check"
 
 
 def _signals(readings: Sequence[Reading]) -> Iterator[str]:
     if not readings:
-        yield "# TODO no tag of the package is a number that is measured; declare what the module measures"
+        yield "# TODO no tag of the package is a measured number; declare what the module measures"
         return
     whole = any(not r.lacks for r in readings)
     yield "signals:" if whole else "# TODO signals; each lacks something:\n# signals:"
@@ -108,12 +109,13 @@ def _repeated(readings: Sequence[Reading]) -> Iterator[str]:
     """Values of controllers, set points and parameters: signals only if no tag of their own is."""
     if readings:
         yield ""
-        yield "# Values of controllers, set points and parameters. They repeat what is measured or asked for;"
-        yield "# make one a signal where an equation needs it."
+        yield "# Values of controllers, set points and parameters: they repeat what is measured or"
+        yield "# asked for. Make one a signal where an equation needs it."
     for reading in readings[: limits.MOST_LISTED]:
         span = f", {reading.range[0]:g} to {reading.range[1]:g}" if reading.range else ""
-        unit = reading.unit.text or f"unit '{reading.unit.raw}'"
-        yield f"#   {_said(f'{reading.tag.name} ({reading.tag.kind}.{reading.attribute}): {unit}{span}')}"
+        unit = reading.unit.text or "unit not said"
+        name = f"{reading.tag.name} ({reading.tag.kind}.{reading.attribute})"
+        yield f"#   {_said(f'{name}: {unit}{span}')}"
 
 
 def _todo() -> Iterator[str]:
@@ -149,9 +151,9 @@ def _services(services: Sequence[Service]) -> Iterator[str]:
         for procedure in service.procedures:
             marks = ["default"] * procedure.default + ["ends by itself"] * procedure.completes
             more = f" ({', '.join(marks)})" if marks else ""
-            number = f" {procedure.number}" if procedure.number else ""
             asked = f": {_names(procedure.parameters)}" if procedure.parameters else ""
-            yield f"#     procedure{_said(number)} {_said(procedure.name)}{more}{asked}"
+            name = _said(f"{procedure.number} {procedure.name}")
+            yield f"#     procedure {name}{more}{asked}"
         common = [p for p in service.parameters if not _asked(service, p)]
         if common:
             yield f"#     parameters: {_names(common)}"

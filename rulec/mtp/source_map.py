@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from rulec.language.yaml_text import flow
+from rulec.mtp import limits
 from rulec.mtp.package import Package
 from rulec.mtp.readings import Reading
 
@@ -15,8 +16,8 @@ def source_map(modules: Mapping[str, tuple[Package, Sequence[Reading]]]) -> str:
     signals = [line for name, (of, found) in modules.items() for line in _signals(name, of, found)]
     lines = [
         "# Which signal is which node, for: rulec watch PLANT --source opcua --map THIS_FILE",
-        "# Modules bear the names of their types here; give them the names of your plant.yaml. A line",
-        "# with '#' in front belongs to a signal that lacks something in its module type.",
+        "# Modules bear the names of their types; give them the names of your plant.yaml. A line in a",
+        "# comment belongs to a signal that lacks something in its module type.",
         "interval: 1",
         _key("servers", servers),
         *servers,
@@ -32,21 +33,29 @@ def _key(name: str, entries: Sequence[str]) -> str:
 
 
 def _servers(modules: Mapping[str, tuple[Package, Sequence[Reading]]]) -> Iterator[str]:
-    for module, (package, _) in modules.items():
+    for name, (package, _) in modules.items():
+        module = instance_name(name)
         for number, server in enumerate(package.servers):
-            name = _server_name(module, number)
+            own = _server_name(module, number)
             if server.endpoint:
-                yield f"  {name}: {flow({'endpoint': server.endpoint})}"
+                yield f"  {own}: {flow({'endpoint': server.endpoint})}"
             else:
-                yield f"  # {name}: {{endpoint: opc.tcp://TODO:4840}}  # the package names no endpoint"
+                entry = flow({"endpoint": "opc.tcp://TODO:4840"})
+                yield f"  # {own}: {entry}  # the package names no endpoint"
 
 
 def _server_name(module: str, number: int) -> str:
-    """The first server of a module bears the module's name, so that its signals need not name it."""
+    """The first server of a module bears its name, so that its signals need not name it."""
     return module if number == 0 else f"{module}_{number + 1}"
 
 
-def _signals(module: str, package: Package, readings: Sequence[Reading]) -> Iterator[str]:
+def instance_name(module: str) -> str:
+    """The name of a module in a plant, for its type: there are no dashes in it."""
+    return module.replace("-", "_")[: limits.LONGEST_SIGNAL]
+
+
+def _signals(name: str, package: Package, readings: Sequence[Reading]) -> Iterator[str]:
+    module = instance_name(name)
     numbers = {server.name: i for i, server in enumerate(package.servers)}
     for reading in readings:
         if reading.repeats or reading.node is None:

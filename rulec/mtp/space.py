@@ -100,8 +100,8 @@ def checked(text: str, what: str, place: str) -> str:
     plain = " ".join(text.split())
     if len(plain) > limits.LONGEST_NAME:
         raise MtpRefused(
-            f"{place}: {what} has {len(plain)} characters, more than {limits.LONGEST_NAME}; shorten "
-            "it"
+            f"{place}: {what} has {len(plain)} characters, more than {limits.LONGEST_NAME}; "
+            "shorten it"
         )
     if not all(map(is_shown, plain)):
         raise MtpRefused(

@@ -13,12 +13,13 @@ from rulec.mtp.tables import tables
 class FoundUnit:
     """A unit: `text` as the tables spell it, empty where it is not known, and `unit` as the
     knowledge base has it, None where it lacks it. `raw` is what the file says, `doubt` why it may
-    be wrong."""
+    be wrong, `online` whether a node holds it."""
 
     raw: str
     text: str
     unit: Unit | None
     doubt: str
+    online: bool
 
 
 def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
@@ -35,7 +36,13 @@ def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
         text = spelled if _parsed(spelled, units) is not None else ""
     if text and attribute is not None and attribute.refers:
         doubt = doubt or "the file's default; the controller may hold another"
-    return FoundUnit(raw=raw, text=text, unit=_parsed(text, units) if text else None, doubt=doubt)
+    return FoundUnit(
+        raw=raw,
+        text=text,
+        unit=_parsed(text, units) if text else None,
+        doubt=doubt,
+        online=attribute is not None and attribute.node is not None,
+    )
 
 
 def _parsed(text: str, units: UnitTable) -> Unit | None:
