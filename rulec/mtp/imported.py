@@ -13,7 +13,7 @@ from rulec.mtp.read_package import read_packages
 from rulec.mtp.readings import Reading, module_name, readings_of
 from rulec.mtp.refused import MtpRefused, Oddity
 from rulec.mtp.skeleton import skeleton
-from rulec.mtp.source_map import source_map
+from rulec.mtp.source_map import instance_name, source_map
 from rulec.mtp.units import unit_of
 
 
@@ -58,7 +58,11 @@ def import_files(
             refused.append((path, f"{path}: cannot be read ({error.strerror})"))
         else:
             for package in packages:
-                found.append(_imported(package, knowledge, {one.name for one in found}))
+                found.append(
+                    _imported(
+                        package, knowledge, {instance_name(one.name).lower() for one in found}
+                    )
+                )
     return found, refused
 
 
@@ -66,7 +70,7 @@ def _imported(package: Package, knowledge: Knowledge, taken: set[str]) -> Import
     readings, odd = readings_of(package, knowledge.units, knowledge.sensors)
     name = base = module_name(package.name)
     count = 1
-    while name.lower() in {other.lower() for other in taken}:
+    while instance_name(name).lower() in taken:
         count += 1
         name = f"{base}-{count}"
     return Imported(

@@ -10,8 +10,8 @@ LARGEST_UNPACKED = 64 << 20
 """Bytes that the XML files of one container may unpack to. Origin: assumed; as `LARGEST_FILE`."""
 
 LARGEST_RATIO = 200
-"""Bytes unpacked per byte packed at most. Origin: assumed; real ones pack to a twentieth at best, and
-deflate ends at 1032."""
+"""Bytes unpacked per byte packed at most. Origin: assumed; real ones pack to a twentieth at best,
+and deflate ends at 1032."""
 
 MOST_MEMBERS = 2000
 """Members of a container at most. Origin: assumed; real ones have up to three, and pictures."""
