@@ -135,6 +135,14 @@ def _import(importer: argparse.ArgumentParser) -> None:
     mtp.add_argument(
         "-o", "--output", metavar="DIR", required=True, help="new folder for modules and map"
     )
+    mtp.add_argument(
+        "--online",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="read units and ranges from the controllers, where files leave them open; of one "
+        "file also at another address, such as opc.tcp://10.0.0.5:4840",
+    )
     json_option(mtp)
 
 

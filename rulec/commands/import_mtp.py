@@ -27,7 +27,10 @@ def run(options: argparse.Namespace) -> int:
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise MtpRefused(f"{target} is not empty; name a new folder")
     knowledge = read_units_and_sensors(find_kb(Path.cwd()))
-    modules, refused = import_files([Path(file) for file in options.files], knowledge)
+    files = [Path(file) for file in options.files]
+    if options.online and len(files) > 1:
+        raise MtpRefused("--online with an address is for one file; each module has its own server")
+    modules, refused = import_files(files, knowledge, options.online)
     out = console(options)
     out.print(_table(modules, refused))
     for _, why in refused:

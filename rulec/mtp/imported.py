@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec.knowledge.knowledge import Knowledge
+from rulec.mtp.online import read_online
 from rulec.mtp.package import Attribute, Package
 from rulec.mtp.read_package import read_packages
 from rulec.mtp.readings import Reading, module_name, readings_of
@@ -44,9 +45,13 @@ class Imported:
 
 
 def import_files(
-    paths: Iterable[Path], knowledge: Knowledge
+    paths: Iterable[Path], knowledge: Knowledge, online: str | None = None
 ) -> tuple[list[Imported], list[tuple[Path, str]]]:
-    """Modules of all files, with names of their own, and the files that are refused, with why."""
+    """Modules of all files, with names of their own, and the files that are refused, with why.
+
+    `online` says where units and ranges are read that the files leave to controllers: at an
+    endpoint, at those that the files name (empty), or nowhere (None).
+    """
     found: list[Imported] = []
     refused: list[tuple[Path, str]] = []
     for path in paths:
@@ -58,6 +63,7 @@ def import_files(
             refused.append((path, f"{path}: cannot be read ({error.strerror})"))
         else:
             for package in packages:
+                package = package if online is None else read_online(package, online)
                 found.append(
                     _imported(
                         package, knowledge, {instance_name(one.name).lower() for one in found}

@@ -21,7 +21,8 @@ class Node:
 class Attribute:
     """An attribute of a data assembly: a fixed text, or a node with perhaps a default value.
 
-    `dangling` is set where it refers to something that the file does not hold.
+    `text` of a node is what was read there. `dangling` is set where it refers to something that
+    the file does not hold.
     """
 
     text: str
@@ -32,8 +33,13 @@ class Attribute:
 
     @property
     def known(self) -> str:
-        """What the file itself says of the value."""
+        """What is known of the value."""
         return self.text or self.default
+
+    @property
+    def is_default(self) -> bool:
+        """Whether what is known is a default that the controller may replace."""
+        return self.refers and not self.text
 
     @property
     def refers(self) -> bool:

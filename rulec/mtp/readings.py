@@ -163,7 +163,7 @@ def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float]
         remedy = "the lower end comes first; take the range from the data sheet"
         odd.append(Oddity(kind="ranges that are none", place=low.place, text=text, remedy=remedy))
         return None, False
-    return (first, last), low.refers or high.refers
+    return (first, last), low.is_default or high.is_default
 
 
 def _number(text: str) -> float | None:

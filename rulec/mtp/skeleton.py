@@ -46,8 +46,8 @@ def _head(package: Package) -> Iterator[str]:
     writer = f", written by {_said(package.writer)}" if package.writer else ""
     what = f"{_said(package.file)}: {_said(package.name)}"
     yield f"# From the Module Type Package {what}{version}{writer}."
-    yield "# 'proposal' marks what was concluded from units, names and classes: confirm or correct"
-    yield "# it, and delete the remark. 'TODO' marks what the package does not say. Then: rulec check"
+    yield "# 'proposal' marks what was concluded from units, names and classes: confirm or"
+    yield "# correct it, and delete the remark. 'TODO' marks what the package does not say."
 
 
 def _signals(readings: Sequence[Reading]) -> Iterator[str]:

@@ -16,8 +16,8 @@ def source_map(modules: Mapping[str, tuple[Package, Sequence[Reading]]]) -> str:
     signals = [line for name, (of, found) in modules.items() for line in _signals(name, of, found)]
     lines = [
         "# Which signal is which node, for: rulec watch PLANT --source opcua --map THIS_FILE",
-        "# Modules bear the names of their types; give them the names of your plant.yaml. A line in",
-        "# a comment belongs to a signal that lacks something in its module type.",
+        "# Modules bear the names of their types; give them the names of your plant.yaml. A",
+        "# line in a comment belongs to a signal that lacks something in its module type.",
         "interval: 1",
         _key("servers", servers),
         *servers,

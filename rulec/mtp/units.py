@@ -34,7 +34,7 @@ def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
     elif key and not _is_number(key):
         spelled = tables().spellings.get(key, key)
         text = spelled if _parsed(spelled, units) is not None else ""
-    if text and attribute is not None and attribute.refers:
+    if text and attribute is not None and attribute.is_default:
         doubt = doubt or "the file's default; the controller may hold another"
     return FoundUnit(
         raw=raw,

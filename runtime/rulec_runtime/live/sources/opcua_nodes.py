@@ -17,18 +17,26 @@ async def nodes_of(client: Client, channels: Sequence[Channel]) -> list[ua.NodeI
     Numbers of namespaces may change whenever a server starts; URIs stay.
     """
     nodes = [node_of(channel) for channel in channels]
-    named = [getattr(node, "NamespaceUri", None) for node in nodes]
-    if not any(named):
+    if not any(_uri(node) for node in nodes):
         return nodes
     known = [str(uri) for uri in await client.get_namespace_array()]
-    return [
-        node if uri is None else _numbered(channel, node, uri, known)
-        for channel, node, uri in zip(channels, nodes, named, strict=True)
-    ]
+    found = []
+    for channel, node in zip(channels, nodes, strict=True):
+        own = numbered(node, known)
+        if own is None:
+            text = f"the server has no namespace '{_uri(node)}'; it has {', '.join(known[1:9])}"
+            raise channel.refused(one_line(text))
+        found.append(own)
+    return found
 
 
-def _numbered(channel: Channel, node: ua.NodeId, uri: str, known: Sequence[str]) -> ua.NodeId:
-    if uri not in known:
-        listed = ", ".join(known[1:9])
-        raise channel.refused(one_line(f"the server has no namespace '{uri}'; it has {listed}"))
-    return ua.NodeId(node.Identifier, known.index(uri), node.NodeIdType)
+def numbered(node: ua.NodeId, known: Sequence[str]) -> ua.NodeId | None:
+    """A node with the number of its namespace among the `known`; None where it is not there."""
+    uri = _uri(node)
+    if uri is None:
+        return node
+    return ua.NodeId(node.Identifier, known.index(uri), node.NodeIdType) if uri in known else None
+
+
+def _uri(node: ua.NodeId) -> str | None:
+    return getattr(node, "NamespaceUri", None)
