@@ -87,7 +87,9 @@ def _plain(number: float) -> float | int:
 
 def _because(reading: Reading) -> str:
     parts = [f"quantity by {reading.proposal.because}; sensor class by quantity"]
-    parts += ["range is the default of the file"] if reading.range_is_default else []
+    whose = ["unit"] * reading.unit.is_default + ["range"] * reading.range_is_default
+    if whose:
+        parts.append(f"{' and '.join(whose)} by default, the controller may hold another")
     parts += [f"unit: {reading.unit.doubt}"] if reading.unit.doubt else []
     parts += ["set by the operator"] if reading.is_input else []
     return _said("; ".join(parts))
@@ -120,6 +122,7 @@ def _repeated(readings: Sequence[Reading]) -> Iterator[str]:
 
 def _todo() -> Iterator[str]:
     yield ""
+    yield "# TODO uncertainty: that of the sensor classes, unless a data sheet says another"
     yield "# TODO parameters: constants of the equations, each with value, unit, u and source"
     yield "# parameters:"
     yield '#   k2: {value: 1, unit: bar/(l/h)**2, u: 0.1, source: "data sheet"}'

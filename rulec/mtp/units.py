@@ -12,13 +12,14 @@ from rulec.mtp.tables import tables
 @dataclass(frozen=True, kw_only=True)
 class FoundUnit:
     """A unit: `text` as the tables spell it, empty where it is not known, and `unit` as the
-    knowledge base has it, None where it lacks it. `raw` is what the file says, `doubt` why it may
-    be wrong, `online` whether a node holds it."""
+    knowledge base has it, None where it lacks it. `raw` is what is known of it, `doubt` why it may
+    be wrong, `is_default` whether it is a default of the file, `online` whether a node holds it."""
 
     raw: str
     text: str
     unit: Unit | None
     doubt: str
+    is_default: bool
     online: bool
 
 
@@ -34,13 +35,12 @@ def unit_of(attribute: Attribute | None, units: UnitTable) -> FoundUnit:
     elif key and not _is_number(key):
         spelled = tables().spellings.get(key, key)
         text = spelled if _parsed(spelled, units) is not None else ""
-    if text and attribute is not None and attribute.is_default:
-        doubt = doubt or "the file's default; the controller may hold another"
     return FoundUnit(
         raw=raw,
         text=text,
         unit=_parsed(text, units) if text else None,
         doubt=doubt,
+        is_default=attribute is not None and attribute.is_default,
         online=attribute is not None and attribute.node is not None,
     )
 
