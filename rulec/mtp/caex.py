@@ -57,10 +57,14 @@ class Caex:
 
     root: Element
     bases: dict[str, str]
+    kept: int
 
 
-def read_caex(member: Member) -> Caex:
-    """Parse one file. Raises `MtpRefused` with the place of what is wrong."""
+def read_caex(member: Member, most: int) -> Caex:
+    """Parse one file of `most` elements that are kept; `kept` counts them.
+
+    Raises `MtpRefused` with the place of what is wrong.
+    """
     data, label = member.data, member.label
     if not data.strip():
         raise MtpRefused(f"{label}: the file is empty; export it again")
@@ -69,7 +73,7 @@ def read_caex(member: Member) -> Caex:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise MtpRefused(f"{label}:{line}: this is not UTF-8; save or export it as UTF-8") from None
-    reader = _Reader(label)
+    reader = _Reader(label, most)
     try:
         reader.parser.Parse(data, True)
     except expat.ExpatError as error:
@@ -81,13 +85,13 @@ def read_caex(member: Member) -> Caex:
         raise MtpRefused(f"{label}: this is not XML ({error}); export it again") from None
     if reader.root is None:
         raise MtpRefused(f"{label}: no 'CAEXFile' in it; give an AutomationML file")
-    return Caex(reader.root, reader.bases)
+    return Caex(reader.root, reader.bases, reader.kept)
 
 
 class _Reader:
     """Handlers of the parser, and what they have built so far."""
 
-    def __init__(self, label: str) -> None:
+    def __init__(self, label: str, most: int) -> None:
         self.parser = expat.ParserCreate("utf-8")
         self.parser.buffer_text = True
         self.parser.StartDoctypeDeclHandler = self._doctype
@@ -97,8 +101,9 @@ class _Reader:
         self.parser.CharacterDataHandler = self._text
         self.root: Element | None = None
         self.bases: dict[str, str] = {}
-        self._label = label
-        self._depth = self._elements = self._kept = 0
+        self.kept = 0
+        self._label, self._most = label, most
+        self._depth = self._elements = 0
         self._skipped = 0
         """Depth from which on nothing is kept; 0 where all is."""
         self._here: Element | None = None
@@ -139,8 +144,8 @@ class _Reader:
 
     def _keep(self, tag: str, attributes: dict[str, str]) -> None:
         self._of = ""
-        self._kept += 1
-        if self._kept > limits.MOST_KEPT:
+        self.kept += 1
+        if self.kept > self._most:
             raise self._refused(f"more than {limits.MOST_KEPT} elements to keep; is it an MTP?")
         for key, value in attributes.items():
             if len(value) > limits.LONGEST_TEXT:
@@ -156,7 +161,10 @@ class _Reader:
         self._here = element
 
     def _derived(self, attributes: dict[str, str]) -> None:
-        self._classes.append(attributes.get("Name", ""))
+        name = attributes.get("Name", "")
+        if len(name) > limits.LONGEST_NAME:
+            raise self._refused(f"the name of a class has {len(name)} characters; is it an MTP?")
+        self._classes.append(name)
         base = attributes.get("RefBaseClassPath", "")
         self.bases["/".join(self._classes)] = base or "/".join(self._classes[:-1])
 

@@ -62,6 +62,11 @@ def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
         _check_path(entry, name)
         if entry.filename.lower().endswith(_XML) and not entry.is_dir():
             wanted.append(entry)
+    if len(wanted) > limits.MOST_MANIFESTS:
+        raise MtpRefused(
+            f"{name}: {len(wanted)} XML files in it, more than {limits.MOST_MANIFESTS}; export one "
+            "module alone"
+        )
     if not wanted:
         inside = ", ".join(sorted(e.filename for e in entries)[:3]) or "nothing"
         raise MtpRefused(

@@ -63,12 +63,9 @@ def import_files(
             refused.append((path, f"{path}: cannot be read ({error.strerror})"))
         else:
             for package in packages:
-                package = package if online is None else read_online(package, online)
-                found.append(
-                    _imported(
-                        package, knowledge, {instance_name(one.name).lower() for one in found}
-                    )
-                )
+                taken = {instance_name(one.name).lower() for one in found}
+                whole = package if online is None else read_online(package, online)
+                found.append(_imported(whole, knowledge, taken))
     return found, refused
 
 
@@ -92,23 +89,21 @@ def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge)
     """A tag is found if its class is known, a unit if its code is, a node if its id is."""
     attributes = [(n, a) for tag in package.tags for n, a in tag.attributes.items()]
     units = [a for n, a in attributes if n.endswith("Unit") and (a.known or a.refers)]
-    known = [a for a in units if unit_of(a, knowledge.units).text]
+    known = [bool(unit_of(a, knowledge.units).text) for a in units]
     refers = [a for _, a in attributes if a.refers]
     return Counts(
         tags=sum(bool(tag.kind) for tag in package.tags),
         tags_present=len(package.tags),
-        units=len(known),
+        units=sum(known),
         units_present=len(units),
-        online=sum(_is_online(a) for a in units if a not in known),
+        online=sum(
+            a.node is not None for a, is_known in zip(units, known, strict=True) if not is_known
+        ),
         nodes=sum(a.node is not None for a in refers),
         nodes_present=len(refers),
         services=len(package.services),
         signals=sum(not r.lacks and not r.repeats for r in readings),
     )
-
-
-def _is_online(attribute: Attribute) -> bool:
-    return attribute.node is not None
 
 
 def files_of(modules: Sequence[Imported]) -> Mapping[str, str]:

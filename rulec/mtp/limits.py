@@ -2,11 +2,11 @@
 
 # Containers
 
-LARGEST_FILE = 64 << 20
-"""Bytes of a file that is read at most. Origin: assumed; a hundred times the largest of ten real
+LARGEST_FILE = 32 << 20
+"""Bytes of a file that is read at most. Origin: assumed; forty times the largest of ten real
 ones."""
 
-LARGEST_UNPACKED = 64 << 20
+LARGEST_UNPACKED = 32 << 20
 """Bytes that the XML files of one container may unpack to. Origin: assumed; as `LARGEST_FILE`."""
 
 LARGEST_RATIO = 200
@@ -15,6 +15,9 @@ and deflate ends at 1032."""
 
 MOST_MEMBERS = 2000
 """Members of a container at most. Origin: assumed; real ones have up to three, and pictures."""
+
+MOST_MANIFESTS = 50
+"""XML files of a container at most. Origin: assumed; as `MOST_MEMBERS`."""
 
 # XML
 
@@ -25,7 +28,8 @@ MOST_ELEMENTS = 1_000_000
 """Elements of one file at most. Origin: assumed; real files have up to 20,000."""
 
 MOST_KEPT = 200_000
-"""Elements that are kept at most, without class libraries. Origin: assumed; memory, 100 MB."""
+"""Elements of a container that are kept at most, without class libraries. Origin: assumed; memory,
+100 MB."""
 
 LONGEST_TEXT = 1 << 16
 """Characters of one value or attribute at most. Origin: assumed; real ones have some hundred."""
@@ -46,6 +50,12 @@ with one letter to spare."""
 
 MOST_TOLD = 5
 """Oddities of one kind that are shown of a file; the others are counted. Origin: assumed."""
+
+MOST_TAGS = 20_000
+"""Tags of a module at most. Origin: assumed; real ones have up to some hundred."""
+
+MOST_DRAWN = 1000
+"""Symbols, or pipes, of a picture up to which it is looked where pipes end. Origin: assumed."""
 
 MOST_LISTED = 2000
 """Tags, services or connections that a skeleton lists at most. Origin: assumed; the file stays

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from rulec.mtp.caex import Element, read_caex
+from rulec.mtp import limits
+from rulec.mtp.caex import Caex, Element, read_caex
 from rulec.mtp.container import read_members
 from rulec.mtp.package import Package, Server
 from rulec.mtp.read_nodes import is_item, read_items, read_servers
@@ -24,7 +25,9 @@ def read_packages(path: Path) -> list[Package]:
     All files of a container are one space of ids: a manifest may leave services and pictures to
     others.
     """
-    files = [read_caex(member) for member in read_members(path)]
+    files: list[Caex] = []
+    for member in read_members(path):
+        files.append(read_caex(member, limits.MOST_KEPT - sum(file.kept for file in files)))
     space = Space([file.root for file in files], {k: v for f in files for k, v in f.bases.items()})
     found = list(_packages(space))
     if not found:
@@ -71,6 +74,11 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
     if not tags:
         raise MtpRefused(
             f"{element.place}: the list of instances is empty; export the module with its tags"
+        )
+    if len(tags) > limits.MOST_TAGS:
+        raise MtpRefused(
+            f"{element.place}: {len(tags)} tags, more than {limits.MOST_TAGS}; is it one module?"
+            " Export each alone"
         )
     symbols, connections = read_pictures(space, parts)
     return Package(

@@ -65,10 +65,13 @@ def _picture(space: Space, picture: Element) -> tuple[list[Symbol], list[Connect
     for one, other in _links(space, picture, owners):
         for here, there in ((one, other), (other, one)):
             links.setdefault(id(here[0]), []).append((id(there[0]), here[1]))
+    boxes = {named[k]: box for k, e in drawn.items() if (box := _box(e)) is not None}
+    if max(len(boxes), len(pipes)) > limits.MOST_DRAWN:
+        boxes = {}
     found = [
         connection
         for pipe in pipes
-        for connection in _joined(space, pipe, drawn, named, links.get(id(pipe), []))
+        for connection in _joined(space, pipe, boxes, named, links.get(id(pipe), []))
     ]
     return [_symbol(e, named[id(e)]) for e in drawn.values()], found
 
@@ -123,7 +126,7 @@ def _owner(
 def _joined(
     space: Space,
     pipe: Element,
-    drawn: Mapping[int, Element],
+    boxes: Mapping[str, _Box],
     named: Mapping[int, str],
     links: Sequence[tuple[int, Element]],
 ) -> Iterator[Connection]:
@@ -132,7 +135,6 @@ def _joined(
     ends = {named[key]: True for key, _ in links if key in named}
     through = [named[key] for key, _ in links if key in named]
     if len(through) < 2 and path:
-        boxes = {named[k]: box for k, e in drawn.items() if (box := _box(e)) is not None}
         for x, y in (path[0], path[-1]):
             near = min(boxes, key=lambda name: boxes[name].distance(x, y), default=None)
             if near is not None and _near(boxes[near], x, y):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from rulec.mtp import limits
 from rulec.mtp.caex import Element
 from rulec.mtp.package import Parameter, Procedure, Service, Tag
 from rulec.mtp.refused import Oddity
@@ -48,7 +49,7 @@ def _procedure(
 ) -> Procedure:
     texts = {a.get("Name").lower(): a.texts.get("Value", "") for a in element.of("Attribute")}
     own = [parameters[id(e)] for e in element.walk() if id(e) in parameters]
-    asked = texts.get("requiredparameters", "").lower().split()
+    asked = texts.get("requiredparameters", "").lower().split()[: limits.MOST_LISTED]
     return Procedure(
         name=space.name(element),
         number=texts.get("procedureid") or texts.get("strategyid", ""),

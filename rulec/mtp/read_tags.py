@@ -35,6 +35,7 @@ def _tag(
     texts = {a.get("Name"): a.texts.get("Value", "") for a in element.of("Attribute")}
     name = space.name(element)
     given = next((texts[key] for key in _NAMES if texts.get(key)), "")
+    given = checked(given, "a tag name", element.place)
     title = next((texts[key] for key in _TITLES if texts.get(key)), "")
     attributes = {
         a.get("Name"): _attribute(space, element, a, items, odd)
@@ -53,7 +54,7 @@ def _tag(
             )
         )
     return Tag(
-        name=name or checked(given, "a tag name", element.place),
+        name=name or given,
         title=" ".join((title or element.texts.get("Description", "")).split()),
         kind=kind,
         path=path,

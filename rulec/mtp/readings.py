@@ -6,6 +6,7 @@ import keyword
 import math
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -197,17 +198,16 @@ def _sensor(
 def _named(found: list[Reading]) -> Iterator[Reading]:
     """Readings with names of signals: the last part of the tag's name where that is enough."""
     short = [signal_name(r.tag.name.rpartition(".")[2], r.tag.kind) for r in found]
-    taken: set[str] = set()
+    borne = Counter(short)
+    taken: Counter[str] = Counter()
     for reading, name in zip(found, short, strict=True):
-        if short.count(name) > 1:
+        if borne[name] > 1:
             name = signal_name(reading.tag.name, reading.tag.kind)
-        if keyword.iskeyword(name):
-            name = f"{name}_"
-        base, count = name, 1
+        name = f"{name}_" if keyword.iskeyword(name) else name
         while name in taken:
-            count += 1
-            name = f"{base[: limits.LONGEST_SIGNAL - 4]}_{count}"
-        taken.add(name)
+            taken[name] += 1
+            name = f"{name[: limits.LONGEST_SIGNAL - 6]}_{taken[name]}"
+        taken[name] = 1
         yield replace(reading, signal=name)
 
 

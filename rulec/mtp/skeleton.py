@@ -157,13 +157,10 @@ def _services(services: Sequence[Service]) -> Iterator[str]:
             asked = f": {_names(procedure.parameters)}" if procedure.parameters else ""
             name = _said(f"{procedure.number} {procedure.name}")
             yield f"#     procedure {name}{more}{asked}"
-        common = [p for p in service.parameters if not _asked(service, p)]
+        asked_for = {id(p) for procedure in service.procedures for p in procedure.parameters}
+        common = [p for p in service.parameters if id(p) not in asked_for]
         if common:
             yield f"#     parameters: {_names(common)}"
-
-
-def _asked(service: Service, parameter: Parameter) -> bool:
-    return any(parameter in procedure.parameters for procedure in service.procedures)
 
 
 def _names(parameters: Iterable[Parameter]) -> str:

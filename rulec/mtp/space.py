@@ -103,7 +103,7 @@ def checked(text: str, what: str, place: str) -> str:
             f"{place}: {what} has {len(plain)} characters, more than {limits.LONGEST_NAME}; "
             "shorten it"
         )
-    if not all(map(is_shown, plain)):
+    if not plain.isprintable() and not all(map(is_shown, plain)):
         raise MtpRefused(
             f"{place}: {what} holds control characters, as an attack on a terminal would; correct "
             "it in the engineering tool and export again"
