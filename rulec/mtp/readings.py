@@ -20,7 +20,6 @@ from rulec.mtp.refused import Oddity
 from rulec.mtp.tables import tables
 from rulec.mtp.units import FoundUnit, unit_of
 
-_USUAL = {"drive": "rotational speed", "valve": "valve travel"}
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"}
 )
@@ -57,7 +56,7 @@ def readings_of(
     for tag in package.tags:
         role = tables().classes.get(tag.kind, "")
         for where in tables().values.get(role, ()):
-            reading = _reading(tag, role, where, units, sensors, odd)
+            reading = _reading(tag, where, units, sensors, odd)
             if reading is not None:
                 found.append(reading)
     return list(_named(found)), odd
@@ -65,7 +64,6 @@ def readings_of(
 
 def _reading(
     tag: Tag,
-    role: str,
     where: Mapping[str, Any],
     units: UnitTable,
     sensors: Mapping[str, SensorClass],
@@ -79,8 +77,7 @@ def _reading(
     scale = where["scale"]
     unit = unit_of(tag.attributes.get(f"{scale}Unit"), units)
     span, default = _range(tag, scale, odd)
-    usual = _USUAL.get(role, "")
-    proposal = propose(tag.name, tag.title, unit.unit, usual, units)
+    proposal = propose(tag.name, tag.title, unit.unit, where.get("usual", ""), units)
     sensor, range_is_needed = _sensor(proposal.quantity, span, unit, sensors)
     reading = Reading(
         signal="",

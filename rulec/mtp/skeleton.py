@@ -13,15 +13,6 @@ from rulec.mtp.package import Package, Parameter, Service, Symbol, Tag
 from rulec.mtp.readings import Reading
 from rulec.mtp.tables import tables
 
-_ROLES = {
-    "binary": "Binary tags",
-    "switched drive": "Drives that are switched",
-    "switched valve": "Valves that are switched",
-    "text": "Texts",
-    "": "Tags of an unknown class",
-}
-"""Tags that are no signals are listed so."""
-
 
 def skeleton(package: Package, name: str, readings: Sequence[Reading]) -> str:
     """Text of the file of a module type; it passes `rulec check`, and holds no observer yet."""
@@ -129,13 +120,13 @@ def _todo() -> Iterator[str]:
     yield "# TODO observers: equations that estimate the flow Q from the signals above"
     yield "# observers:"
     yield '#   line: {component: line, Q: sqrt(SIGNAL/k2), source: "..."}'
-    yield "# TODO faults: what can happen to it, such as clogging(SIGNAL)"
+    yield "# TODO faults: what can happen to it, each with what it acts on; kb/faults holds them"
     yield "# faults: []"
 
 
 def _others(tags: Sequence[Tag]) -> Iterator[str]:
-    for role, title in _ROLES.items():
-        found = [t for t in tags if tables().classes.get(t.kind, "") == role]
+    for role, title in tables().listed.items():
+        found = [t for t in tags if tables().classes.get(t.kind, "unknown") == role]
         if found:
             yield ""
             yield f"# {title}; equations read numbers alone."

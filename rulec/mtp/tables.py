@@ -25,13 +25,14 @@ class UnitCode:
 @dataclass(frozen=True, kw_only=True)
 class Tables:
     """`classes` gives the role of each class of data assemblies, `values` where a role keeps its
-    value, `letters`, `words` and `first` say what is measured, `sensors` with what, `equipment`
+    value, `listed` the titles of the others, `letters`, `words` and `first` say what is measured, `sensors` with what, `equipment`
     what an ECLASS code begins with."""
 
     codes: Mapping[str, UnitCode]
     spellings: Mapping[str, str]
     classes: Mapping[str, str]
     values: Mapping[str, Sequence[Mapping[str, Any]]]
+    listed: Mapping[str, str]
     letters: Mapping[str, str]
     words: Mapping[str, Sequence[str]]
     first: Sequence[str]
