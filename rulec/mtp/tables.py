@@ -25,8 +25,8 @@ class UnitCode:
 @dataclass(frozen=True, kw_only=True)
 class Tables:
     """`classes` gives the role of each class of data assemblies, `values` where a role keeps its
-    value, `listed` the titles of the others, `letters`, `words` and `first` say what is measured, `sensors` with what, `equipment`
-    what an ECLASS code begins with."""
+    value, `listed` the titles of the others; `letters`, `words` and `first` say what is measured,
+    `sensors` with what, `equipment` what an ECLASS code begins with."""
 
     codes: Mapping[str, UnitCode]
     spellings: Mapping[str, str]

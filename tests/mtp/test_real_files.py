@@ -21,9 +21,9 @@ def test_all_tags_units_and_nodes_are_found(file: Path) -> None:
     if row["refused"]:
         assert file.name.startswith("broken")
         return
-    assert row["nodes"]["found"] == row["nodes"]["of"]
-    assert row["units"]["found"] + row["online"] == row["units"]["of"]
-    assert row["tags"]["of"] - row["tags"]["found"] <= 2  # terminations among the tags, in one file
+    assert row["nodes"].count == row["nodes"].of
+    assert row["units"].count + row["online"] == row["units"].of
+    assert row["tags"].of - row["tags"].count <= 2  # terminations among the tags, in one file
 
 
 def test_skeletons_pass_the_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

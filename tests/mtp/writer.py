@@ -1,6 +1,6 @@
 """A small writer of Module Type Packages, in CAEX 2.15 and 3.0, with the habits of several makers.
 
-``python -m tests.mtp.writer`` writes the example that ships with plant abc.
+``python -m tests.mtp.writer`` writes the example that ships with plant dosing-line.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from tests.conftest import ROOT
 
-EXAMPLE = ROOT / "plants" / "abc" / "examples" / "dosing.aml"
+EXAMPLE = ROOT / "plants" / "dosing-line" / "examples" / "dosing.aml"
 NAMESPACE = "http://maker.example/dosing"
 ENDPOINT = "opc.tcp://10.0.0.5:4840"
 LIBRARY = "MTPDataObjectSUCLib/DataAssembly"

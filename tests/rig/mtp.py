@@ -27,6 +27,7 @@ from typing import Any
 
 from rulec.cli import main
 from tests.conftest import ROOT
+from tests.figures.share import Share
 
 MANY = 20
 """Files whose time is taken together."""
@@ -120,25 +121,19 @@ def compared(file: Path) -> dict[str, Any]:
         any((tag, name) == (t, n) and node.endswith(identifier) for t, n, node in nodes)
         for tag, name, identifier in whole["nodes"]
     )
-    for name, of in (("tags", whole["tags"]), ("units", whole["units"])):
-        row[name] = {"found": sum(c[name] for c in counts), "of": of}
+    for name in ("tags", "units"):
+        row[name] = Share(sum(c[name] for c in counts), whole[name])
     row["online"] = sum(c["online"] for c in counts)
-    row["nodes"] = {"found": right, "of": len(whole["nodes"])}
+    row["nodes"] = Share(right, len(whole["nodes"]))
     row["services"] = sum(c["services"] for c in counts)
     return row
 
 
 def measured() -> dict[str, Any]:
-    """All files, their sums, and the time of many."""
+    """All files, and the time of many."""
     rows = [compared(file) for file in files()]
-    whole = [row for row in rows if not row["refused"]]
-    sums = {
-        name: {part: sum(row[name][part] for row in whole) for part in ("found", "of")}
-        for name in ("tags", "units", "nodes")
-    }
-    sums["online"] = sum(row["online"] for row in whole)
     good = [file for file, row in zip(files(), rows, strict=True) if not row["refused"]]
-    return {"files": rows, "all": sums, "seconds": seconds(good)}
+    return {"files": rows, "seconds": seconds(good)}
 
 
 def seconds(good: list[Path]) -> float:
@@ -147,18 +142,31 @@ def seconds(good: list[Path]) -> float:
     return min(imported(many)[1] for _ in range(3))
 
 
+def form(found: dict[str, Any]) -> dict[str, Any]:
+    """Machine form: files by their names."""
+    rows = {
+        row["file"]: {
+            n: part.form() if isinstance(part, Share) else part for n, part in row.items()
+        }
+        for row in found["files"]
+    }
+    return {"files": rows, "seconds": round(found["seconds"], 3)}
+
+
 def table(found: dict[str, Any]) -> str:
     lines = ["| file | tags | units | online | nodes | services |", "|---|---|---|---|---|---|"]
     for row in found["files"]:
         if row["refused"]:
             lines.append(f"| {row['file']} | refused |  |  |  |  |")
             continue
-        parts = [f"{row[n]['found']} of {row[n]['of']}" for n in ("tags", "units", "nodes")]
+        parts = [f"{row[n].count} of {row[n].of}" for n in ("tags", "units", "nodes")]
         parts.insert(2, str(row["online"]))
         lines.append(f"| {row['file']} | {' | '.join(parts)} | {row['services']} |")
     return "\n".join([*lines, f"{MANY} files: {found['seconds']:.2f} s of CPU time"])
 
 
 if __name__ == "__main__":
+    if not files():
+        sys.exit(f"no packages in {folder()}")
     result = measured()
-    print(json.dumps(result, indent=1) if "--json" in sys.argv else table(result))
+    print(json.dumps(form(result), indent=1) if "--json" in sys.argv else table(result))
