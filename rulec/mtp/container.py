@@ -13,7 +13,10 @@ from rulec.mtp import limits
 from rulec.mtp.refused import MtpRefused
 
 _ZIP = b"PK"
-_XML = (".aml", ".xml", ".caex")
+_AML = (".aml",)
+_OTHERS = (".xml", ".caex")
+_BESIDE = "._"
+"""How the names of files begin that a Mac puts beside those of a container."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +60,9 @@ def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
         raise MtpRefused(
             f"{name}: {len(entries)} files in it, more than {limits.MOST_MEMBERS}; is it an MTP?"
         )
-    wanted = []
     for entry in entries:
         _check_path(entry, name)
-        if entry.filename.lower().endswith(_XML) and not entry.is_dir():
-            wanted.append(entry)
+    wanted = [e for e in entries if _is_of(e, _AML)] or [e for e in entries if _is_of(e, _OTHERS)]
     if len(wanted) > limits.MOST_MANIFESTS:
         raise MtpRefused(
             f"{name}: {len(wanted)} XML files in it, more than {limits.MOST_MANIFESTS}; export one "
@@ -83,6 +84,11 @@ def _members(archive: zipfile.ZipFile, name: str) -> Iterator[Member]:
         data = _unpacked(archive, entry, label, left)
         left -= len(data)
         yield Member(label, data)
+
+
+def _is_of(entry: zipfile.ZipInfo, endings: tuple[str, ...]) -> bool:
+    file = _plain(entry.filename).rpartition("/")[2]
+    return file.lower().endswith(endings) and not file.startswith(_BESIDE) and not entry.is_dir()
 
 
 def _plain(filename: str) -> str:

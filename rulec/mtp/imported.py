@@ -134,6 +134,7 @@ def _module(one: Imported) -> dict[str, Any]:
         "tags": [
             {
                 "name": tag.name,
+                "tag_name": tag.given,
                 "title": tag.title,
                 "class": tag.kind or tag.path,
                 "place": tag.place,

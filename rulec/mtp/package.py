@@ -48,9 +48,13 @@ class Attribute:
 
 @dataclass(frozen=True, kw_only=True)
 class Tag:
-    """A data assembly; `kind` is the last known part of its class path, empty where none is."""
+    """A data assembly; `kind` is the last known part of its class path, empty where none is.
+
+    `given` is the name that it has for operators; `name`, that of its element, tells tags apart.
+    """
 
     name: str
+    given: str
     title: str
     kind: str
     path: str

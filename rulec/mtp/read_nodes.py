@@ -21,7 +21,7 @@ _REMEDY = "look the node up in the server, and write its id into the map"
 def read_servers(space: Space, package: Element, odd: list[Oddity]) -> Iterator[Server]:
     """Servers of a module, each with its endpoint, empty where the file says none."""
     for element in package.walk():
-        if element.tag == "InternalElement" and space.is_a(element, _SERVERS):
+        if element.tag == "InternalElement" and _is_server(space, element):
             endpoint = checked(_value(element, "Endpoint"), "an endpoint", element.place)
             if not endpoint.startswith("opc.tcp://"):
                 odd.append(
@@ -34,6 +34,10 @@ def read_servers(space: Space, package: Element, odd: list[Oddity]) -> Iterator[
                 )
                 endpoint = ""
             yield Server(name=space.name(element), endpoint=endpoint)
+
+
+def _is_server(space: Space, element: Element) -> bool:
+    return _attribute(element, "Endpoint") is not None or space.is_a(element, _SERVERS)
 
 
 def read_items(space: Space, package: Element, odd: list[Oddity]) -> Mapping[int, Node | None]:

@@ -42,7 +42,7 @@ def read_packages(path: Path) -> list[Package]:
 def _packages(space: Space) -> Iterator[Element]:
     """The elements that stand for a module each: packages, or what holds a list of instances."""
     elements = [e for root in space.roots for e in root.walk() if e.tag == "InternalElement"]
-    lists = [e for e in elements if space.is_a(e, ("InstanceList",))]
+    lists = [e for e in elements if space.is_named(e, ("InstanceList",))]
     seen: set[int] = set()
     for one in lists:
         holder = one.parent or one
@@ -70,6 +70,16 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
     odd = list(_twice(space))
     servers = tuple(read_servers(space, element, odd))
     items = read_items(space, element, odd)
+    odd += _missing(space, element)
+    if not items:
+        odd.append(
+            Oddity(
+                kind="no nodes",
+                place=element.place,
+                text="the list of sources holds no node",
+                remedy="write node ids into the map, or export the module with its server",
+            )
+        )
     tags = tuple(read_tags(space, element, items, odd))
     if not tags:
         raise MtpRefused(
@@ -94,6 +104,23 @@ def _package(path: Path, space: Space, element: Element, parts: Sequence[Element
         connections=connections,
         odd=tuple(odd),
     )
+
+
+def _missing(space: Space, package: Element) -> Iterator[Oddity]:
+    """Services and pictures that a manifest leaves to files, or elements, which are not there."""
+    files = [root.place.rpartition(":")[0] for root in space.roots]
+    for element in package.walk():
+        if element.tag != "Attribute" or element.get("Name").lower() != "refuri":
+            continue
+        text = element.texts.get("Value", "")
+        path = text.replace("\\", "/").lstrip("/")
+        if text and space.find(text, element) is None and not any(f.endswith(path) for f in files):
+            yield Oddity(
+                kind="parts that are missing",
+                place=element.place,
+                text=f"it refers to '{text[:80]}', which is not there",
+                remedy="give the whole container; without it services or pictures are lacking",
+            )
 
 
 def _twice(space: Space) -> Iterator[Oddity]:

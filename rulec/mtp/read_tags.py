@@ -24,9 +24,18 @@ def read_tags(
 ) -> Iterator[Tag]:
     """Tags of a module, in the order of the file. Raises `MtpRefused` for names that are none."""
     for one in package.walk():
-        if one.tag == "InternalElement" and space.is_a(one, _LISTS):
-            for element in one.of("InternalElement"):
+        if one.tag == "InternalElement" and space.is_named(one, _LISTS):
+            for element in _leaves(one):
                 yield _tag(space, element, items, odd)
+
+
+def _leaves(group: Element) -> Iterator[Element]:
+    """Elements of a list, also in groups, which have no attributes of their own."""
+    for element in group.of("InternalElement"):
+        if any(element.of("InternalElement")) and not any(element.of("Attribute")):
+            yield from _leaves(element)
+        else:
+            yield element
 
 
 def _tag(
@@ -55,6 +64,7 @@ def _tag(
         )
     return Tag(
         name=name or given,
+        given=given,
         title=" ".join((title or element.texts.get("Description", "")).split()),
         kind=kind,
         path=path,

@@ -89,7 +89,8 @@ def _because(reading: Reading) -> str:
 def _remarks(reading: Reading) -> Iterator[str]:
     tag = reading.tag
     title = f": {tag.title}" if tag.title and tag.title != tag.name else ""
-    yield _said(f"{tag.name} ({tag.kind}.{reading.attribute}){title}")
+    also = f" '{tag.given}'" if tag.given not in ("", tag.name) else ""
+    yield _said(f"{tag.name}{also} ({tag.kind}.{reading.attribute}){title}")
     if reading.node is None:
         yield "no node: it cannot be read over OPC UA"
     if reading.limits:

@@ -64,6 +64,12 @@ class Space:
         """Whether the last part of one of its paths is such a class."""
         return any(path.rpartition("/")[2] in classes for path in self.paths(element))
 
+    def is_named(self, element: Element, classes: Collection[str]) -> bool:
+        """Whether it is of such a class, or bears its name where it says no class."""
+        if any(element.get(key) for key in _PATHS):
+            return self.is_a(element, classes)
+        return element.get("Name") in classes or self.is_a(element, classes)
+
     def passes(self, element: Element, part: str) -> bool:
         """Whether one of its paths leads through such a class."""
         return any(part in path.split("/") for path in self.paths(element))

@@ -168,6 +168,15 @@ def test_a_manifest_in_several_files_is_one_module(tmp_path: Path) -> None:
     assert package.odd == ()
 
 
+def test_what_stands_beside_a_manifest_is_left_alone(tmp_path: Path) -> None:
+    """What a Mac puts there, and XML of the container's own."""
+    file = tmp_path / "x.mtp"
+    beside = {"__MACOSX/._Manifest.aml": b"\0\xff", "[Content_Types].xml": b"<Types/>"}
+    file.write_bytes(packed({"Manifest.aml": b"\xef\xbb\xbf" + GOOD, **beside}))
+    (package,) = read_packages(file)
+    assert package.odd == ()
+
+
 def test_an_id_that_stands_twice_leads_nowhere(tmp_path: Path) -> None:
     file = tmp_path / "x.aml"
     file.write_bytes(GOOD.replace(b'ID="tag-1"', b'ID="tag-0"'))

@@ -28,6 +28,8 @@ from tests.mtp.writer import (
     PRESSURE,
     Point,
     analog,
+    attribute,
+    element,
     example,
     manifest,
     picture,
@@ -215,6 +217,37 @@ def test_references_that_lead_nowhere_are_told_with_their_place(
     told = f"m.aml:{line}: FI12.V refers to 'item-1-V', which is not there; export again"
     assert told in capsys.readouterr().out
     assert "Dosing.FI12" not in (tmp_path / "out" / "map.yaml").read_text(encoding="utf-8")
+
+
+def test_parts_that_are_missing_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Files that the manifest leaves services to, and a list of sources without nodes."""
+    set_of = element("Services", "set", "MTPSUCLib/ServiceSet", attribute("refURI", "//S/Own.aml"))
+    text = manifest((Point(name="FI1", bound=()),))
+    text = text.replace(
+        "</InternalElement>\n</InstanceHierarchy>",
+        f"{set_of}\n</InternalElement>\n</InstanceHierarchy>",
+        1,
+    )
+    module = imported(tmp_path, text)
+    assert [o["kind"] for o in module["odd"]] == ["parts that are missing", "no nodes"]
+    assert (
+        "it refers to '//S/Own.aml', which is not there; give the whole" in capsys.readouterr().out
+    )
+
+
+def test_tags_may_stand_in_groups(tmp_path: Path) -> None:
+    """Of a list that has a name and no class."""
+    text = manifest((PRESSURE, FLOW))
+    path = ' RefBaseSystemUnitPath="MTPSUCLib/CommunicationSet/InstanceList">'
+    head = f'<InternalElement Name="InstanceList" ID="instances"{path}'
+    group = '<InternalElement Name="InstanceList" ID="instances"><InternalElement Name="G" ID="g">'
+    end = '</InternalElement>\n</InternalElement>\n<InternalElement Name="SourceList"'
+    closed = end.replace("\n", "\n</InternalElement>\n", 1)
+    module = imported(tmp_path, text.replace(head, group).replace(end, closed))
+    assert [tag["name"] for tag in module["tags"]] == ["PI11", "FI12"]
+    assert module["counts"]["nodes"] == 2
 
 
 def test_an_identifier_may_be_a_number_or_a_whole_node_id(tmp_path: Path) -> None:
