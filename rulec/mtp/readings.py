@@ -127,7 +127,7 @@ def _tell(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
     place = unit.place if unit is not None else tag.place
     if found.raw.strip("0.") and not found.text:
         text = f"{tag.name} has the unit '{found.raw[:40]}', which is no unit code that is known"
-        remedy = "write the unit into the skeleton"
+        remedy = "write the unit into the skeleton" + ", or import with --online" * found.online
         odd.append(Oddity(kind="unknown units", place=place, text=text, remedy=remedy))
     elif found.doubt.startswith("code"):
         text = f"{tag.name} is taken to be in {found.text}, but {found.doubt}"
