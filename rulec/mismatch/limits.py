@@ -675,8 +675,8 @@ FORM_LAWS = 2.0
 assumed."""
 
 FORM_MOST = 0.03
-"""Share of an output's usual size by which a law is off at most: where it is off by more, something
-is missing. Origin: the usual error of form, times the factor to which that is known."""
+"""Share of an output's usual size by which a law is off at most, its usual error times the factor
+to which that is known: where it is off by more, something is missing. Origin: assumed."""
 
 SIZES_STEPS = 6
 """Steps by which errors of form of single laws are found, at most. Origin: numerical."""
