@@ -26,6 +26,7 @@ _COMMANDS = {
     "init": "write a commented skeleton: plant, module, fault, effect, or a package of knowledge",
     "schema": "write the schemas of all files, and the line by which an editor finds them",
     "check": "validate knowledge and plant files",
+    "import": "make skeletons of module types from the files of other tools",
     "compile": "derive the ruleset of a plant",
     "matrix": "show the fault-symptom matrix of a plant",
     "show": "show what a compiler pass made, in readable equations",
@@ -50,6 +51,7 @@ _REFUSALS = (
     "MismatchRefused",
     "ExperimentRefused",
     "InitRefused",
+    "MtpRefused",
 )
 """Exceptions whose message is for the user."""
 
@@ -101,6 +103,7 @@ def _parser() -> argparse.ArgumentParser:
         default="text",
         help="json and sarif go to standard output, for editors and CI servers",
     )
+    _import(made["import"])
     made["compile"].add_argument("plant", metavar="PLANT")
     made["compile"].add_argument(
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
@@ -154,6 +157,26 @@ def _init(init: argparse.ArgumentParser) -> None:
         help="of the plant; of knowledge, as kb in the plant's (module, fault, effect); of the "
         "project (kb, a package for pip); files that are there stay",
     )
+
+
+def _import(importer: argparse.ArgumentParser) -> None:
+    formats = importer.add_subparsers(dest="format", required=True, metavar="FORMAT")
+    text = "Module Type Packages (VDI/VDE/NAMUR 2658): .mtp, .zip or .aml"
+    mtp = formats.add_parser("mtp", help=text, description=f"{text}.")
+    mtp.set_defaults(command="import_mtp")
+    mtp.add_argument("files", nargs="+", metavar="FILE", help="one module each")
+    mtp.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="new folder for modules and map"
+    )
+    mtp.add_argument(
+        "--online",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="read units and ranges from the controllers, where files leave them open; of one "
+        "file also at another address, such as opc.tcp://10.0.0.5:4840",
+    )
+    json_option(mtp)
 
 
 def _experiment(experiment: argparse.ArgumentParser) -> None:

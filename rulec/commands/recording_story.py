@@ -16,6 +16,8 @@ from rulec_runtime.recordings.wall_clock import duration
 
 from rulec.commands.recording_facts import Facts, Lack, Reading
 
+_WHOLE, _PART = "[green]✓[/] {}: {} of {}", "[yellow]![/] {}: {} of {}"
+
 SHOWN = 4
 """Names of a list that are shown; the others are counted."""
 
@@ -83,8 +85,8 @@ def _lines(facts: Facts) -> Iterator[Text]:
         ("comparisons of them", facts.comparisons),
         ("faults that leave a trace", facts.faults),
     ):
-        mark = "[green]✓[/]" if count == every else "[yellow]![/]"
-        yield styled(mark + " {}: {} of {}", what, count, every)
+        template = _WHOLE if count == every else _PART
+        yield styled(template, what, count, every)
     if facts.blind:
         yield styled("  no trace of {}", _some(facts.blind))
     for lack in facts.lacks:

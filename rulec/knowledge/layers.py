@@ -43,6 +43,9 @@ GROUP = "rulec.kb"
 _OF_A_KIND = frozenset(("modules", "faults", "effects", "sensors", "fluids"))
 _PLAIN_UNIT = re.compile(rb"""^\s+(["'])1\1\s*:""", re.MULTILINE)
 _KNOWLEDGE = re.compile(rb"^(module|fault|effect|sensor|fluid|units):", re.MULTILINE)
+_SOURCE_MAP = re.compile(rb"^(endpoint|servers):", re.MULTILINE)
+"""A map of signals to nodes or topics, which only a watch reads."""
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -66,7 +69,7 @@ class Layer:
     @cached_property
     def is_whole(self) -> bool:
         """Does it list the unit "1", without which no knowledge base works?"""
-        return _has_line(self.folder / UNITS, _PLAIN_UNIT)
+        return has_line(self.folder / UNITS, _PLAIN_UNIT)
 
     @property
     def files(self) -> list[Path]:
@@ -110,9 +113,10 @@ def root_of(file: Path) -> Path | None:
 
 
 def yaml_files_in(folder: Path) -> list[Path]:
-    """YAML files of a folder, without those in hidden folders."""
+    """YAML files of a folder, without those in hidden folders, and without source maps."""
     files = (f for f in folder.rglob("*") if f.suffix in (".yaml", ".yml") and f.is_file())
-    return sorted(f for f in files if not any(p[0] == "." for p in f.relative_to(folder).parts))
+    shown = (f for f in files if not any(p[0] == "." for p in f.relative_to(folder).parts))
+    return sorted(f for f in shown if not has_line(f, _SOURCE_MAP))
 
 
 def shipped(name: str) -> Path:
@@ -178,10 +182,11 @@ def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:
 
 def _has_knowledge(folder: Path) -> bool:
     """Is there a file that describes something, as far as its text tells?"""
-    return any(_has_line(file, _KNOWLEDGE) for file in yaml_files_in(folder))
+    return any(has_line(file, _KNOWLEDGE) for file in yaml_files_in(folder))
 
 
-def _has_line(file: Path, key: re.Pattern[bytes]) -> bool:
+def has_line(file: Path, key: re.Pattern[bytes]) -> bool:
+    """Whether a file has a key, without parsing it; one that cannot be read has none."""
     try:
         with file.open("rb") as stream:
             return key.search(stream.read(MAX_FILE_BYTES)) is not None

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rulec.knowledge.layers import PACKAGE, Layer, shipped
+from rulec.knowledge.layers import PACKAGE, Layer, has_line, shipped
 from rulec.knowledge.tables import with_tables
 from rulec.language.diagnostics import Diagnostic, Place, nearest
 from rulec.language.document import Document
 from rulec.language.schema import KINDS, check_schema, kind_of
-from rulec.limits import MAX_FILE_BYTES
 
 KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
 
@@ -71,7 +70,7 @@ def read_layers(
         held = Held(layer)
         for file in layer.files:
             real = os.path.realpath(file)
-            if real not in seen and (effects or not _holds_effect(file)):
+            if real not in seen and (effects or not has_line(file, _EFFECT)):
                 _add(held, file, read, wanted)
             seen.add(real)
         result.append(held)
@@ -134,15 +133,6 @@ def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | No
         held.by_kind.setdefault("other", []).append(document)
     elif conforms(document, mistakes):
         held.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
-
-
-def _holds_effect(file: Path) -> bool:
-    """Whether a file describes an effect, without parsing it; an unreadable one is not skipped."""
-    try:
-        with file.open("rb") as stream:
-            return _EFFECT.search(stream.read(MAX_FILE_BYTES)) is not None
-    except OSError:
-        return False
 
 
 def open_document(
