@@ -25,8 +25,8 @@ from rulec.export.program import (
     Variable,
     apply,
     every,
-    names_in,
     total,
+    without_unused,
 )
 from rulec.export.readings import Reading, checked, in_si, reading_of
 from rulec.export.specialised import graph_of, put_into
@@ -73,7 +73,7 @@ class _Observe:
         sections = [checked(readings), self._uncertainties()]
         sections += [self._observer(o) for o in self.observers]
         sections += [self._residual(r) for r in self._own_residuals()]
-        read = {n for s in sections for t in s.statements for n in names_in(t.expression)}
+        used, read = without_unused(sections, self.outputs)
         inputs = [v for r in readings for v in (r.value, r.good)]
         return Routine(
             name="observe",
@@ -81,7 +81,7 @@ class _Observe:
             "mean readings while the plant is settled.",
             inputs=(*inputs, *self.noise.values()),
             parameters=tuple(p for p in self.constants if p.name in read),
-            sections=tuple(s for s in sections if s.statements),
+            sections=used,
             outputs=tuple(self.outputs),
         )
 
@@ -178,7 +178,7 @@ class _Observe:
             if minimum is not None:
                 conditions.append(apply("ge", self.readings[signal].si, Number(minimum)))
         for guard in observer.guards:
-            name = self.names.new(_in_words(guard.text))
+            name = self.names.new(_in_words(guard.text) or f"{short}_guard")
             writer.named(guard.output, name, f"{guard.text}: must be positive")
             conditions.append(apply("gt", Name(name), Number(0.0)))
         flow = writer.named(f"q:{observer.id}", self.names.new(f"Q_{short}"))
@@ -286,8 +286,9 @@ def _of(output: str, observers: set[str], kinds: tuple[str, ...]) -> bool:
 
 
 def _in_words(text: str) -> str:
-    """A product or quotient as a name."""
-    return text.replace("/", " per ").replace("*", " times ")
+    """A quotient of two names as a name; empty for anything else."""
+    above, _, below = (part.strip() for part in text.partition("/"))
+    return f"{above}_per_{below}" if above.isidentifier() and below.isidentifier() else ""
 
 
 def _systematic(signal: SignalSpec, value: Expression) -> Expression:

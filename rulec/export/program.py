@@ -147,3 +147,21 @@ def names_in(expression: Expression) -> set[str]:
     if isinstance(expression, Apply):
         return {name for e in expression.operands for name in names_in(e)}
     return {expression.text} if isinstance(expression, Name) else set()
+
+
+def without_unused(
+    sections: Iterable[Section], outputs: Iterable[Variable]
+) -> tuple[tuple[Section, ...], frozenset[str]]:
+    """The sections without statements that no output needs, and all names that are read."""
+    read: set[str] = set()
+    wanted = {v.name for v in outputs}
+    kept = []
+    for section in reversed(list(sections)):
+        statements = []
+        for statement in reversed(section.statements):
+            if statement.name in wanted or statement.name in read:
+                statements.append(statement)
+                read |= names_in(statement.expression)
+        if statements:
+            kept.append(Section(section.title, tuple(reversed(statements))))
+    return tuple(reversed(kept)), frozenset(read)

@@ -16,7 +16,7 @@ from rulec.export.program import (
     Variable,
     apply,
     every,
-    names_in,
+    without_unused,
 )
 from rulec.export.readings import checked, reading_of
 from rulec.export.specialised import graph_of, put_into
@@ -66,14 +66,14 @@ def undo_routine(ruleset: Ruleset, module: str) -> Routine:
         outputs.append(Variable(name, f"q:{observer.id}", "real", FLOW, text))
         statements.append(Statement(name, apply("select", Name(valid), flow, Number(0.0))))
         sections.append(Section(f"{observer.id} with faults undone", tuple(statements)))
-    read = {n for s in sections for t in s.statements for n in names_in(t.expression)}
+    used, read = without_unused(sections, outputs)
     return Routine(
         name="undo",
         text="The same estimates with faults undone, as functions of their degrees: for a central "
         "part that asks. A degree of 0 is no fault.",
         inputs=(*(v for r in readings.values() for v in (r.value, r.good)), *degrees.values()),
         parameters=tuple(p for p in parameters if p.name in read),
-        sections=tuple(s for s in sections if s.statements),
+        sections=used,
         outputs=tuple(outputs),
     )
 

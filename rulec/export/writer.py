@@ -54,8 +54,12 @@ class Writer:
         self._done: dict[int, Expression] = {}
         self._conditions: dict[int, Conditions] = {}
         self._statements: list[Statement] = []
+        self._safe_products: dict[int, Expression] = {}
+        self._far: dict[int, tuple[Expression, Expression]] = {}
         for i, name in enumerate(plan.inputs):
-            self._done[i] = self._away_from_zero(i, given[name])
+            self._done[i] = given[name]
+            if i in self._divisors:
+                self._far[i] = self._far_from_zero(i, given[name])
         for i, value in enumerate(plan.constants, len(plan.inputs)):
             self._done[i] = constants.get(value, Number(value))
 
@@ -98,10 +102,15 @@ class Writer:
 
     def _operation(self, number: int, operands: tuple[int, ...], is_root: bool) -> Expression:
         name = self._plan.operations[number - self._plan.first_operation][0]
-        expression, condition = self._safe(name, [self._done[i] for i in operands])
+        parts = [self._done[i] for i in operands]
         found = [c for i in operands for c in self._conditions.get(i, ())]
+        if name == "div":
+            parts[1] = self._divisor(operands[1], found)
+        expression, condition = self._safe(name, parts)
         self._conditions[number] = tuple(dict.fromkeys([*found, *condition]))
-        expression = self._away_from_zero(number, expression)
+        if number in self._divisors:
+            expression, far = self._far_from_zero(number, expression)
+            self._conditions[number] = (*self._conditions[number], far)
         many = self._uses[number] > 1 or leaves(expression) > limits.LONGEST_EXPRESSION
         hinted = number in self._hints and number not in self._plan.outputs.values()
         return self._keep(expression, number) if hinted or many and not is_root else expression
@@ -133,15 +142,37 @@ class Writer:
                 return tanh(a, size, fall), ()
         return apply(name, *parts), ()
 
-    def _away_from_zero(self, number: int, expression: Expression) -> Expression:
-        """A value that something is divided by: never zero, with a condition that tells."""
-        if number not in self._divisors:
-            return expression
+    def _far_from_zero(
+        self, number: int, expression: Expression
+    ) -> tuple[Expression, Expression]:
+        """A value that something is divided by, never zero, and the condition that it was not."""
         name = self._name(expression, number)
         raw = self._keep(expression, wanted=f"{name}_raw")
         far = apply("gt", apply("abs", raw), LEAST)
-        self._conditions[number] = (*self._conditions.get(number, ()), far)
-        return self._keep(apply("select", far, raw, LEAST), wanted=name)
+        return self._keep(apply("select", far, raw, LEAST), wanted=name), far
+
+    def _divisor(self, number: int, conditions: list[Expression]) -> Expression:
+        """What is divided by, with inputs in it away from zero.
+
+        Elsewhere an input is taken as it is: zero may be a good reading there.
+        """
+        if not self._far.keys() & self._factors(number):
+            return self._done[number]
+        if number in self._far:
+            safe, far = self._far[number]
+            conditions.append(far)
+            return safe
+        name = self._plan.operations[number - self._plan.first_operation][0]
+        parts = [self._divisor(i, conditions) for i in self._operands(number)]
+        if number not in self._safe_products:
+            expression = self._safe(name, parts)[0]
+            shared = self._uses[number] > 1
+            self._safe_products[number] = self._keep(expression) if shared else expression
+        return self._safe_products[number]
+
+    def _factors(self, number: int) -> set[int]:
+        """Inputs that are factors of a value."""
+        return set(_factors(self._plan, [number])) & self._far.keys()
 
     def _keep(
         self, expression: Expression, number: int | None = None, wanted: str = ""
@@ -171,8 +202,12 @@ def _uses(plan: Plan) -> Counter[int]:
 
 def _divisors(plan: Plan) -> Iterator[int]:
     """Values that must not be zero: the factors of what is divided by."""
+    return _factors(plan, [b for name, _, b in plan.operations if name == "div"])
+
+
+def _factors(plan: Plan, left: list[int]) -> Iterator[int]:
+    """What values are products and quotients of, without constants."""
     first = plan.first_operation
-    left = [b for name, _, b in plan.operations if name == "div"]
     seen: set[int] = set()
     while left:
         number = left.pop()
