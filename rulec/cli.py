@@ -25,6 +25,7 @@ from rulec_runtime.commands.frame import (
 _COMMANDS = {
     "check": "validate knowledge and plant files",
     "compile": "derive the ruleset of a plant",
+    "export": "write the observers of a plant's modules as code for their controllers",
     "matrix": "show the fault-symptom matrix of a plant",
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
@@ -87,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     made["compile"].add_argument(
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
     )
+    _export(made["export"])
     made["matrix"].add_argument("plant", metavar="PLANT")
     made["matrix"].add_argument(
         "--separate",
@@ -121,6 +123,24 @@ def _parser() -> argparse.ArgumentParser:
     prove_options(made["prove"])
     _demo(made["demo"])
     return parser
+
+
+def _export(export: argparse.ArgumentParser) -> None:
+    export.add_argument("plant", metavar="PLANT_OR_RULESET")
+    export.add_argument(
+        "--to",
+        choices=("c", "st"),
+        required=True,
+        help="c: C99; st: structured text of IEC 61131-3",
+    )
+    export.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for the files of all modules"
+    )
+    export.add_argument(
+        "--play",
+        metavar="RECORDING",
+        help="write results.csv as well: what the code says of each settled window of a recording",
+    )
 
 
 def _experiment(experiment: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rulec.export.layout import broken, literal, paragraph
+from rulec.export.layout import WIDTH, broken, literal, wrapped
 from rulec.export.program import Apply, Expression, ModuleCode, Name, Number, Routine, Variable
 
 SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "ge": ">=", "gt": ">", "le": "<="}
@@ -23,7 +23,7 @@ def header(code: ModuleCode) -> str:
     for routine in code.routines:
         lines += _struct(f"{code.name}_{routine.name}_in", routine.inputs)
         lines += _struct(f"{code.name}_{routine.name}_out", routine.outputs)
-        lines += [*_comment(paragraph(routine.text)), f"{_prototype(code, routine)};", ""]
+        lines += [*_comment([routine.text]), f"{_prototype(code, routine)};", ""]
     return "\n".join([*lines, "#endif", ""])
 
 
@@ -44,7 +44,8 @@ def _struct(name: str, variables: Sequence[Variable]) -> list[str]:
     lines = [f"struct {name} {{"]
     for v in variables:
         unit = f" [{v.unit}]" if v.unit else ""
-        lines.append(f"    {TYPES[v.kind]} {v.name}; /*{_plain(unit)} {_plain(v.text)} */")
+        line = f"{TYPES[v.kind]} {v.name}; /*{_plain(unit)} {_plain(v.text)} */"
+        lines += broken(line, "    ")
     return [*lines, "};", ""]
 
 
@@ -89,7 +90,8 @@ def _text(expression: Expression, places: dict[str, str], level: int = 0) -> str
 
 
 def _comment(lines: Sequence[str]) -> list[str]:
-    return ["/*", *(f" * {_plain(line)}".rstrip() for line in lines), " */"]
+    parts = [part for line in lines for part in wrapped(_plain(line), WIDTH - 3)]
+    return ["/*", *(f" * {part}".rstrip() for part in parts), " */"]
 
 
 def _plain(text: str) -> str:

@@ -20,9 +20,11 @@ def literal(value: float) -> str:
     return f"{digits}E{exponent}" if mark else digits
 
 
-def paragraph(text: str) -> list[str]:
-    """Text in lines."""
-    return textwrap.wrap(text, WIDTH - 4)
+def wrapped(line: str, width: int) -> list[str]:
+    """A line of a comment in lines no wider, the further ones as far in and a little more."""
+    indent = " " * (len(line) - len(line.lstrip()))
+    lines = textwrap.wrap(line, width, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
+    return lines or [""]
 
 
 def broken(line: str, indent: str) -> Iterator[str]:

@@ -28,7 +28,7 @@ from rulec.export.program import (
     total,
     without_unused,
 )
-from rulec.export.readings import Reading, checked, in_si, reading_of
+from rulec.export.readings import Reading, checked, noise_in_si, reading_of
 from rulec.export.specialised import graph_of, put_into
 from rulec.export.writer import Writer
 
@@ -142,11 +142,8 @@ class _Observe:
             unit="SI",
         )
         yield Statement(systematic, _systematic(signal, reading.si))
-        noise = Name(self.noise[signal.id].name)
-        if abs(signal.factor) != 1.0:
-            noise_in_si = apply("mul", noise, Number(abs(signal.factor)))
-            noise = Name(self.names.new(f"{short}_noise_SI"))
-            yield Statement(noise.text, noise_in_si)
+        noise = Name(self.names.new(f"{short}_noise_SI"))
+        yield Statement(noise.text, noise_in_si(signal, Name(self.noise[signal.id].name)))
         whole = self.names.new(f"u_{short}")
         squares: list[Expression] = [apply("mul", x, x) for x in (Name(systematic), noise)]
         yield Statement(whole, apply("sqrt", total(squares)))
@@ -200,7 +197,8 @@ class _Observe:
         )
         statements.append(Statement(valid, every(conditions), "bool"))
         self.valid[observer.id] = Name(valid)
-        statements += self._spread(short, {e: [(1, s)] for e, s in slopes.items()}, valid)
+        parts = {e: [(1, s)] for e, s in slopes.items()}
+        statements += self._spread(short, observer.id, parts, valid)
         name = self._output(short, f"q:{observer.id}", f"{observer.equation}; 0 where not valid")
         statements.append(Statement(name, apply("select", Name(valid), flow, Number(0.0))))
         return Section(f"{observer.equation}   ({observer.origin})", tuple(statements))
@@ -229,7 +227,7 @@ class _Observe:
         return self._output(f"{short}_undo_{bare}", output, what, f"{FLOW} per degree")
 
     def _spread(
-        self, short: str, parts: Mapping[str, list[tuple[int, Name]]], valid: str
+        self, short: str, id_: str, parts: Mapping[str, list[tuple[int, Name]]], valid: str
     ) -> Iterator[Statement]:
         """Standard uncertainty of a signed sum of estimates from their slopes by each error."""
         squares: list[Expression] = []
@@ -242,7 +240,7 @@ class _Observe:
                 yield Statement(name, slope)
                 slope = Name(name)
             squares.append(apply("mul", slope, slope))
-        name = self._output(f"u_{short}", f"u:{short}", f"standard uncertainty of {short}")
+        name = self._output(f"u_{short}", f"u:{id_}", f"standard uncertainty of {short}")
         spread = apply("sqrt", total(squares))
         yield Statement(name, apply("select", Name(valid), spread, Number(0.0)))
 
@@ -266,7 +264,7 @@ class _Observe:
         for term in residual.terms:
             for error, slope in self.slopes[term.observer].items():
                 parts.setdefault(error, []).append((term.sign, slope))
-        statements += self._spread(f"R_{short}", parts, valid)
+        statements += self._spread(f"R_{short}", residual.id, parts, valid)
         spread = statements[-1].name
         text = "beyond it the residual has moved"
         threshold = self._output(f"threshold_{short}", f"threshold:{residual.id}", text)

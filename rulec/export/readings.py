@@ -69,6 +69,16 @@ def _statements(reading: Reading) -> list[Statement]:
     ]
 
 
+def noise_in_si(signal: SignalSpec, noise: Expression) -> Expression:
+    """Standard uncertainty by noise, SI; what is no uncertainty counts as wide as the range."""
+    low, high = usable_range(signal)
+    widest = Number(high - low)
+    usable = apply("and", apply("ge", noise, Number(0.0)), apply("le", noise, widest))
+    usable_noise = apply("select", usable, noise, widest)
+    factor = abs(signal.factor)
+    return usable_noise if factor == 1.0 else apply("mul", usable_noise, Number(factor))
+
+
 def in_si(signal: SignalSpec, value: Expression) -> Expression:
     """A value in the unit of its sensor, in SI."""
     if signal.factor != 1.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from rulec.export.layout import broken, literal, paragraph
+from rulec.export.layout import WIDTH, broken, literal, wrapped
 from rulec.export.program import Apply, Expression, ModuleCode, Name, Number, Routine, Variable
 
 SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/", "ge": ">=", "gt": ">", "le": "<="}
@@ -19,7 +19,7 @@ def blocks(code: ModuleCode) -> str:
     """The function blocks of a module."""
     lines = [*_comment(code.head), ""]
     for routine in code.routines:
-        lines += [*_comment(paragraph(routine.text))]
+        lines += [*_comment([routine.text])]
         lines += [f"FUNCTION_BLOCK {code.name}_{routine.name}", *_variables(routine)]
         lines += [*_body(routine), "END_FUNCTION_BLOCK", ""]
     return "\n".join(lines)
@@ -85,7 +85,8 @@ def _text(expression: Expression, level: int = 0) -> str:
 
 
 def _comment(lines: Iterable[str]) -> list[str]:
-    return ["(*", *(f"  {_plain(line)}".rstrip() for line in lines), "*)"]
+    parts = [part for line in lines for part in wrapped(_plain(line), WIDTH - 2)]
+    return ["(*", *(f"  {part}".rstrip() for part in parts), "*)"]
 
 
 def _plain(text: str) -> str:

@@ -19,8 +19,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant
-from rulec_runtime.recordings.csv_table import RecordingRefused, read_table
-from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.csv_table import RecordingRefused, read_table, whole_rows
+from rulec_runtime.recordings.header import parts_of, result_of
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.time_column import read_times
 from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
@@ -60,6 +60,14 @@ class ModuleResults:
         """Where a column of 1 and 0 says yes, shape (n,)."""
         column = self.columns.get(name)
         return np.zeros(len(self), dtype=bool) if column is None else column == 1.0
+
+
+def holds_results(path: Path, ruleset: Ruleset) -> bool:
+    """Whether a file holds estimates of observers, and so no recording."""
+    if not path.is_file():
+        return False
+    titles = {parts_of(as_meant(t.strip()))[0] for t in whole_rows(path)[0]}
+    return any(result_of(title, ruleset) for title in titles)
 
 
 def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
@@ -141,8 +149,8 @@ def _check(path: Path, names: Sequence[str], ruleset: Ruleset) -> None:
     needed += [f"{kind}:{signal}" for signal in read for kind in ("fit", "noise", "systematic")]
     missing = [name for name in needed if name not in names]
     if missing:
-        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        more = f" is missing, and {len(missing) - 1} more are" if missing[1:] else " is missing"
         raise RecordingRefused(
-            f"{path}: column '{missing[0]}'{more} is missing; wiring.csv of rulec export tells "
+            f"{path}: column '{missing[0]}'{more}; wiring.csv of rulec export tells "
             "which output of which module belongs into each"
         )

@@ -13,7 +13,7 @@ from rulec_runtime.recordings.stationary import systematic_u
 from rulec.export.interpret import Value
 from rulec.export.program import Routine, Variable
 
-ODD = (0.0, -0.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-30)
+ODD = (0.0, -0.0, np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-12)
 
 
 def inputs_of(routine: Routine, ruleset: Ruleset, n: int, seed: int) -> dict[str, Value]:
