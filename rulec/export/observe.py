@@ -166,42 +166,60 @@ class _Observe:
 
     def _observer(self, observer: ObserverSpec) -> Section:
         """One estimate: flow, slopes, standard uncertainty, validity."""
-        statements: list[Statement] = []
         short = observer.id.partition(".")[2]
-        writer = self.writer
-        conditions: list[Expression] = [self.readings[s].ok for s in observer.signals]
-        for signal in observer.signals:
-            minimum = self.ruleset.signal_by_id[signal].minimum
-            if minimum is not None:
-                conditions.append(apply("ge", self.readings[signal].si, Number(minimum)))
-        for guard in observer.guards:
-            name = self.names.new(_in_words(guard.text) or f"{short}_guard")
-            writer.named(guard.output, name, f"{guard.text}: must be positive")
-            conditions.append(apply("gt", Name(name), Number(0.0)))
-        flow = writer.named(f"q:{observer.id}", self.names.new(f"Q_{short}"))
-        self.flow[observer.id] = flow
-        conditions += writer.conditions(f"q:{observer.id}")
+        writer, key = self.writer, f"q:{observer.id}"
+        sound = list(self._sound(observer, short))
+        flow = writer.named(key, self.names.new(f"Q_{short}"))
+        known = [*(self.readings[s].ok for s in observer.signals), *writer.conditions(key)]
         slopes = {}
         for error in self._errors(observer):
-            key = f"s:{observer.id}:{error.id}"
-            slopes[error.id] = writer.named(key, self._slope(observer, error))
-            conditions += writer.conditions(key)
-        self.slopes[observer.id] = slopes
+            slope = f"s:{observer.id}:{error.id}"
+            slopes[error.id] = writer.named(slope, self._slope(observer, error))
+            sound += writer.conditions(slope)
         for name in self.ruleset.undo.outputs:
             if name.startswith(f"dq:{observer.id}:"):
                 writer.named(name, self._by_fault(observer, name))
-        statements += writer.taken()
-        conditions.append(apply("gt", flow, Number(0.0)))
+        sound = [c for c in sound if c not in known]
+        statements = [
+            *writer.taken(),
+            *self._said(observer, short, flow, known, [*sound, apply("gt", flow, Number(0.0))]),
+        ]
+        self.flow[observer.id], self.slopes[observer.id] = flow, slopes
+        parts = {e: [(1, s)] for e, s in slopes.items()}
+        statements += self._spread(short, observer.id, parts, self.valid[observer.id])
+        return Section(f"{observer.equation}   ({observer.origin})", tuple(statements))
+
+    def _sound(self, observer: ObserverSpec, short: str) -> Iterator[Expression]:
+        """Where the equation holds: readings not below their minimum, and its own conditions."""
+        for signal in observer.signals:
+            minimum = self.ruleset.signal_by_id[signal].minimum
+            if minimum is not None:
+                yield apply("ge", self.readings[signal].si, Number(minimum))
+        for guard in observer.guards:
+            name = self.names.new(_in_words(guard.text) or f"{short}_guard")
+            self.writer.named(guard.output, name, f"{guard.text}: must be positive")
+            yield apply("gt", Name(name), Number(0.0))
+
+    def _said(
+        self,
+        observer: ObserverSpec,
+        short: str,
+        flow: Name,
+        known: list[Expression],
+        sound: list[Expression],
+    ) -> Iterator[Statement]:
+        """Flow, whether it can be calculated, and whether it may be used."""
+        is_known = self._output(
+            f"{short}_known", f"known:{observer.id}", f"{short} can be calculated", "", "bool"
+        )
+        yield Statement(is_known, every(known), "bool")
         valid = self._output(
             f"{short}_valid", f"valid:{observer.id}", f"{short} may be used", "", "bool"
         )
-        statements.append(Statement(valid, every(conditions), "bool"))
+        yield Statement(valid, every([Name(is_known), *sound]), "bool")
         self.valid[observer.id] = Name(valid)
-        parts = {e: [(1, s)] for e, s in slopes.items()}
-        statements += self._spread(short, observer.id, parts, valid)
-        name = self._output(short, f"q:{observer.id}", f"{observer.equation}; 0 where not valid")
-        statements.append(Statement(name, apply("select", Name(valid), flow, Number(0.0))))
-        return Section(f"{observer.equation}   ({observer.origin})", tuple(statements))
+        name = self._output(short, f"q:{observer.id}", f"{observer.equation}; 0 where not known")
+        yield Statement(name, apply("select", Name(is_known), flow, Number(0.0)))
 
     def _errors(self, observer: ObserverSpec) -> list[_Error]:
         prefix = f"s:{observer.id}:"
@@ -227,7 +245,7 @@ class _Observe:
         return self._output(f"{short}_undo_{bare}", output, what, f"{FLOW} per degree")
 
     def _spread(
-        self, short: str, id_: str, parts: Mapping[str, list[tuple[int, Name]]], valid: str
+        self, short: str, id_: str, parts: Mapping[str, list[tuple[int, Name]]], valid: Name
     ) -> Iterator[Statement]:
         """Standard uncertainty of a signed sum of estimates from their slopes by each error."""
         squares: list[Expression] = []
@@ -242,7 +260,7 @@ class _Observe:
             squares.append(apply("mul", slope, slope))
         name = self._output(f"u_{short}", f"u:{id_}", f"standard uncertainty of {short}")
         spread = apply("sqrt", total(squares))
-        yield Statement(name, apply("select", Name(valid), spread, Number(0.0)))
+        yield Statement(name, apply("select", valid, spread, Number(0.0)))
 
     def _own_residuals(self) -> list[ResidualSpec]:
         own = {o.id for o in self.observers}
@@ -264,7 +282,7 @@ class _Observe:
         for term in residual.terms:
             for error, slope in self.slopes[term.observer].items():
                 parts.setdefault(error, []).append((term.sign, slope))
-        statements += self._spread(f"R_{short}", residual.id, parts, valid)
+        statements += self._spread(f"R_{short}", residual.id, parts, Name(valid))
         spread = statements[-1].name
         text = "beyond it the residual has moved"
         threshold = self._output(f"threshold_{short}", f"threshold:{residual.id}", text)

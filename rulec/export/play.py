@@ -6,7 +6,8 @@ tried before there is any.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from math import isfinite
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
@@ -15,7 +16,8 @@ from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
 from rulec_runtime.diagnosis.steady.seen import judgeable
 from rulec_runtime.output.csv_cell import row_of
-from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.module_results import KINDS
+from rulec_runtime.recordings.recording import Recording, RecordingRefused
 from rulec_runtime.recordings.stationary import Stretches
 
 from rulec.export.interpret import Value, run
@@ -24,10 +26,24 @@ from rulec.export.program import ModuleCode, Routine
 OBSERVE = "observe"
 
 
-def played(recording: Recording, ruleset: Ruleset, codes: Iterable[ModuleCode]) -> dict[str, Array]:
-    """Results of all modules: per column of the results file an array, one entry per window."""
+Execute = Callable[[Routine, Mapping[str, Value]], Mapping[str, Value]]
+"""Runs a routine: its outputs by name, of its inputs by name."""
+
+
+def played(
+    recording: Recording,
+    ruleset: Ruleset,
+    codes: Iterable[ModuleCode],
+    execute: Execute = run,
+) -> dict[str, Array]:
+    """Results of all modules: per column of the results file an array, one entry per window.
+
+    Raises `RecordingRefused` where the plant never settles.
+    """
     sound = examine(recording, ruleset).recording
     stretches, noise = judgeable(sound, ruleset, "default")
+    if not len(stretches):
+        raise RecordingRefused("nothing to play: the recording holds no settled window")
     routines = [r for code in codes for r in code.routines if r.name == OBSERVE]
     whole = points_of_stretches(sound, ruleset, stretches, noise)
     columns = dict(_windows(sound, stretches))
@@ -46,19 +62,23 @@ def played(recording: Recording, ruleset: Ruleset, codes: Iterable[ModuleCode]) 
         for part in (Stretches(stretches.first, middle), Stretches(middle, stretches.last))
     ]
     for routine in routines:
-        said = observed(routine, ruleset, whole, len(stretches))
-        early, late = (observed(routine, ruleset, part, len(stretches)) for part in halves)
+        said, early, late = (
+            observed(routine, ruleset, part, len(stretches), execute) for part in (whole, *halves)
+        )
         for name, values in said.items():
-            columns.setdefault(name, values)
+            if name.partition(":")[0] in KINDS:
+                columns.setdefault(name, values)
             if name.startswith("q:"):
-                valid = name.replace("q:", "valid:", 1)
-                known = np.logical_and(early[valid], late[valid])
-                apart = np.where(known, late[name] - early[name], np.nan)
+                known = name.replace("q:", "known:", 1)
+                both = np.logical_and(early[known], late[known])
+                apart = np.where(both, late[name] - early[name], np.nan)
                 columns[name.replace("q:", "apart:", 1)] = apart
     return columns
 
 
-def observed(routine: Routine, ruleset: Ruleset, points: Points, n: int) -> dict[str, Value]:
+def observed(
+    routine: Routine, ruleset: Ruleset, points: Points, n: int, execute: Execute
+) -> dict[str, Value]:
     """What a routine says of operating points, by id of its outputs, each of shape (n,)."""
     values: dict[str, Value] = {}
     for variable in routine.inputs:
@@ -71,7 +91,7 @@ def observed(routine: Routine, ruleset: Ruleset, points: Points, n: int) -> dict
             values[variable.name] = _noise(ruleset, points, name, n)
         else:
             values[variable.name] = reading
-    outputs = run(routine, values)
+    outputs = execute(routine, values)
     return {
         v.id: np.broadcast_to(np.asarray(outputs[v.name], dtype=float), (n,))
         for v in routine.outputs
@@ -97,5 +117,5 @@ def results_csv(columns: Mapping[str, Array]) -> str:
     """Results as a file; numbers with all their digits, an empty cell where there is none."""
     lines = [row_of(columns)]
     for row in zip(*(np.asarray(c, dtype=float).tolist() for c in columns.values()), strict=True):
-        lines.append(",".join("" if value != value else repr(value) for value in row))
+        lines.append(",".join(repr(value) if isfinite(value) else "" for value in row))
     return "\n".join(lines) + "\n"

@@ -242,7 +242,7 @@ def with_errors(
         valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
     covariance = noise + lasting
     if residuals is None:
-        whole, stays = spreads(ruleset, covariance), spreads(ruleset, lasting)
+        whole, stays = spreads(ruleset, covariance), spreads(ruleset, covariance - scatter)
         residuals = signed(ruleset, flows), whole, stays
     return Observed(
         points=points,
@@ -367,6 +367,8 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
     for name in inputs_first:
         signal = ruleset.signal_by_id[name]
         values = observed.points.values.get(name)
+        if values is None and name in observed.points.bad:
+            return f"{spec.id}: its module says that it may not be used"
         if values is None:
             return f"{name} is not in the recording"
         if not np.isfinite(values[point]):
