@@ -431,7 +431,7 @@ FIRST_ORDER = 2
 START_STEPS = 20
 """Gauss-Newton steps to the start of what is stored. Origin: numerical."""
 
-# Code for controllers ------------------------------------------------------------------------------
+# Code for controllers ----------------------------------------------------------------------------
 
 LONGEST_IDENTIFIER = 32
 """Characters of a name in exported code. Origin: assumed; common controllers read so many."""
@@ -441,8 +441,8 @@ LONGEST_EXPRESSION = 8
 assumed."""
 
 LEAST_DIVISOR = 1e-60
-"""Absolute value that exported code divides by at least, and takes logarithms of. Origin: numerical;
-far below any hydraulic quantity in SI, and its fourth power still divides."""
+"""Absolute value that exported code divides by at least, and takes logarithms of. Origin:
+numerical; far below any hydraulic quantity in SI, and its fourth power still divides."""
 
 LARGEST_EXPONENT = 700.0
 """Argument up to which exported code takes an exponential. Origin: numerical; e to the 709 is the

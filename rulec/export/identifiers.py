@@ -10,16 +10,17 @@ import re
 
 from rulec.limits import LONGEST_IDENTIFIER
 
-C_WORDS = frozenset(
+_C = (
     "auto break case char const continue default do double else enum extern float for goto if "
     "inline int long register restrict return short signed sizeof static struct switch typedef "
     "union unsigned void volatile while bool true false exp log sqrt pow fabs fmin fmax in out "
     "abs round floor ceil sin cos tan tanh gamma j0 j1 jn y0 y1 yn isnan isfinite signbit "
-    "asm typeof unix linux errno main".split()
+    "asm typeof unix linux errno main"
 )
+C_WORDS = frozenset(_C.split())
 """Words of C99, its library's functions and macros, and what our functions call their arguments."""
 
-ST_WORDS = frozenset(
+_ST = (
     "abs abstract acos action add and any any_bit any_date any_elementary any_int any_num any_real "
     "any_string array asin at atan bool by byte case class concat configuration constant "
     "continue cos ctd ctu ctud date date_and_time delete deref dint div do dt dword else elsif "
@@ -34,8 +35,9 @@ ST_WORDS = frozenset(
     "sint sqrt sr step string struct sub super tan task then this time time_of_day to tod tof ton "
     "tp transition true trunc type udint uint ulint until using usint var var_access var_config "
     "var_external var_global var_in_out var_input var_output var_temp while with word wstring "
-    "xor s r st ld fbd sfc en eno cal calc ret jmp ldn stn".split()
+    "xor s r st ld fbd sfc en eno cal calc ret jmp ldn stn"
 )
+ST_WORDS = frozenset(_ST.split())
 """Words and standard functions of IEC 61131-3, and operators of its
 instruction list."""
 
@@ -68,7 +70,7 @@ class Identifiers:
 
 
 def legal(wanted: str) -> str:
-    """Letters, digits and single underscores, a letter first, cut to what every controller reads."""
+    """Letters, digits and single underscores, a letter first, no longer than controllers read."""
     name = "_".join(re.findall(r"[A-Za-z0-9]+", wanted)) or "v"
     if not name[0].isalpha():
         name = f"v_{name}"

@@ -14,7 +14,7 @@ from rulec.export.undo import undo_routine
 
 
 def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:
-    """Code of each module that estimates its flow, in the plant's order; of others there is none."""
+    """Code of each module that estimates its flow, in the plant's order."""
     digest = json.loads(ruleset.to_json())[DIGEST]
     names = Identifiers(frozenset())  # more stands behind them
     found = []

@@ -41,7 +41,9 @@ def reading_of(signal: SignalSpec, module: str, names: Identifiers) -> Reading:
     value = Variable(names.new(base), signal.id, "real", signal.unit, signal.title)
     text = f"{value.name} comes from its sensor, and is no substitute"
     good = Variable(names.new(f"{base}_good"), f"good:{signal.id}", "bool", "", text)
-    return Reading(signal, value, good, Name(names.new(f"{base}_SI")), Name(names.new(f"{base}_ok")))
+    return Reading(
+        signal, value, good, Name(names.new(f"{base}_SI")), Name(names.new(f"{base}_ok"))
+    )
 
 
 def checked(readings: Iterable[Reading]) -> Section:
@@ -55,9 +57,7 @@ def checked(readings: Iterable[Reading]) -> Section:
 def _statements(reading: Reading) -> list[Statement]:
     low, high = usable_range(reading.signal)
     given, ok = Name(reading.value.name), reading.ok
-    inside = apply(
-        "and", apply("ge", given, Number(low)), apply("le", given, Number(high))
-    )
+    inside = apply("and", apply("ge", given, Number(low)), apply("le", given, Number(high)))
     unit = reading.signal.unit
     return [
         Statement(ok.text, apply("and", Name(reading.good.name), inside), "bool"),

@@ -79,7 +79,8 @@ def _text(expression: Expression, level: int = 0) -> str:
             return f"{FUNCTIONS[name]}({', '.join(_text(e) for e in operands)})"
         case Apply(name, (a, b)):
             own = LEVELS[name]
-            text = f"{_text(a, own)} {SIGNS[name]} {_text(b, own + (name != 'and'))}"
+            right = own if name == "and" else own + 1
+            text = f"{_text(a, own)} {SIGNS[name]} {_text(b, right)}"
             return f"({text})" if own < level else text
     raise ValueError(f"no structured text for {expression}")
 

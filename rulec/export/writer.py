@@ -1,8 +1,8 @@
 """From the values of a plan to statements that a person can read.
 
-A value that is used once stands where it is used; others get a name. Arguments of roots, logarithms,
-powers and exponentials are kept where these are defined, and divisors away from zero: nothing traps,
-and an output's conditions say whether it is what the plan says.
+A value that is used once stands where it is used; others get a name. Arguments of roots,
+logarithms, powers and exponentials are kept where these are defined, and divisors away from zero:
+nothing traps, and an output's conditions say whether it is what the plan says.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class Writer:
             self._conditions[number] = (*self._conditions[number], far)
         many = self._uses[number] > 1 or leaves(expression) > limits.LONGEST_EXPRESSION
         hinted = number in self._hints and number not in self._plan.outputs.values()
-        return self._keep(expression, number) if hinted or many and not is_root else expression
+        return self._keep(expression, number) if hinted or (many and not is_root) else expression
 
     def _safe(self, name: str, parts: list[Expression]) -> tuple[Expression, Conditions]:
         """An operation that no argument can make trap, and what it rests on."""
@@ -142,9 +142,7 @@ class Writer:
                 return tanh(a, size, fall), ()
         return apply(name, *parts), ()
 
-    def _far_from_zero(
-        self, number: int, expression: Expression
-    ) -> tuple[Expression, Expression]:
+    def _far_from_zero(self, number: int, expression: Expression) -> tuple[Expression, Expression]:
         """A value that something is divided by, never zero, and the condition that it was not."""
         name = self._name(expression, number)
         raw = self._keep(expression, wanted=f"{name}_raw")
@@ -217,7 +215,7 @@ def _factors(plan: Plan, left: list[int]) -> Iterator[int]:
         name, a, b = plan.operations[number - first] if number >= first else ("input", 0, 0)
         if name in ("mul", "div"):
             left += [a, b]
-        elif name in ("neg", "abs", "sqrt"):
+        elif name in ("neg", "abs"):
             left.append(a)
         elif name != "exp":
             yield number

@@ -76,7 +76,9 @@ def _by_results(
     """The same of what modules say of themselves."""
     for name in ("trace", "report", "truth"):
         if getattr(options, name) is not None:
-            raise RecordingRefused(f"--{name} needs a recording; results of modules have no samples")
+            raise RecordingRefused(
+                f"--{name} needs a recording; results of modules have no samples"
+            )
     if options.mode != "default":
         raise RecordingRefused(
             f"--mode {options.mode} needs a recording: its rules read the sensors themselves"

@@ -74,7 +74,7 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
     """Read a CSV file (also .gz); raises `RecordingRefused` with a message for the operator."""
     names: list[str] = []
     scales: list[tuple[float, float]] = []
-    time_title: list[str] = []
+    time_title = ["", ""]
 
     def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
         time, wanted = -1, []
@@ -95,7 +95,7 @@ def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
 
     table = read_table(path, choose)
     _check(path, names, ruleset)
-    time, zones = read_times(path, table.text, *time_title, ruleset.units)
+    time, zones = read_times(path, table.text, time_title[0], time_title[1], ruleset.units)
     values = {
         name: column.numbers() * factor + offset
         for name, column, (factor, offset) in zip(names, table.columns, scales, strict=True)

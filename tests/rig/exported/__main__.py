@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rulec_runtime.recordings.csv_table import RecordingRefused
 
 from rulec.export.c_printer import header, source
 from rulec.export.interpret import Value
@@ -20,7 +21,6 @@ from rulec.export.module_code import code_of
 from rulec.export.program import Routine
 from rulec.export.st_printer import blocks
 from rulec.passes.pipeline import compile_plant
-from rulec_runtime.recordings.csv_table import RecordingRefused
 from tests.conftest import ROOT
 from tests.rig.exported.compiled import compiled
 from tests.rig.exported.first_order import DEGREES, Judged, judged

@@ -16,7 +16,8 @@ from rulec.export.interpret import Value
 from rulec.export.program import ModuleCode, Routine, Variable
 
 COMPILER = shutil.which("gcc")
-FLAGS = "-std=c99 -Wall -Wextra -Werror -pedantic -O2 -ffp-contract=off -fPIC -shared".split()
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+FLAGS = [*WARNINGS, "-O2", "-ffp-contract=off", "-fPIC", "-shared"]
 TYPES = {"real": np.float64, "bool": np.bool_}
 
 

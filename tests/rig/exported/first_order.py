@@ -45,8 +45,9 @@ def judged(ruleset: Ruleset, work: Path) -> Iterator[tuple[Judged, Judged]]:
             with contextlib.redirect_stdout(io.StringIO()):
                 assert main([*arguments, "--noise", str(SEED)]) == 0
             found = split(ruleset, file, folder)
-            yield _verdict(found.whole, fault.id, degree), _verdict(
-                found.first_order, fault.id, degree
+            yield (
+                _verdict(found.whole, fault.id, degree),
+                _verdict(found.first_order, fault.id, degree),
             )
 
 

@@ -59,8 +59,10 @@ def expected(routine: Routine, ruleset: Ruleset, values: Mapping[str, Value]) ->
     given = {v.id: v for v in routine.inputs}
     readings = {i: v for i, v in given.items() if i in ruleset.signal_by_id}
     fit = {i: _fit(ruleset.signal_by_id[i], v, values, given) for i, v in readings.items()}
-    si = {i: np.where(fit[i], _si(ruleset.signal_by_id[i], values[v.name]), np.nan)
-          for i, v in readings.items()}
+    si = {
+        i: np.where(fit[i], _si(ruleset.signal_by_id[i], values[v.name]), np.nan)
+        for i, v in readings.items()
+    }
     if routine.name == "undo":
         degrees = {i: values[v.name] for i, v in given.items() if i.startswith("x:")}
         names = [v.id for v in routine.outputs if not v.id.startswith("valid:")]
@@ -169,7 +171,9 @@ def differences(
         compared += int(valid.sum())
         size = np.abs(plan[name])
         if kind == "R":
-            size = np.maximum(size, np.max([np.abs(v) for n, v in plan.items() if n[:2] == "q:"], 0))
+            size = np.maximum(
+                size, np.max([np.abs(v) for n, v in plan.items() if n[:2] == "q:"], 0)
+            )
         gap = np.abs(value - plan[name])[valid] / np.maximum(size[valid], 1e-300)
         worst = max(worst, float(np.max(gap, initial=0.0)))
     return worst, other, compared

@@ -51,7 +51,7 @@ def split(ruleset: Ruleset, recording: Path, work: Path) -> Split:
 
 
 def same_story(a: Diagnosis, b: Diagnosis) -> bool:
-    """The same faults at the same times with the same rivals, and the same that nothing explains."""
+    """The same faults at the same times with the same rivals; the same that nothing explains."""
     return _story(a) == _story(b)
 
 
@@ -69,7 +69,9 @@ def gaps(a: Diagnosis, b: Diagnosis) -> Iterator[float]:
     of what they are where they are above 1; one finding after the other."""
     pairs = zip(sorted(a.findings, key=_key), sorted(b.findings, key=_key), strict=False)
     for one, other in pairs:
-        yield from (abs(x - y) / max(abs(x), 1.0) for x, y in zip(*map(_told, (one, other)), strict=True))
+        yield from (
+            abs(x - y) / max(abs(x), 1.0) for x, y in zip(*map(_told, (one, other)), strict=True)
+        )
 
 
 def _told(f: Finding) -> tuple[float, ...]:
