@@ -84,9 +84,8 @@ def _text(expression: Expression, places: dict[str, str], level: int = 0) -> str
             return f"{FUNCTIONS[name]}({', '.join(_text(e, places) for e in operands)})"
         case Apply(name, (a, b)):
             own = LEVELS[name]
-            text = (
-                f"{_text(a, places, own)} {SIGNS[name]} {_text(b, places, own + (name != 'and'))}"
-            )
+            right = own if name == "and" else own + 1
+            text = f"{_text(a, places, own)} {SIGNS[name]} {_text(b, places, right)}"
             return f"({text})" if own < level else text
     raise ValueError(f"no C for {expression}")
 

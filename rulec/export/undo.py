@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
 
 from rulec.export.identifiers import Identifiers
+from rulec.export.outputs import FLOW, Outputs
 from rulec.export.parameters import named_constants
 from rulec.export.program import (
     Expression,
@@ -18,20 +19,19 @@ from rulec.export.program import (
     every,
     without_unused,
 )
-from rulec.export.readings import checked, reading_of
+from rulec.export.readings import Reading, checked, reading_of
 from rulec.export.specialised import graph_of, put_into
 from rulec.export.writer import Writer
-
-FLOW = "m3/s"
 
 
 def undo_routine(ruleset: Ruleset, module: str) -> Routine:
     """Estimates as functions of the degrees of all faults that reach them."""
-    names = Identifiers()
     observers = [o for o in ruleset.observers if o.module == module]
     own = {o.id for o in observers}
     wanted = [n for n in ruleset.undo.outputs if n.split(":")[1] in own]
     part = ruleset.undo.select(tuple(wanted)).narrowed()
+    names = Identifiers()
+    outputs = Outputs(names)
     signals = [ruleset.signal_by_id[n] for n in part.inputs if not n.startswith("x:")]
     readings = {s.id: reading_of(s, module, names) for s in signals}
     degrees = {n: _degree(ruleset, module, n, names) for n in part.inputs if n.startswith("x:")}
@@ -43,30 +43,10 @@ def undo_routine(ruleset: Ruleset, module: str) -> Routine:
     given |= {n: Name(d.name) for n, d in degrees.items()}
     writer = Writer(plan, given, {p.value: Name(p.name) for p in parameters}, names)
     sections = [checked(readings.values())]
-    outputs: list[Variable] = []
     for observer in observers:
-        short = observer.id.partition(".")[2]
-        conditions: list[Expression] = [readings[s].ok for s in observer.signals if s in readings]
-        flow = writer.named(f"q:{observer.id}", names.new(f"Q_{short}"))
-        conditions += writer.conditions(f"q:{observer.id}")
-        for name in wanted:
-            if name.startswith(f"dq:{observer.id}:"):
-                fault = name.split(":", 2)[2]
-                what = f"slope of {short} by the degree of {fault}"
-                target = names.new(f"{short}_by_{fault.removeprefix(f'{module}.')}")
-                outputs.append(Variable(target, name, "real", f"{FLOW} per degree", what))
-                writer.named(name, target)
-                conditions += writer.conditions(name)
-        statements = list(writer.taken())
-        valid = names.new(f"{short}_valid")
-        outputs.append(Variable(valid, f"valid:{observer.id}", "bool", "", f"{short} may be used"))
-        statements.append(Statement(valid, every(conditions), "bool"))
-        name = names.new(short)
-        text = f"{short} with the faults undone; 0 where not valid"
-        outputs.append(Variable(name, f"q:{observer.id}", "real", FLOW, text))
-        statements.append(Statement(name, apply("select", Name(valid), flow, Number(0.0))))
-        sections.append(Section(f"{observer.id} with faults undone", tuple(statements)))
-    used, read = without_unused(sections, outputs)
+        own_readings = [readings[s] for s in observer.signals if s in readings]
+        sections.append(_section(observer, own_readings, wanted, writer, outputs))
+    used, read = without_unused(sections, outputs.variables)
     return Routine(
         name="undo",
         text="The same estimates with faults undone, as functions of their degrees: for a central "
@@ -74,8 +54,38 @@ def undo_routine(ruleset: Ruleset, module: str) -> Routine:
         inputs=(*(v for r in readings.values() for v in (r.value, r.good)), *degrees.values()),
         parameters=tuple(p for p in parameters if p.name in read),
         sections=used,
-        outputs=tuple(outputs),
+        outputs=tuple(outputs.variables),
     )
+
+
+def _section(
+    observer: ObserverSpec,
+    readings: list[Reading],
+    wanted: list[str],
+    writer: Writer,
+    outputs: Outputs,
+) -> Section:
+    """One estimate, its slopes by the degrees, and its validity."""
+    short, key = observer.id.partition(".")[2], f"q:{observer.id}"
+    flow = writer.named(key, outputs.names.new(f"Q_{short}"))
+    conditions: list[Expression] = [*(r.ok for r in readings), *writer.conditions(key)]
+    for name in wanted:
+        if name.startswith(f"dq:{observer.id}:"):
+            fault = name.split(":", 2)[2]
+            bare = fault.removeprefix(f"{observer.module}.")
+            what = f"slope of {short} by the degree of {fault}"
+            unit = f"{FLOW} per degree"
+            writer.named(name, outputs.number(f"{short}_by_{bare}", name, what, unit))
+            conditions += writer.conditions(name)
+    valid = outputs.flag(f"{short}_valid", f"valid:{observer.id}", f"{short} may be used")
+    text = f"{short} with the faults undone; 0 where not valid"
+    value = outputs.number(short, key, text)
+    statements = (
+        *writer.taken(),
+        Statement(valid, every(conditions), "bool"),
+        Statement(value, apply("select", Name(valid), flow, Number(0.0))),
+    )
+    return Section(f"{observer.id} with faults undone", statements)
 
 
 def _degree(ruleset: Ruleset, module: str, name: str, names: Identifiers) -> Variable:
