@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 from rulec.export.layout import WIDTH, broken, literal, wrapped
@@ -98,4 +99,5 @@ def _comment(lines: Sequence[str]) -> list[str]:
 def _plain(text: str) -> str:
     """Text that ends no comment, and bytes that every compiler reads."""
     ascii_text = text.encode("ascii", "replace").decode()
-    return ascii_text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+    without_trigraphs = re.sub(r"\?(?=\?)", "? ", ascii_text)
+    return without_trigraphs.replace("*/", "* /").replace("/*", "/ *")

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from rulec.export.c_printer import header, source
 from rulec.export.interpret import run
+from rulec.export.module_code import code_of
 from rulec.export.program import Apply, Name, Number, Routine, Section, Statement, Variable
+from rulec.export.st_printer import blocks
 from rulec.export.without_plc import sign, tanh
 from tests.conftest import compiled
 from tests.export.plants import NO_COMPILER, codes, library
 from tests.rig.exported.compiled import COMPILER
+from tests.rig.exported.compiled import compiled as compile_c
 from tests.rig.exported.reference import differences, expected, inputs_of
 
 MODULES = {
@@ -93,6 +99,17 @@ def test_the_head_says_where_it_is_from() -> None:
     ruleset = compiled("abc")
     for text in ("Module A", "dosing-pcp.yaml", ruleset.sources, "A.pump = Q_geo", "Eq. 1"):
         assert text in head
+
+
+@needs_compiler
+def test_words_of_a_ruleset_stay_in_their_comments(tmp_path: Path) -> None:
+    """A ruleset may come from anywhere, and its texts stand at the top of the files."""
+    odd = "x */ #error /* ???/ \n\\ (* y *) END_FUNCTION_BLOCK"
+    ruleset = replace(compiled("abc"), modules={"C": odd}, title=odd)
+    (code,) = code_of(ruleset)
+    assert len(compile_c((code,), tmp_path).modules) == 2
+    head = blocks(code).partition("FUNCTION_BLOCK C_observe")[0]
+    assert head.count("(*") == head.count("*)") == 2
 
 
 @pytest.mark.parametrize("x", [-30.0, -1.0, -0.05, -1e-3, 0.0, 1e-9, 0.049, 0.051, 0.7, 400.0])
