@@ -17,7 +17,7 @@ from rulec_runtime.contract.plan import Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
 from rulec_runtime.diagnosis.steady.batch_means import Halves
-from rulec_runtime.diagnosis.steady.observe import Observed, Points, with_errors
+from rulec_runtime.diagnosis.steady.observe import Observed, Points, slope_names, with_errors
 from rulec_runtime.diagnosis.steady.redundancy import blocks_of
 from rulec_runtime.diagnosis.steady.seen import see_block
 from rulec_runtime.recordings.csv_table import RecordingRefused
@@ -90,7 +90,12 @@ def observed_of(results: ModuleResults, ruleset: Ruleset, points: Points) -> Obs
     flows = np.array([columns[f"q:{o.id}"] for o in ruleset.observers])
     valid = np.array([results.flags(f"valid:{o.id}") for o in ruleset.observers])
     valid &= np.isfinite(flows)
-    slopes = {name: column for name, column in columns.items() if name.startswith("s:")}
+    row = ruleset.observer_index
+    # What an estimate that may not be used depends on is no matter, and may be anything.
+    slopes = {
+        name: np.where(valid[row[name.split(":")[1]]], columns[name], 0.0)
+        for name in slope_names(ruleset)
+    }
     observed = with_errors(ruleset, points, np.where(valid, flows, np.nan), valid, slopes)
     beyond = {s.id: results.flags(f"beyond:{s.id}") for s in ruleset.signals}
     return replace(observed, extrapolated={n: flags for n, flags in beyond.items() if flags.any()})
