@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from rulec.export.program import Routine
 from rulec.export.st_printer import blocks
 from rulec.passes.pipeline import compile_plant
 from tests.conftest import ROOT
+from tests.figures.share import Share
 from tests.rig.exported.compiled import compiled
 from tests.rig.exported.first_order import DEGREES, Judged, judged
 from tests.rig.exported.parsed import Block, parsed
@@ -40,6 +40,8 @@ PLANTS = (
     "wastewater-lab",
 )
 POINTS = 4000
+PARTS = 1e-15
+"""Unit in which differences are told."""
 
 
 def main() -> None:
@@ -87,8 +89,8 @@ def code(work: Path) -> dict[str, Any]:
         "modules": modules,
         "c_lines": c_lines,
         "st_lines": st_lines,
-        "c_largest_difference": c_gap,
-        "st_largest_difference": st_gap,
+        "c_largest_difference": c_gap / PARTS,
+        "st_largest_difference": st_gap / PARTS,
         "flags_that_differ": flags,
         "values_compared": compared,
     }
@@ -121,10 +123,10 @@ def findings(work: Path) -> dict[str, Any]:
     return {
         "recordings": len(given),
         "findings": count,
-        "same_with_readings": sum(given),
-        "same_when_asked": sum(asked),
-        "same_to_first_order": sum(first),
-        "largest_difference": largest,
+        "same_with_readings": Share(sum(given), len(given)).form(),
+        "same_when_asked": Share(sum(asked), len(asked)).form(),
+        "same_to_first_order": Share(sum(first), len(first)).form(),
+        "largest_difference": largest / PARTS,
     }
 
 
@@ -137,17 +139,17 @@ def slopes(work: Path) -> dict[str, Any]:
     for degree in DEGREES:
         own = [pair for pair in pairs if pair[0].degree == degree]
         form[f"{degree:g}"] = {
-            name: dict(_scored([pair[i] for pair in own]))
+            name: _scored([pair[i] for pair in own])
             for i, name in enumerate(("whole", "first_order"))
         }
     return form
 
 
-def _scored(told: list[Judged]) -> Iterator[tuple[str, float]]:
+def _scored(told: list[Judged]) -> dict[str, Any]:
+    """How many faults are named, and by how much their degrees are off."""
     right = [j for j in told if j.right]
-    yield "faults", len(told)
-    yield "right", len(right)
-    yield "error", float(np.mean([j.error for j in right])) if right else 0.0
+    error = float(np.mean([j.error for j in right])) if right else 0.0
+    return {"right": Share(len(right), len(told)).form(), "error": error}
 
 
 if __name__ == "__main__":
