@@ -43,6 +43,9 @@ def run(options: argparse.Namespace) -> int:
     if silent:
         note = "[dim]note: without estimates of their flow, and so without code: {}[/]"
         out.print(styled(note, ", ".join(silent)))
+    if ruleset.dynamics is not None:
+        note = "this plant stores: rulec diagnose judges its recordings, not results of modules"
+        out.print(styled("[dim]note: {}[/]", note))
     if recording is not None:
         columns = played(recording, ruleset, codes)
         write_text(folder / RESULTS, results_csv(columns))
