@@ -28,6 +28,7 @@ _COMMANDS = {
     "check": "validate knowledge and plant files",
     "import": "make skeletons of module types from the files of other tools",
     "compile": "derive the ruleset of a plant",
+    "export": "write the observers of a plant's modules as code for their controllers",
     "matrix": "show the fault-symptom matrix of a plant",
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
@@ -108,6 +109,7 @@ def _parser() -> argparse.ArgumentParser:
     made["compile"].add_argument(
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
     )
+    _export(made["export"])
     made["matrix"].add_argument("plant", metavar="PLANT")
     made["matrix"].add_argument(
         "--separate",
@@ -156,6 +158,24 @@ def _init(init: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="of the plant; of knowledge, as kb in the plant's (module, fault, effect); of the "
         "project (kb, a package for pip); files that are there stay",
+    )
+
+
+def _export(export: argparse.ArgumentParser) -> None:
+    export.add_argument("plant", metavar="PLANT_OR_RULESET")
+    export.add_argument(
+        "--to",
+        choices=("c", "st"),
+        required=True,
+        help="c: C99; st: structured text of IEC 61131-3",
+    )
+    export.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for the files of all modules"
+    )
+    export.add_argument(
+        "--play",
+        metavar="RECORDING",
+        help="write results.csv as well: what the code says of each settled window of a recording",
     )
 
 

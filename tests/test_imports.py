@@ -46,6 +46,7 @@ ROOMS = (
     "rulec.effects",
     "rulec.calibration",
     "rulec.study",
+    "rulec.export",
     "rulec.separation",
     "rulec.mismatch.limits",
     "rulec.mismatch.result",

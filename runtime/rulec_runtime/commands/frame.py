@@ -86,7 +86,11 @@ def message_of(error: Exception, refusals: tuple[str, ...] = REFUSALS) -> str | 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
     """Options of `diagnose`; `plant` names what it takes."""
     diagnose.add_argument("plant", metavar=plant)
-    diagnose.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    diagnose.add_argument(
+        "recording",
+        metavar="RECORDING",
+        help="CSV file, or a folder of them; or results of observers in the modules' controllers",
+    )
     diagnose.add_argument(
         "--mode",
         choices=("default", "paper"),
