@@ -27,7 +27,7 @@ def journal(folder: Path, times: int) -> dict[str, Any]:
 
 
 def lines(folder: Path, times: int) -> dict[str, Any]:
-    """Events and state on the disk: the watch ends with a message and is started again."""
+    """Events and state on the disk: it runs on as well."""
     return _full(folder, times, ("--events", "small/events.jsonl", "--state", "small/state"))
 
 
