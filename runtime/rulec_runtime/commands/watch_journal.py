@@ -64,7 +64,9 @@ class KeptJournal:
         def ended() -> None:
             self._outbox.close()  # first: an episode must be there to be acknowledged
             if left := notes.close():
-                say_aside(f"{self._journal.place}: {counted(left, 'acknowledgement')} not written")
+                text = f"{self._journal.place}: {counted(left, 'acknowledgement')} not written"
+                kept = notes.file is not None and notes.file.exists()
+                say_aside(text + f"; {notes.file} keeps what waits for the next start" * kept)
 
         stack.callback(ended)
 
