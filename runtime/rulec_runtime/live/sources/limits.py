@@ -112,6 +112,9 @@ GOOD_QUALITY = 192
 """Quality from which on up to 255 a value is good. Origin: standard, OPC Data Access, quality
 flags; also Sparkplug 3.0."""
 
+SEQUENCE = 256
+"""Numbers of messages before they begin at 0 again. Origin: standard, Eclipse Sparkplug 3.0."""
+
 SAME_UNIT = 1e-6
 """Relative difference of factors up to which two units are the same. Origin: numerical."""
 
