@@ -39,13 +39,22 @@ def events_in(lines: Path) -> list[dict[str, Any]]:
 
 
 def rows_of(journal: Path | str) -> tuple[int, list[float]]:
-    """How many rows the state of a journal counts, and times of those that it still holds."""
+    """How many rows the state of a journal counts, and times of those that it still holds; none
+    where no state is kept yet."""
+    with closing(open_journal(str(journal))) as opened:
+        saved = opened.state("abc")
+    return (0, []) if saved is None else _rows(saved.state, str(journal))
+
+
+def rows_in(state: Path) -> tuple[int, list[float]]:
+    """The same of a state in a file."""
+    return _rows(state.read_bytes(), str(state)) if state.exists() else (0, [])
+
+
+def _rows(state: bytes, name: str) -> tuple[int, list[float]]:
     from rulec_runtime.live.state import from_bytes
 
-    with closing(open_journal(str(journal), make=False)) as opened:
-        saved = opened.state("abc")
-    assert saved is not None
-    memory, _ = from_bytes(compiled("abc"), saved.state, str(journal))
+    memory, _ = from_bytes(compiled("abc"), state, name)
     return memory.count, [float(t) for t in memory.recent.time]
 
 
