@@ -24,6 +24,7 @@ from rulec_runtime.commands.frame import (
 
 _COMMANDS = {
     "check": "validate knowledge and plant files",
+    "import": "make skeletons of module types from the files of other tools",
     "compile": "derive the ruleset of a plant",
     "matrix": "show the fault-symptom matrix of a plant",
     "show": "show what a compiler pass made, in readable equations",
@@ -47,6 +48,7 @@ _REFUSALS = (
     "AdoptRefused",
     "MismatchRefused",
     "ExperimentRefused",
+    "MtpRefused",
 )
 """Exceptions whose message is for the user."""
 
@@ -83,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         for name, text in _COMMANDS.items()
     }
     made["check"].add_argument("paths", nargs="+", metavar="PATH", help="YAML file or folder")
+    _import(made["import"])
     made["compile"].add_argument("plant", metavar="PLANT")
     made["compile"].add_argument(
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
@@ -121,6 +124,26 @@ def _parser() -> argparse.ArgumentParser:
     prove_options(made["prove"])
     _demo(made["demo"])
     return parser
+
+
+def _import(importer: argparse.ArgumentParser) -> None:
+    formats = importer.add_subparsers(dest="format", required=True, metavar="FORMAT")
+    text = "Module Type Packages (VDI/VDE/NAMUR 2658): .mtp, .zip or .aml"
+    mtp = formats.add_parser("mtp", help=text, description=f"{text}.")
+    mtp.set_defaults(command="import_mtp")
+    mtp.add_argument("files", nargs="+", metavar="FILE", help="one module each")
+    mtp.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="new folder for modules and map"
+    )
+    mtp.add_argument(
+        "--online",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="read units and ranges from the controllers, where files leave them open; of one "
+        "file also at another address, such as opc.tcp://10.0.0.5:4840",
+    )
+    json_option(mtp)
 
 
 def _experiment(experiment: argparse.ArgumentParser) -> None:

@@ -20,6 +20,9 @@ _EFFECT = re.compile(rb"^effect:", re.MULTILINE)
 """A file that need not be read where no effects are wanted: parsing all takes longer than a small
 plant takes to compile."""
 
+_SOURCE_MAP = re.compile(rb"^(endpoint|servers):", re.MULTILINE)
+"""A map of signals to nodes or topics, which only a watch reads."""
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -174,7 +177,7 @@ def _no_units(kb: Path) -> Diagnostic:
 
 def _yaml_files(path: Path, found: list[Diagnostic]) -> list[Path]:
     if path.is_dir():
-        files = yaml_files_in(path)
+        files = [file for file in yaml_files_in(path) if not _holds(_SOURCE_MAP, file)]
         if not files:
             message = "there is no YAML file in this folder"
             hint = "the files of a plant end in .yaml"
@@ -200,7 +203,7 @@ def _read_kb(
     by_kind: dict[str, list[Document]] = {}
     skip = {os.path.realpath(file) for file in given}
     for file in yaml_files_in(kb):
-        if not effects and _holds_effect(file):
+        if not effects and _holds(_EFFECT, file):
             continue
         document = None if os.path.realpath(file) in skip else _open(file, None, found)
         if document is None:
@@ -216,11 +219,11 @@ def _read_kb(
     return {kind: tuple(documents) for kind, documents in by_kind.items()}
 
 
-def _holds_effect(file: Path) -> bool:
-    """Whether a file describes an effect, without parsing it; an unreadable one is not skipped."""
+def _holds(key: re.Pattern[bytes], file: Path) -> bool:
+    """Whether a file has a key, without parsing it; an unreadable one is not skipped."""
     try:
         with file.open("rb") as stream:
-            return _EFFECT.search(stream.read(MAX_FILE_BYTES)) is not None
+            return key.search(stream.read(MAX_FILE_BYTES)) is not None
     except OSError:
         return False
 
