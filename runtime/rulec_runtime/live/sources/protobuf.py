@@ -7,12 +7,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from enum import IntEnum
 
-VARINT, EIGHT_BYTES, BYTES, FOUR_BYTES = 0, 1, 2, 5
-"""Kinds of a field on the wire."""
+from rulec_runtime.live.sources import limits
 
-_LONGEST = 10
-"""Bytes of a varint of 64 bits."""
+
+class Wire(IntEnum):
+    """Kinds of a field on the wire."""
+
+    VARINT = 0
+    EIGHT_BYTES = 1
+    BYTES = 2
+    FOUR_BYTES = 5
 
 
 class NoMessage(ValueError):
@@ -31,14 +37,14 @@ def fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
         number, kind = tag >> 3, tag & 7
         if not number:
             raise NoMessage("a field has number 0")
-        if kind == VARINT:
+        if kind == Wire.VARINT:
             value, at = _varint(data, at)
             yield number, value
             continue
-        if kind == BYTES:
+        if kind == Wire.BYTES:
             size, at = _varint(data, at)
-        elif kind in (EIGHT_BYTES, FOUR_BYTES):
-            size = 8 if kind == EIGHT_BYTES else 4
+        elif kind in (Wire.EIGHT_BYTES, Wire.FOUR_BYTES):
+            size = 8 if kind == Wire.EIGHT_BYTES else 4
         else:
             raise NoMessage("a field is of an unknown kind")
         if size > len(data) - at:
@@ -89,7 +95,7 @@ def inside(data: int | bytes) -> bytes:
 def _varint(data: bytes, at: int) -> tuple[int, int]:
     """A number of 64 bits at most, and where it ends."""
     value = 0
-    for i, byte in enumerate(data[at : at + _LONGEST]):
+    for i, byte in enumerate(data[at : at + limits.LONGEST_VARINT]):
         value |= (byte & 0x7F) << (7 * i)
         if byte < 0x80:
             return value & ((1 << 64) - 1), at + i + 1
