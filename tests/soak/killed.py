@@ -15,8 +15,8 @@ from tests.soak.watching import Watch
 PAUSE = 0.05  # s from row to row
 LONGEST = 4.0  # s that it is left alone at most after it went on
 STARTING = 1.5  # s within which every second restart is killed as well
-ROUND = 8.0  # s that a kill and what follows take, with room
-PATIENCE = 30.0  # s that a restart has to read on
+ROUND = 30.0  # s that a kill and what follows take at most, as an average
+PATIENCE = 120.0  # s that a restart has to read on, also on a busy machine
 
 
 def journal_killed(folder: Path, times: int) -> dict[str, Any]:
@@ -34,13 +34,12 @@ def journal_killed(folder: Path, times: int) -> dict[str, Any]:
     count, times_kept = score.rows_of(journal)
     return {
         **done,
-        "rows": len(what.rows),
-        "rows_lost": len(what.rows) - count,
+        "rows_lost": done["rows"] - count,
         "rows_twice": len(times_kept) - len(set(times_kept)),
         "events": len(events),
         **score.numbers(e.number for e in events),
         **score.against_undisturbed(events, score.events_of(folder / "quiet.db")),
-        **score.against_plant(events, what.planted),
+        **score.against_plant(events, what.planted, done["rows"]),
         **score.bad_output(watch.out + watch.err),
     }
 
@@ -58,18 +57,18 @@ def lines_killed(folder: Path, times: int) -> dict[str, Any]:
     ]
     return {
         **done,
-        "rows": len(what.rows),
-        "rows_lost": len(what.rows) - score.rows_in(state)[0],
+        "rows_lost": done["rows"] - score.rows_in(state)[0],
         "events": len(found),
         **score.numbers(e["number"] for e in found),
         "episodes_without_end": sum(b > 0 for b in balance),
         "episodes_ended_twice": sum(b < 0 for b in balance),
-        **score.forms_against_plant(found, what.planted),
+        **score.forms_against_plant(found, what.planted, done["rows"]),
         **score.bad_output(watch.out + watch.err),
     }
 
 
 def _rows(times: int) -> int:
+    """More than are written: the logger ends behind the last kill."""
     return int(times * ROUND / PAUSE) + 300
 
 
@@ -102,7 +101,8 @@ def _killed(
             before = rows()
             watch.start()
             done["survived"] += _went_on(watch, rows, before)
-        logger.over.wait()
+        logger.finish()
+        done["rows"] = logger.written
     watch.kill()
     watch.start("--until-end")
     if watch.ended() != 0:
@@ -116,7 +116,7 @@ def _went_on(watch: Watch, rows: Callable[[], int], before: int) -> bool:
     while watch.runs and time.monotonic() < until:
         if rows() > before:
             return True
-        time.sleep(0.1)
+        time.sleep(0.5)
     return False
 
 

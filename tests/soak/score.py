@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.store import open_journal
 
 from rulec.simulation.prediction import Injected
@@ -41,8 +42,11 @@ def events_in(lines: Path) -> list[dict[str, Any]]:
 def rows_of(journal: Path | str) -> tuple[int, list[float]]:
     """How many rows the state of a journal counts, and times of those that it still holds; none
     where no state is kept yet."""
-    with closing(open_journal(str(journal))) as opened:
-        saved = opened.state("abc")
+    try:
+        with closing(open_journal(str(journal), make=False)) as opened:
+            saved = opened.state("abc")
+    except JournalRefused:  # it is not made yet
+        saved = None
     return (0, []) if saved is None else _rows(saved.state, str(journal))
 
 
@@ -130,10 +134,10 @@ def by_name(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, i
 
 
 def forms_against_plant(
-    events: Sequence[dict[str, Any]], planted: Sequence[Injected]
+    events: Sequence[dict[str, Any]], planted: Sequence[Injected], end: float = float("inf")
 ) -> dict[str, Any]:
     """As `against_plant`, of events as they stand in a file of lines."""
-    return against_plant([_read(e) for e in events], planted)
+    return against_plant([_read(e) for e in events], planted, end)
 
 
 def _read(form: dict[str, Any]) -> Event:
