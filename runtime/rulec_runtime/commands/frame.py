@@ -156,8 +156,8 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
     watch.add_argument(
         "--waiting",
         metavar="FOLDER",
-        help="where events wait while database or broker are gone (default: that of the journal's "
-        "or the state's file)",
+        help="where events wait while database or broker are gone or a disk is full (default: that "
+        "of the journal's, the state's or the events' file)",
     )
     watch.add_argument(
         "--until-end", action="store_true", help="end where a file ends, instead of waiting"
