@@ -11,13 +11,11 @@ import importlib
 from collections.abc import Sequence
 
 from rulec_runtime.commands.frame import (
-    REFUSALS,
     Parser,
     carried_out,
     diagnose_options,
     journal_options,
     json_option,
-    message_of,
     prepare_process,
     watch_options,
 )
@@ -40,34 +38,13 @@ _COMMANDS = {
     "demo": "see the whole thing on a shipped example",
 }
 
-_REFUSALS = (
-    *REFUSALS,
-    "CalibrationRefused",
-    "SimulationRefused",
-    "AdoptRefused",
-    "MismatchRefused",
-    "ExperimentRefused",
-)
-"""Exceptions whose message is for the user."""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
     prepare_process()
     options = _parser().parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
-    return carried_out(lambda: int(module.run(options)), _message)
-
-
-def _message(error: Exception) -> str | None:
-    """Text for a user's mistake; None for our own bug."""
-    kind = type(error).__name__
-    if kind == "Refused":
-        from rulec.language.diagnostics import Refused, render_all
-
-        assert isinstance(error, Refused)
-        return render_all(error.diagnostics)
-    return message_of(error, _REFUSALS)
+    return carried_out(lambda: int(module.run(options)), f"rulec {options.command}")
 
 
 def _parser() -> argparse.ArgumentParser:

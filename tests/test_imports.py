@@ -60,6 +60,7 @@ ROOMS = (
     "rulec.mismatch.inference",
     "rulec.mismatch.answer",
     "rulec.mismatch",
+    "rulec.api",
     "rulec.demo",
     "rulec.commands",
     "rulec",

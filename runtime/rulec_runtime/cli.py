@@ -10,7 +10,6 @@ from rulec_runtime.commands.frame import (
     carried_out,
     diagnose_options,
     journal_options,
-    message_of,
     prepare_process,
     watch_options,
 )
@@ -36,4 +35,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def run() -> int:
         return int(import_module(f"rulec_runtime.commands.{options.command}").run(options))
 
-    return carried_out(run, message_of)
+    return carried_out(run, f"rulec-runtime {options.command}")

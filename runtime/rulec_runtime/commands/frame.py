@@ -12,16 +12,6 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
-REFUSALS = (
-    "RecordingRefused",
-    "RulesetRefused",
-    "SourceRefused",
-    "JournalRefused",
-    "PageRefused",
-    "JournalTrouble",
-)
-"""Exceptions of the runtime whose message is for the user."""
-
 
 class Parser(argparse.ArgumentParser):
     """Quotes wrong arguments as text: a script may have handed over anything."""
@@ -44,8 +34,8 @@ def prepare_process() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def carried_out(run: Callable[[], int], message: Callable[[Exception], str | None]) -> int:
-    """Exit code of a command; `message` words a user's mistake, and has none for our own bug."""
+def carried_out(run: Callable[[], int], name: str) -> int:
+    """Exit code of a command of this name; a user's mistake becomes a message, our own bug none."""
     try:
         code = run()
         sys.stdout.flush()
@@ -58,11 +48,11 @@ def carried_out(run: Callable[[], int], message: Callable[[Exception], str | Non
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        text = message(error)
-        if text is None:
+        code, text = _told(error, name)
+        if not code:
             raise
         _say(text)
-        return 1
+        return code
 
 
 def _say(message: str) -> None:
@@ -72,15 +62,18 @@ def _say(message: str) -> None:
     say_aside(message)
 
 
-def message_of(error: Exception, refusals: tuple[str, ...] = REFUSALS) -> str | None:
-    """Text for a user's mistake with a file; None for anything else."""
+def _told(error: Exception, name: str) -> tuple[int, str]:
+    """Exit code and text for a user's mistake; the code is 0 for anything else."""
+    from rulec_runtime.output.refusal import Misused, Refusal
     from rulec_runtime.output.terminal import one_line
 
-    if type(error).__name__ in refusals:
-        return one_line(f"rulec: {error}")
+    if isinstance(error, Refusal):
+        return 1, error.for_terminal()
+    if isinstance(error, Misused):
+        return 2, one_line(f"{name}: {error}")
     if isinstance(error, OSError):
-        return one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
-    return None
+        return 1, one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
+    return 0, ""
 
 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
