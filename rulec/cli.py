@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 from collections.abc import Sequence
 
 from rulec_runtime.commands.frame import (
@@ -17,6 +18,8 @@ from rulec_runtime.commands.frame import (
     journal_options,
     json_option,
     prepare_process,
+    quiet_option,
+    version_option,
     watch_options,
 )
 
@@ -36,13 +39,23 @@ _COMMANDS = {
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "prove": "measure on concealed effects how far the answers of mismatch can be trusted",
     "demo": "see the whole thing on a shipped example",
+    "completion": "write what makes a shell complete commands, options and files",
 }
+
+
+ASKED_BY_SHELL = "_ARGCOMPLETE"
+"""Variable by which a shell asks what may come next; see `rulec completion`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
     prepare_process()
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    if ASKED_BY_SHELL in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    options = parser.parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
     return carried_out(lambda: int(module.run(options)), f"rulec {options.command}")
 
@@ -54,6 +67,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="PLANT is a folder with a plant.yaml, or the file itself. "
         "Exit code: 0 done, 1 mistakes found or bad input, 2 wrong usage.",
     )
+    version_option(parser, "rulec")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     made = {
         name: commands.add_parser(name, help=text, description=text.capitalize() + ".")
@@ -97,6 +111,9 @@ def _parser() -> argparse.ArgumentParser:
     _study(made["study"])
     prove_options(made["prove"])
     _demo(made["demo"])
+    made["completion"].add_argument("shell", choices=("bash", "zsh", "fish"))
+    for command in made.values():
+        quiet_option(command)
     return parser
 
 
@@ -201,6 +218,7 @@ def _study(study: argparse.ArgumentParser) -> None:
     study.add_argument(
         "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
     )
+    study.add_argument("--report", metavar="FILE.html", help="one page, to hand on")
     json_option(study)
 
 

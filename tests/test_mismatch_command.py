@@ -54,7 +54,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     opened = (compiled("abc"), "builder")
     monkeypatch.setattr(command, "analyse", replaced.analyse)
     monkeypatch.setattr(command, "open_builder", lambda path: opened)
-    monkeypatch.setattr(command, "basis_of", lambda builder, recordings: {})
+    monkeypatch.setattr(command, "basis_of", lambda builder, recordings, in_memory: {})
     return replaced
 
 

@@ -99,7 +99,7 @@ def calibrate(plant: Plant, recording: Recorded) -> CalibrateResult:
     Examples
     --------
     >>> import rulec
-    >>> found = rulec.calibrate("plants/abc", "plants/abc/examples/healthy.csv")
+    >>> found = rulec.calibrate("plants/abc", "plants/abc/examples/calibration.csv")
     >>> found.to_frame(backend="pyarrow").column_names
     ['module', 'parameter', 'value', 'u', 'unit']
     """

@@ -9,12 +9,21 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Callable
-from typing import NoReturn
+from argparse import SUPPRESS
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
 
 
 class Parser(argparse.ArgumentParser):
     """Quotes wrong arguments as text: a script may have handed over anything."""
+
+    def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
+        """As any parser; without any argument it shows its help, as wrong usage."""
+        given = sys.argv[1:] if arguments is None else arguments
+        if not given:
+            self.print_help(sys.stderr)
+            self.exit(2)
+        return super().parse_args(given, namespace)
 
     def error(self, message: str) -> NoReturn:
         from rulec_runtime.output.terminal import one_line
@@ -74,6 +83,32 @@ def _told(error: Exception, name: str) -> tuple[int, str]:
     if isinstance(error, OSError):
         return 1, one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
     return 0, ""
+
+
+class Version(argparse.Action):
+    """Says the version of a distribution and ends; that is looked up only then."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **rest: Any) -> None:
+        self._distribution = str(rest.pop("distribution"))
+        super().__init__(option_strings, dest, nargs=0, help="say the version", default=SUPPRESS)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"{self._distribution} {version(self._distribution)}")
+        parser.exit()
+
+
+def version_option(parser: argparse.ArgumentParser, distribution: str) -> None:
+    """The option of the whole command that says its version."""
+    parser.add_argument("--version", action=Version, distribution=distribution)
+
+
+def quiet_option(parser: argparse.ArgumentParser) -> None:
+    """The option that every command has."""
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="say nothing but results asked for and mistakes"
+    )
 
 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:

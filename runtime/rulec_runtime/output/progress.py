@@ -106,7 +106,7 @@ class Progress:
 def _duration(seconds: float) -> str:
     """A length of time for people.
 
-    >>> _duration(8.4), _duration(100), _duration(4000)
+    >>> _duration(8.4), _duration(100), _duration(4020)
     ('8 s', '1:40 min', '1:07 h')
     """
     whole = round(seconds)
