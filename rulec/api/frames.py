@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from rulec_runtime.output.refusal import Misused, Refusal
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 Columns = Mapping[str, Sequence[Any] | np.ndarray]
 """A table by column, each of shape (n,)."""
 
-BACKENDS = ("pandas", "polars", "pyarrow")
+Backend: TypeAlias = Literal["pandas", "polars", "pyarrow"]
+
+BACKENDS: tuple[Backend, ...] = ("pandas", "polars", "pyarrow")
 """Libraries that results become frames of; of those installed the first one is taken."""
 
 
@@ -49,7 +51,7 @@ def columns_of(data: Any, name: str) -> tuple[dict[str, Cells], bool]:
     return {str(title): _cells(name, frame[title]) for title in frame.columns}, zoned
 
 
-def frame_of(columns: Columns, backend: str | None = None) -> Any:
+def frame_of(columns: Columns, backend: Backend | None = None) -> Any:
     """Columns as a frame of a library: the one asked for, else the first that is installed.
 
     Raises
@@ -65,10 +67,9 @@ def frame_of(columns: Columns, backend: str | None = None) -> Any:
     if not installed:
         wanted = backend or " or ".join(BACKENDS)
         raise FrameRefused(f"a data frame needs {wanted}: pip install {backend or BACKENDS[0]}")
-    made = nw.Implementation.from_backend(installed[0])
-    if made.is_pyarrow():
+    if installed[0] == "pyarrow":
         columns = {title: list(cells) for title, cells in columns.items()}
-    return nw.from_dict(columns, backend=made).to_native()
+    return nw.from_dict(columns, backend=installed[0]).to_native()
 
 
 def table_of(titles: Sequence[str], rows: Sequence[Sequence[Any]]) -> Columns:

@@ -10,7 +10,7 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rulec_runtime.output.refusal import Misused
 from rulec_runtime.output.story import as_html, plain, with_styles
 
-from rulec.api.frames import Columns, frame_of
+from rulec.api.frames import Backend, Columns, frame_of
 
 
 class Result(ABC):
@@ -34,7 +34,7 @@ class Result(ABC):
         """Names of the tables that `to_frame` makes; the first is the usual one."""
         return tuple(self._tables)
 
-    def to_frame(self, table: str | None = None, *, backend: str | None = None) -> Any:
+    def to_frame(self, table: str | None = None, *, backend: Backend | None = None) -> Any:
         """One table of the result as a data frame.
 
         Parameters
