@@ -62,6 +62,7 @@ ROOMS = (
     "rulec.mismatch",
     "rulec.api",
     "rulec.demo",
+    "rulec.mtp",
     "rulec.commands",
     "rulec",
     "rulec.prove",
