@@ -558,6 +558,11 @@ LEAST_CURVATURE = 1e-12
 """Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
 numerical."""
 
+# Stories kept as text -----------------------------------------------------------------------------
+
+STORY_WIDTH = 100
+"""Characters of a line where no terminal sets them. Origin: assumed."""
+
 # Progress ----------------------------------------------------------------------------------------
 
 SHOWN_AFTER = 2.0

@@ -95,7 +95,9 @@ class Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from importlib.metadata import version
 
-        print(f"{self._distribution} {version(self._distribution)}")
+        from rulec_runtime.output.terminal import write_machine_text
+
+        write_machine_text(f"{self._distribution} {version(self._distribution)}\n")
         parser.exit()
 
 
