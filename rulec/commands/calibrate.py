@@ -14,7 +14,7 @@ from rulec_runtime.commands.destinations import console, write_json
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table

@@ -12,7 +12,8 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
-from rulec_runtime.diagnosis.steady.observe import Observed, Points, observe, points_of_stretches
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
@@ -96,7 +97,7 @@ class Bench:
             basis = residual_basis(self.ruleset, valid)
             if len(basis):
                 test = test_of(self.ruleset, observed, valid, basis, members)
-                chi = test.chi_square.value
+                chi = test.metric.value
                 thresholds[members] = chi_square_limit(len(basis), limit)
                 excess[members] = chi / thresholds[members]
                 freedom[members] = len(basis)

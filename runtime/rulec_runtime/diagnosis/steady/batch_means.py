@@ -18,7 +18,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
-from rulec_runtime.diagnosis.steady.observe import Observed, flows_at, points_of_stretches
+from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
+from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, patterns_of, residual_basis
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches

@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.combine import ONSET, Hypothesis, combine
+from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, fits_of, hypotheses_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.seen import Seen
 
@@ -34,13 +34,19 @@ class Cause:
     when: str
 
 
+def fits_of_runs(ruleset: Ruleset, seen: Seen, runs: Sequence[Sequence[int]]) -> list[Fits]:
+    """What fits each run; nothing is tried where points are not combined."""
+    if not seen.combined:
+        return [Fits([], 0) for _ in runs]
+    return fits_of(ruleset, seen.plain, seen.baselines, seen.isolation, runs)
+
+
 def causes_of(
-    ruleset: Ruleset, seen: Seen, members: Sequence[int], known: frozenset[int]
+    ruleset: Ruleset, seen: Seen, members: Sequence[int], fits: Fits, known: frozenset[int]
 ) -> list[Cause]:
-    """The causes of a run: one fault, or two at once; `known` are faults found just before."""
-    hypotheses = []
-    if seen.combined:
-        hypotheses = combine(ruleset, seen.plain, seen.baselines, seen.isolation, members, known)
+    """The causes of a run by what fits it: one fault, or two at once; `known` are faults found just
+    before."""
+    hypotheses = hypotheses_of(fits, seen.isolation.chance, known)
     if not hypotheses:
         hypotheses = [_average(seen.isolation, members)]
     fitting = seen.isolation.probability[:, members].max(axis=1) > 0.0

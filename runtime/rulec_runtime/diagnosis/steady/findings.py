@@ -9,7 +9,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
+from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
@@ -99,13 +99,16 @@ def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     found = Found([], [], _in_part(timeline, ruleset, seen))
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
-    for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
+    runs = list(runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)))
+    faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
+    fits = iter(fits_of_runs(ruleset, seen, faulty))
+    for kind, members in runs:
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
         if kind == "fault" and _too_brief(seen, timeline, members):
             found.not_judged.append(Period(since, until, _brief(ruleset, verdicts[members[0]])))
         elif kind == "fault":
-            causes = causes_of(ruleset, seen, members, known)
+            causes = causes_of(ruleset, seen, members, next(fits), known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)

@@ -13,14 +13,9 @@ from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.baseline import Baselines, against, learn, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
-from rulec_runtime.diagnosis.steady.observe import (
-    Observed,
-    Points,
-    observe,
-    points_of_samples,
-    points_of_stretches,
-)
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
