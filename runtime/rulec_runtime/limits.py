@@ -369,6 +369,10 @@ WORTH_LEARNING = 0.02
 """Information (nat) per residual below which a further stretch is not worth learning. Origin:
 assumed."""
 
+LEARNED_AT_ONCE = 256
+"""Points at most that are looked at together for what they add to the baseline. Origin:
+numerical."""
+
 LASTING = 6.0 * 3600.0
 """Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily
 cycle of ambient temperature, which moves most of them."""

@@ -37,7 +37,7 @@ def history_of(
     """What a diagnosis takes from settled stretches."""
     return History(
         points_of_stretches(recording, ruleset, stretches, noise),
-        halves_of(recording, ruleset, stretches, noise),
+        halves_of(recording, ruleset, stretches),
         timeline_of(recording.time, stretches),
     )
 

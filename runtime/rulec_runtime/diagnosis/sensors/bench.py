@@ -15,12 +15,13 @@ from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quanti
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
+from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
     Stretches,
-    find_stretches,
     noise_at_work,
+    settled_stretches,
     systematic_u,
 )
 
@@ -124,13 +125,14 @@ class Bench:
         return np.array([signal in o.signals for o in self.ruleset.observers], dtype=bool)
 
 
+@once
 def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
     """Settled stretches, as the diagnosis has them; None where there are none."""
     noise = noise_at_work(recording, ruleset)
     if is_point_table(recording, ruleset):
         stretches = each_row(recording)
     else:
-        stretches = find_stretches(recording, ruleset, noise)
+        stretches = settled_stretches(recording, ruleset)
     if not len(stretches) or not ruleset.observers:
         return None
     chosen = np.unique(np.linspace(0, len(stretches) - 1, limits.STRETCHES_LOOKED_AT).astype(int))

@@ -162,8 +162,9 @@ def _in_part(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> list[Period]:
     """Periods in which some estimates were missing, neighbouring ones joined."""
     found: list[Period] = []
     last = ""
+    whole = seen.observed.valid[seen.block.observers].all(axis=0)
     for i in range(len(timeline)):
-        text = partly_blind(ruleset, seen, i)
+        text = "" if whole[i] else partly_blind(ruleset, seen, i)
         since, until = float(timeline.since[i]), float(timeline.until[i])
         if text and text == last:
             found[-1] = replace(found[-1], until=until)

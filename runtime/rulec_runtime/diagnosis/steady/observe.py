@@ -116,11 +116,11 @@ def _usable(
     return usable
 
 
-def flows_at(ruleset: Ruleset, points: Points) -> Array:
+def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:
     """What each observer estimates, m3/s, shape (observers, n), without a question."""
     names = [f"q:{o.id}" for o in ruleset.observers]
-    n = max((len(v) for v in points.values.values()), default=0)
-    results = ruleset.plan.select(names).run(plan_inputs(points))
+    n = max(map(len, readings.values()), default=0)
+    results = ruleset.plan.select(names).run(readings)
     return np.array([np.broadcast_to(results[name], (n,)) for name in names])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +13,7 @@ from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
+from rulec_runtime.recordings.sums import means_between
 
 
 @dataclass(frozen=True)
@@ -95,25 +96,39 @@ def points_of_stretches(
     """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
     bad, why = check_readings(recording, ruleset)
     values, u, systematic, flags = {}, {}, {}, {}
-    for signal in ruleset.signals:
-        readings = recording.values.get(signal.id)
-        if readings is None:
-            continue
-        usable = np.where(bad[signal.id], np.nan, readings)
-        sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(usable))])
-        counts = np.concatenate([[0], np.cumsum(np.isfinite(usable))])
-        total = sums[stretches.last] - sums[stretches.first]
-        number = counts[stretches.last] - counts[stretches.first]
+    for name, mean, number in _means(recording, ruleset, stretches, bad):
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = total / number
-            statistical = noise[signal.id] / np.sqrt(number)
-        flags[signal.id] = number < limits.HALF_KNOWN * stretches.lengths
-        values[signal.id] = np.where(flags[signal.id], np.nan, mean)
-        systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
-        u[signal.id] = np.hypot(systematic[signal.id], statistical)
+            statistical = noise[name] / np.sqrt(number)
+        flags[name] = number < limits.HALF_KNOWN * stretches.lengths
+        values[name] = np.where(flags[name], np.nan, mean)
+        signal = ruleset.signal_by_id[name]
+        systematic[name] = systematic_u(signal, values[name]) + np.zeros(len(mean))
+        u[name] = np.hypot(systematic[name], statistical)
     middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
     lag = lag_errors(recording, ruleset, stretches, noise)
     return Points(values, u, systematic, flags, why, middle, lag)
+
+
+def means_of_stretches(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches
+) -> dict[str, Array]:
+    """Mean readings of each stretch alone, shape (n,), SI."""
+    bad, _ = check_readings(recording, ruleset)
+    found = {}
+    for name, mean, number in _means(recording, ruleset, stretches, bad):
+        found[name] = np.where(number < limits.HALF_KNOWN * stretches.lengths, np.nan, mean)
+    return found
+
+
+def _means(
+    recording: Recording, ruleset: Ruleset, stretches: Stretches, bad: Mapping[str, np.ndarray]
+) -> Iterator[tuple[str, Array, Array]]:
+    """Per signal the mean of its sound readings in each stretch, and how many these are."""
+    for signal in ruleset.signals:
+        readings = recording.values.get(signal.id)
+        if readings is not None:
+            usable = np.where(bad[signal.id], np.nan, readings)
+            yield signal.id, *means_between(usable, stretches.first, stretches.last)
 
 
 def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:

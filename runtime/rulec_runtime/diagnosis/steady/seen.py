@@ -10,9 +10,10 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.baseline import Baselines, against, learn, nothing_learned
+from rulec_runtime.diagnosis.steady.baseline import Baselines, against, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
+from rulec_runtime.diagnosis.steady.learn import learn
 from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
 from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
@@ -63,7 +64,7 @@ def see_stretches(
 ) -> list[Seen]:
     """Observe the stretches, learn the baseline of each block, isolate."""
     points = points_of_stretches(recording, ruleset, stretches, noise)
-    return see_points(ruleset, points, halves_of(recording, ruleset, stretches, noise), mode)
+    return see_points(ruleset, points, halves_of(recording, ruleset, stretches), mode)
 
 
 def see_points(ruleset: Ruleset, points: Points, halves: Halves, mode: str) -> list[Seen]:
