@@ -364,6 +364,11 @@ class Ruleset:
         return self._slopes[observers]
 
     @cached_property
+    def kept(self) -> dict[str, Any]:
+        """What those who read it have worked out of it once, by names of their own."""
+        return {}
+
+    @cached_property
     def _slopes(self) -> dict[tuple[str, ...], Plan]:
         return {}
 

@@ -34,16 +34,14 @@ class Cause:
     when: str
 
 
-def fits_of_runs(ruleset: Ruleset, seen: Seen, runs: Sequence[Sequence[int]]) -> list[Fits]:
+def fits_of_runs(seen: Seen, runs: Sequence[Sequence[int]]) -> list[Fits]:
     """What fits each run; nothing is tried where points are not combined."""
     if not seen.combined:
         return [Fits([], 0) for _ in runs]
-    return fits_of(ruleset, seen.plain, seen.baselines, seen.isolation, runs)
+    return fits_of(seen.part.ruleset, seen.plain, seen.baselines, seen.isolation, runs)
 
 
-def causes_of(
-    ruleset: Ruleset, seen: Seen, members: Sequence[int], fits: Fits, known: frozenset[int]
-) -> list[Cause]:
+def causes_of(seen: Seen, members: Sequence[int], fits: Fits, known: frozenset[int]) -> list[Cause]:
     """The causes of a run by what fits it: one fault, or two at once; `known` are faults found just
     before."""
     hypotheses = hypotheses_of(fits, seen.isolation.chance, known)
@@ -51,7 +49,7 @@ def causes_of(
         hypotheses = [_average(seen.isolation, members)]
     fitting = seen.isolation.probability[:, members].max(axis=1) > 0.0
     places = range(len(hypotheses[0].faults))
-    return [_cause(ruleset, hypotheses, place, fitting) for place in places]
+    return [_cause(seen.part.ruleset, hypotheses, place, fitting) for place in places]
 
 
 def _cause(

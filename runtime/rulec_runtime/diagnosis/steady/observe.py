@@ -97,7 +97,7 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         residual_systematic=np.array(
             [np.broadcast_to(systematic[name], (n,)) for name in spreads]
         ).reshape(-1, n),
-        extrapolated=_extrapolated(ruleset, points),
+        extrapolated=extrapolated(ruleset, points),
     )
 
 
@@ -185,7 +185,7 @@ def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
     return table
 
 
-def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
+def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
     """Signals that leave the range in which the plant was calibrated."""
     found = {}
     for signal in ruleset.signals:

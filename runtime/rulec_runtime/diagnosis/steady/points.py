@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,6 +49,14 @@ class Points:
         )
         time = None if self.time is None else self.time[chosen]
         return Points(values, u, systematic, bad, self.why, time, lag)
+
+    def of(self, signals: Set[str]) -> Points:
+        """The same with some of the signals alone."""
+        values, u, systematic, bad, lag = (
+            {name: column for name, column in table.items() if name in signals}
+            for table in (self.values, self.u, self.systematic, self.bad, self.lag)
+        )
+        return Points(values, u, systematic, bad, self.why, self.time, lag)
 
     def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
         """Standard uncertainties with that by lags, shape (n,) each, SI."""
