@@ -373,6 +373,10 @@ LEARNED_AT_ONCE = 256
 """Points at most that are looked at together for what they add to the baseline. Origin:
 numerical."""
 
+ROUNDED_OTHERWISE = 1.0 + 1e-9
+"""Factor by which what points add, looked at together, may differ from what they add on their own,
+which decides. Origin: numerical."""
+
 LASTING = 6.0 * 3600.0
 """Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily
 cycle of ambient temperature, which moves most of them."""

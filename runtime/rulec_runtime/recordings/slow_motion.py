@@ -35,9 +35,23 @@ def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, d
     noise = noise_at_work(recording, ruleset)
     settled = settled_stretches(recording, ruleset)
     within = noise_within(recording, settled, noise)
+    return _with_slow(settled, recording, ruleset, noise), within
+
+
+def settle_or_slow_by(
+    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> Stretches:
+    """The same stretches where the noise of readings is known."""
+    return _with_slow(find_stretches(recording, ruleset, noise), recording, ruleset, noise)
+
+
+def _with_slow(
+    settled: Stretches, recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> Stretches:
+    """Settled stretches with what moves slowly between them."""
     if _interval(recording) > limits.SEEN_BETWEEN:
-        return settled, within
-    return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True)), within
+        return settled
+    return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True))
 
 
 def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:

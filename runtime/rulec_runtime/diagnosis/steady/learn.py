@@ -96,9 +96,9 @@ class _Said:
         except np.linalg.LinAlgError:  # one of them: each is looked at on its own
             return np.asarray(self.points[here])
         gain = np.linalg.slogdet(total)[1] - self.log_determinant[here]
-        calm = distance <= _SLACK * chi_square_limit(rank, limits.CALM)
+        calm = distance <= limits.ROUNDED_OTHERWISE * chi_square_limit(rank, limits.CALM)
         found: np.ndarray = self.points[
-            here[calm & (_SLACK * gain >= limits.WORTH_LEARNING * rank)]
+            here[calm & (limits.ROUNDED_OTHERWISE * gain >= limits.WORTH_LEARNING * rank)]
         ]
         return found
 
@@ -127,10 +127,6 @@ class _Said:
             covariance=0.5 * (covariance + covariance.T),
             count=before.count + 1,
         )
-
-
-_SLACK = 1.0 + 1e-9
-"""Looked at together, points may be rounded otherwise than on their own, which decides."""
 
 
 def _said_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Said]:
