@@ -391,6 +391,10 @@ TABLE = 1_000_000
 """Numbers in a table that is worked on at once: it stays in the cache, and memory flat. Origin:
 numerical."""
 
+FEW_COLUMNS = 2048
+"""Points of all hypotheses together up to which one plan undoes all of them. Origin: measured; a
+call costs as much as that."""
+
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""
 

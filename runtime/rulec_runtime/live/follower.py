@@ -6,8 +6,8 @@ the readings before it. As long as no row has been given up, such a look at ever
 diagnosis of the whole recording to the last digit.
 
 A large plant is looked at so when there are twice as many rows, when there is no room for more,
-when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing new needs
-no look (`levels.py`), and where readings move only their part gets a glance (`glance.py`).
+when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing new
+needs no look (`levels.py`), and where readings move only their part gets a glance (`glance.py`).
 """
 
 from __future__ import annotations

@@ -145,17 +145,26 @@ class Columns:
         shape = (self._most, *test.members.shape)
         measured, kept = np.zeros(shape), np.zeros(shape)
         edges = np.searchsorted(self.which, np.arange(len(self.hypotheses) + 1))
-        parts = []
-        for i, faults in enumerate(self.hypotheses):
-            columns, names = slice(edges[i], edges[i + 1]), self._touched[i]
-            if edges[i] == edges[i + 1]:
-                continue
-            own = test.at(columns)
-            measured[: len(names), :, columns] = own.flows[[test.places[name] for name in names]]
-            kept[: len(names), :, columns] = own.kept(faults, names)
-            signals = self.test.ruleset.undone(names, tuple(f.id for f in faults)).used_inputs
-            parts.append(Part(faults, names, columns, own.readings(signals)))
-        return Undoing(ruleset=test.ruleset, parts=parts, measured=measured, kept=kept)
+        every = [
+            Part(faults, names, slice(first, last))
+            for faults, names, first, last in zip(
+                self.hypotheses, self._touched, edges, edges[1:], strict=False
+            )
+        ]
+        parts = [part for part in every if part.columns.stop > part.columns.start]
+        for part in parts:
+            own, count = test.at(part.columns), len(part.touched)
+            places = [test.places[name] for name in part.touched]
+            measured[:count, :, part.columns] = own.flows[places]
+            kept[:count, :, part.columns] = own.kept(part.faults, part.touched)
+        return Undoing(
+            ruleset=test.ruleset,
+            every=every,
+            parts=parts,
+            readings=test.readings(test.ruleset.undo.used_inputs),
+            measured=measured,
+            kept=kept,
+        )
 
     def _everywhere(self, degree: Array) -> Array:
         """Degrees of the columns, (faults, ..., n), at all points: (faults, ..., points, n)."""

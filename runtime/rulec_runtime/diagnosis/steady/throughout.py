@@ -47,6 +47,8 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     limit = accepted(test.freedom, 1, chance)
     fits = fit(test, [(fault,) for fault in ruleset.faults], scores[:, None] > 0.0)
     evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
+    if not np.isfinite(evidence).any():
+        return None
     if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit):
         return None
     probability = isolation.probability.copy()
