@@ -107,7 +107,7 @@ class Bench:
 
     def explained(self, found: Agreement) -> Explained:
         """What is sound, and which faults fit where."""
-        isolation = isolate(self.ruleset, found.observed)
+        isolation = isolate(self.ruleset, found.observed, all_tried=True)
         fits = isolation.probability > 0
         fits[:, isolation.pair[:, 0] >= 0] = False
         quiet = isolation.judged & ~isolation.deviating

@@ -76,9 +76,10 @@ class Undoing:
 
     def _undone(self, degree: Array, *, slopes: bool) -> Iterator[tuple[Part, Outputs]]:
         """Each hypothesis with the outputs of the plan in its columns, shape (..., points,
-        columns): by one plan for all where columns are so few that a call costs more than they
-        do."""
-        if degree[0].size <= limits.FEW_COLUMNS:
+        columns): by one plan for all where most of them are tried in columns so few that a call
+        costs more than they do."""
+        most = limits.MOST_OF_THEM * len(self.every)
+        if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) >= most:
             # Always the same plan, whichever of the hypotheses are left: to lay one out takes time.
             out = self._run(self.every, self.parts, degree, slopes=slopes)
             for part in self.parts:

@@ -14,7 +14,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric
+from rulec_runtime.diagnosis.steady.chi_square import ChiSquare, Metric, solved
 from rulec_runtime.diagnosis.steady.fault_inversion import Faults, Part, Undoing
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.search import Place, finite, newton_step, spread_of, told_apart
@@ -68,6 +68,29 @@ def fit(
         found.degree[:, own, at], found.u[:, own, at] = degree, u
         found.distance[own, at], found.evidence[own, at] = distance, evidence
     return found
+
+
+def least_left(test: HypothesisTest) -> Array:
+    """Chi-square that each fault of the ruleset leaves at least, shape (faults, n): that without
+    the flows that it touches, as if nothing were known of these.
+
+    No degree moves them better, nor does scaling their errors, or the tolerance of a law, leave
+    less. So a fault that leaves too much cannot fit, and need not be tried.
+    """
+    faults = [(fault,) for fault in test.ruleset.faults]
+    left = np.repeat(test.metric.value[None], len(faults), axis=0)
+    for part in test.portions():
+        metric = test.metric.problems(part)
+        every = np.arange(len(test.flows))[:, None] + np.zeros(len(metric.value), dtype=int)
+        chi = metric.moving(every) if len(test.members) == 1 else None
+        for i, fault in enumerate(faults):
+            places = [test.places[name] for name in test.touched(fault)]
+            if chi is not None and places:
+                own = chi.curvature[np.ix_(places, places)]
+                free = solved(own, chi.slope[places][:, None])[:, 0]
+                gain = np.einsum("in,in->n", chi.slope[places], free)
+                left[i, part] -= np.where(np.isfinite(gain), gain, np.inf)
+    return left
 
 
 def _portions(test: HypothesisTest, columns: int) -> Iterator[slice]:

@@ -18,7 +18,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.fit import fit, least_left
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
@@ -92,17 +92,22 @@ def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
     )
 
 
-def isolate(ruleset: Ruleset, observed: Observed, looks: int | None = None) -> Isolation:
+def isolate(
+    ruleset: Ruleset, observed: Observed, looks: int | None = None, *, all_tried: bool = False
+) -> Isolation:
     """Judge every point on its own; points with the same usable observers together.
 
-    `looks` is the number of stretches that share one chance of a false alarm (default: all).
+    `looks` is the number of stretches that share one chance of a false alarm (default: all). Faults
+    that cannot fit are not tried, so that their degrees and what they leave are not known, unless
+    `all_tried`.
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     result = _nothing_judged(len(ruleset.faults), len(observed), chance)
     for valid, members in patterns_of(observed.valid):
         basis = residual_basis(ruleset, valid)
         if len(basis):
-            _judge_group(test_of(ruleset, observed, valid, basis, members), result)
+            test = test_of(ruleset, observed, valid, basis, members)
+            _judge_group(test, result, all_tried=all_tried)
     return result
 
 
@@ -138,7 +143,7 @@ def _scaled(covariance: Array, factors: Array) -> Array:
     return scaled
 
 
-def _judge_group(test: HypothesisTest, result: Isolation) -> None:
+def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> None:
     members, rank = test.members[0], len(test.basis)
     chance = result.chance
     misfit = test.metric.value
@@ -157,16 +162,18 @@ def _judge_group(test: HypothesisTest, result: Isolation) -> None:
     result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
     if deviating.any():
-        _explain(test.at(deviating), result)
+        _explain(test.at(deviating), result, all_tried=all_tried)
 
 
-def _explain(test: HypothesisTest, result: Isolation) -> None:
+def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> None:
     """Which single faults fit deviating points, and which pairs where none does."""
     chosen, rank, chance = test.members[0], len(test.basis), result.chance
-    fits = fit(test, [(fault,) for fault in test.ruleset.faults])
+    limit = accepted(rank, 1, chance)
+    tried = None if all_tried else least_left(test) <= limits.ROUNDED_OTHERWISE * limit
+    fits = fit(test, [(fault,) for fault in test.ruleset.faults], tried)
     result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
     result.distance[:, chosen] = fits.distance
-    evidence = np.where(fits.distance <= accepted(rank, 1, chance), fits.evidence, -np.inf)
+    evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
     within = _within_range(test)
     evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
