@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,9 +104,7 @@ def recorded(
         column[one.first : one.last] = one.degree
     given = {s.id: np.full(rows, s.reference) for s in equations_of(ruleset).given_signals}
     simulated = simulate_with(equations_of(ruleset), given, degrees)
-    values: Mapping[str, Array] = sense(
-        ruleset, simulated.values, SensorErrors(bounded=True), random
-    )
+    values = sense(ruleset, simulated.values, SensorErrors(bounded=True), random)
     return Recording(
         time=interval * np.arange(float(rows)),
         values={name: column for name, column in values.items() if name in ruleset.observed},
