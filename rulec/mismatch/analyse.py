@@ -90,10 +90,13 @@ def analyse(
     refused = refusal(verdict, fits, repair.joined, plants.refused if plants else "", checks)
     before, behind = found.notes(refits, proofs, fits, shown.why)
     unknowns = frozenset(u.id for c in model.joined for u in c.unknowns)
+    standing = found.standing
     answer = with_misread(
         verdict,
-        headline_of(verdict, findings, locations, fits) + remainder_of(verdict, fits),
-        next_step(verdict, findings, found.hidden, model.builder.missing, refused, locations),
+        headline_of(verdict, findings, locations, fits, standing) + remainder_of(verdict, fits),
+        next_step(
+            verdict, findings, found.hidden, model.builder.missing, refused, locations, standing
+        ),
         misread,
     )
     return Mismatch(

@@ -660,7 +660,7 @@ STUDENT = 4.0
 """Degrees of freedom of errors of points and of stated calibrations. Origin: source (Lange, Little,
 Taylor 1989, as is usual)."""
 
-FORM_SHARES = (1e-5, 0.001, 0.002, 0.004, 0.008, 0.015, 0.03, 0.06)
+FORM_SHARES = (1e-5, 0.001, 0.002, 0.004, 0.008, 0.015, 0.03)
 """Errors of form that are tried, as share of an output's usual size. Origin: numerical."""
 
 USUAL_FORM = 0.01
@@ -669,6 +669,20 @@ Origin: assumed."""
 
 FORM_KNOWN = 3.0
 """Factor to which that is known before. Origin: assumed."""
+
+FORM_LAWS = 2.0
+"""Factor to which it is known before how much more or less than the others one law is off. Origin:
+assumed."""
+
+FORM_MOST = 0.03
+"""Share of an output's usual size by which a law is off at most, its usual error times the factor
+to which that is known: where it is off by more, something is missing. Origin: assumed."""
+
+SIZES_STEPS = 6
+"""Steps by which errors of form of single laws are found, at most. Origin: numerical."""
+
+SIZES_GAIN = 0.05
+"""Nats below which a further such step is not taken. Origin: numerical."""
 
 FORM_RANK = 1e-2
 """Share of the largest variance below which a smooth course is left out. Origin: numerical."""

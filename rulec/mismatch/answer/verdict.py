@@ -10,7 +10,7 @@ from rulec_runtime.report.text import percent
 from rulec.effects.candidate import TIME, Missing
 from rulec.mismatch import limits
 from rulec.mismatch.answer.wording import onset, region_words
-from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape
+from rulec.mismatch.result import Finding, Fit, HiddenDriver, Location, Shape, Standing
 from rulec.mismatch.structure.hypotheses import CONNECTION
 
 ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with them."
@@ -18,6 +18,8 @@ ADOPT = "Write the repaired module types with `rulec adopt`, and diagnose with t
 TO_RECORD = "Record settled operation with all readings that the observers need."
 
 NOT_YET = "Do not adopt this as it is"
+
+EXPERIMENT = "Plan a recording that tells them apart: `rulec experiment` reads what `--json` wrote."
 
 PLAIN = "The recalibrated plant can be written with `rulec adopt --recalibrated`."
 
@@ -72,12 +74,13 @@ def headline_of(
     findings: Sequence[Finding],
     locations: Sequence[Location],
     fits: Sequence[Fit] = (),
+    standing: Sequence[Standing] = (),
 ) -> str:
-    """The finding in one sentence."""
+    """The finding in one sentence; `standing` are the possible sets, the likeliest first."""
     told = [f for f in findings if f.sort != "free"]
     names = [_with_others(f) for f in told]
     if verdict == "none":
-        return _nothing(*_farthest(fits))
+        return _perhaps(standing) or _nothing(*_farthest(fits))
     if verdict == "unnamed":
         named = {(f.module, f.place) for f in told}
         nameless = [at for at in locations if (at.module, at.place) not in named]
@@ -170,6 +173,19 @@ def remainder_of(verdict: str, fits: Sequence[Fit]) -> str:
     return f" That is not all: {signal} is still off by {most:.0f} times its noise."
 
 
+def _perhaps(standing: Sequence[Standing]) -> str:
+    """What may be missing, and may as well not; empty where that is hardly so."""
+    likely = [s for s in standing if s.titles and s.probability >= limits.MENTIONED]
+    if not likely:
+        return ""
+    said = [f"{_inside(' and '.join(s.titles))} ({percent(s.probability)})" for s in likely]
+    nothing = sum(s.probability for s in standing if not s.titles)
+    return (
+        f"It is not sure that anything is missing ({percent(nothing)} that nothing is). "
+        f"What may be: {'; '.join(said)}."
+    )
+
+
 def _nothing(most: float, signal: str) -> str:
     """No explanation is likely; a law that is not exact may all the same be off by much."""
     if most < limits.FAR_OFF:
@@ -193,6 +209,7 @@ def next_step(
     missing: Sequence[Missing],
     refused: str = "",
     locations: Sequence[Location] = (),
+    standing: Sequence[Standing] = (),
 ) -> str:
     """What to do next: adopt, act, or measure; `refused` says why nothing is to be adopted."""
     if hidden is not None and hidden.switches:
@@ -205,14 +222,16 @@ def next_step(
             f"Record {hidden.sensor or 'what may drive it'} together with the rest, and run again."
         )
     if verdict == "none":
-        return "Nothing to do."
+        return EXPERIMENT if _perhaps(standing) else "Nothing to do."
     if verdict == "cannot judge":
         return TO_RECORD
     first = next((f for f in findings if f.sort != "free"), None)
     if verdict == "ambiguous" and first is not None:
+        sensor = "a sensor that only one of them depends on"
+        if len(standing) > 1:
+            return f"{EXPERIMENT} Or add {sensor}."
         return (
-            "Record a part in which the drivers of these explanations move apart, "
-            "or add a sensor that only one of them depends on."
+            f"Record a part in which the drivers of these explanations move apart, or add {sensor}."
         )
     if verdict == "named":
         return f"{NOT_YET}: {refused}. {PLAIN}" if refused else ADOPT

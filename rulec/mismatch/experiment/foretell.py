@@ -202,7 +202,7 @@ def _seen_by(geometry: Geometry, there: Geometry, model: Model) -> tuple[Array, 
     table.append(slopes_by_onsets(fitted)[there.seen])
     numbers += range(len(solution), len(known))
     slopes = np.concatenate(table, axis=1)
-    forms = model.sizes.form * there.forms
+    forms = model.sizes.of(there.law) * there.forms
     covariance: Array = slopes @ known[np.ix_(numbers, numbers)] @ slopes.T + forms @ forms.T
     covariance += added * slopes_by_value[:, stay] @ slopes_by_value[:, stay].T
     covariance[np.diag_indices(len(covariance))] += model.scale**2

@@ -50,6 +50,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Posterior:
 
 def test_nothing_is_named_in_a_clean_recording(found: Posterior) -> None:
     assert found.nothing > 0.9
+    assert found.told == frozenset()
 
 
 def test_a_lead_that_one_operating_state_gives_is_less_sure(found: Posterior) -> None:

@@ -19,6 +19,7 @@ from rulec.mismatch.result import (
     Finding,
     Fit,
     Location,
+    Standing,
 )
 from tests.runtime.mismatches import UNNAMED, WARM
 
@@ -136,6 +137,34 @@ def test_what_is_left_is_called_noise_only_where_it_is() -> None:
     far = headline_of("none", (), (), [fit_at(0.1)])
     assert "A.Q is off by 4 times its noise" in far
     assert "leaves is noise" not in far
+
+
+def possible(probability: float, *titles: str) -> Standing:
+    """A set of explanations that is possible."""
+    return Standing(
+        names=titles,
+        titles=titles,
+        probability=probability,
+        joined=(),
+        values={},
+        fixed={},
+        periods=(),
+        released=(),
+        trusted=(),
+        terms=(),
+    )
+
+
+def test_what_may_as_well_not_be_missing_is_no_claim() -> None:
+    """It is mentioned with its probability, and an experiment would tell."""
+    standing = (possible(0.6, "Relief valve in A"), possible(0.3), possible(0.05, "Wear in A"))
+    said = headline_of("none", (), (), [fit_at(0.3)], standing)
+    assert said == (
+        "It is not sure that anything is missing (30\u00a0% that nothing is). "
+        "What may be: relief valve in A (60\u00a0%)."
+    )
+    assert "`rulec experiment`" in next_step("none", (), None, (), standing=standing)
+    assert "`rulec experiment`" in next_step("ambiguous", (UNSURE,), None, (), standing=standing)
 
 
 def test_a_fault_beside_physics_is_no_omission_of_the_model() -> None:

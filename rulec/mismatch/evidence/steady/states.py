@@ -54,8 +54,8 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
 
     A law follows from what its module is set to and from the flow through it, and so does what is
     wrong with its form. The flow counts as the plant's inputs set it: a fault that changes it at
-    the same inputs is no error of form. Errors have corners, as where a flow turns turbulent: the
-    covariance is that of Matern with one derivative.
+    the same inputs is no error of form. Errors bend, but have hardly any corners: the covariance is
+    that of Matern with two derivatives.
 
     Source: Stein 1999, chapter 1.7.
     """
@@ -66,8 +66,8 @@ def likeness(system: System, flows: Flows, module: str) -> Array:
     columns = [values / (limits.FORM_LENGTH * _spread(values)) for values in own]
     table = np.stack(columns, axis=1) if columns else np.zeros((len(system.data), 0))
     square = ((table[:, None, :] - table[None, :, :]) ** 2).sum(axis=-1)
-    far = np.sqrt(3.0 * square)
-    alike: Array = (1.0 + far) * np.exp(-far)
+    far = np.sqrt(5.0 * square)
+    alike: Array = (1.0 + far + far**2 / 3.0) * np.exp(-far)
     return alike
 
 

@@ -16,13 +16,16 @@ from rulec.mismatch.search.settled.geometry import Geometry
 def forms_of_effects(geometry: Geometry, now: Fitted) -> Array:
     """Each effect's own term times smooth functions of its drivers, shape (rows, functions).
 
-    What grows does not do so in proportion to time either: its driver is how far it has grown.
+    What grows does not do so in proportion to time either: its driver is how far it has grown. A
+    driver that the model predicts counts as predicted: over a reading, functions would explain that
+    reading's own noise.
     """
     rows, setting = geometry.rows, now.setting
+    values = {**rows.system.inputs, **now.predicted}
     columns = []
     for candidate in setting.joined:
         names = dict.fromkeys(candidate.drivers.values())
-        grown, given = _grown(setting, candidate), [rows.system.inputs[n] for n in names]
+        grown, given = _grown(setting, candidate), [values[n] for n in names]
         drivers = grown if candidate.sort == "fault" else given
         null = {u.id: u.null for u in candidate.unknowns if u.null is not None and not u.fixed}
         shapes = [shape for driver in drivers for shape in _shapes(driver)]

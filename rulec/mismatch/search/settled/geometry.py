@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -132,11 +133,14 @@ def term_of(
 @dataclass(frozen=True)
 class Sizes:
     """How large random columns are: errors of form as share of an output's usual size, errors of
-    sensors as share of their class, terms without a name in units of the noise of a point."""
+    sensors as share of their class, terms without a name in units of the noise of a point.
+
+    `laws` says how many times the usual error of form each law has, by the id of its place."""
 
     form: float
     moving: float
     terms: tuple[float, ...]
+    laws: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def odds(self) -> float:
@@ -146,7 +150,14 @@ class Sizes:
             (self.moving, limits.USUAL_MOVING, limits.MOVING_KNOWN),
         )
         far = [np.log(size / usual) / np.log(factor) for size, usual, factor in known]
+        far += [np.log(times) / np.log(limits.FORM_LAWS) for times in self.laws.values()]
         return -0.5 * float(np.sum(np.square(far)))
+
+    def of(self, laws: Sequence[str]) -> Array:
+        """Size of the error of form of each law, as share of what it predicts. What is off by more
+        than a formula may be has something missing."""
+        times = np.array([self.laws.get(name, 1.0) for name in laws])
+        return np.minimum(self.form * times, limits.FORM_MOST)
 
 
 USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, ())
@@ -155,10 +166,12 @@ USUAL = Sizes(limits.USUAL_FORM, limits.USUAL_MOVING, ())
 
 @dataclass(frozen=True)
 class Random:
-    """Random columns. Sizes of errors of form, of errors of sensors that move within their class,
-    and of terms without a name are found; those of held inputs are known."""
+    """Random columns; `law` is the law of each of the errors of form. Sizes of errors of form, of
+    errors of sensors that move within their class, and of terms without a name are found; those of
+    held inputs are known."""
 
     forms: Array
+    law: tuple[str, ...]
     moving: Array
     held: Array
     terms: tuple[Term, ...]
@@ -171,7 +184,7 @@ class Random:
 
     def ratio(self, sizes: Sizes) -> Array:
         """Standard deviation of each column's number, shape (columns,)."""
-        parts = [np.full(self.forms.shape[1], sizes.form)]
+        parts = [sizes.of(self.law)]
         parts += [np.full(self.moving.shape[1], sizes.moving), np.ones(self.held.shape[1])]
         own = zip(self.terms, sizes.terms, strict=True)
         parts += [np.full(t.columns.shape[1], size) for t, size in own]
@@ -201,7 +214,7 @@ class Geometry:
             known.mean,
             system.data.open,
         )
-        self.forms = self._forms(plain)
+        self.forms, self.law = self._forms(plain)
         self.moving = self._moving(plain)
         self.held = self._held(plain)
         self.group: NDArray[np.intp] = np.unique(rows.group[self.seen], return_inverse=True)[1]
@@ -217,15 +230,15 @@ class Geometry:
             self._sizes[unknown.id] = size_of(self.rows.system, candidate, unknown)
         return self._sizes[unknown.id]
 
-    def _forms(self, plain: Fitted) -> Array:
-        """Rows of errors of form of unit size, shape (rows, errors).
+    def _forms(self, plain: Fitted) -> tuple[Array, tuple[str, ...]]:
+        """Rows of errors of form of unit size, shape (rows, errors), and the law of each.
 
         Each law has its own. Two meters in one line share no law: where they differ, no error of
         form explains it.
         """
         system = self.rows.system
         flows = system.flows(Configuration())
-        columns = [np.zeros((len(self.rows), 0))]
+        columns, law = [np.zeros((int(self.seen.sum()), 0))], []
         ways: dict[str, Array] = {}
         for spot in (s for s in system.builder.spots if s.kind != "signal"):
             column = spot_column(plain, spot)
@@ -236,13 +249,12 @@ class Geometry:
                     likeness(system, flows, spot.module), limits.FORM_RANK
                 )
             whole = column / self._share_shown(column)
-            columns.append(whole[:, None] * ways[spot.module][self.rows.point])
-        left, size, _ = np.linalg.svd(
-            np.concatenate(columns, axis=1)[self.seen], full_matrices=False
-        )
-        kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
-        forms: Array = left[:, kept] * size[kept]
-        return forms
+            own = (whole[:, None] * ways[spot.module][self.rows.point])[self.seen]
+            left, size, _ = np.linalg.svd(own, full_matrices=False)
+            kept = size * limits.LARGE_FORM > limits.FORM_NOT_SEEN
+            columns.append(left[:, kept] * size[kept])
+            law += [spot.id] * int(kept.sum())
+        return np.concatenate(columns, axis=1), tuple(law)
 
     def _share_shown(self, column: Array) -> float:
         """By which share the reading that shows it most is off, per unit of an error of a law."""

@@ -16,7 +16,7 @@ from rulec.mismatch.search.settled.sets import Posterior, without
 def lost_to(geometry: Geometry, posterior: Posterior, term: Term) -> tuple[Lost, ...]:
     """Names that were tried in the place of a term of the best set, beside all else that it has;
     the nearest first."""
-    best = posterior.best
+    best = posterior.told
     rest = best - {term.name}
     model = posterior.models[best]
     found: dict[str, Lost] = {}

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotri
 
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.steady.configuration import Configuration
@@ -68,6 +69,7 @@ class _Chosen:
     solution: Array
     weights: Array
     ratio: Array
+    spread: tuple[Array, Array]
     table: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -84,7 +86,7 @@ def refitted(
     prior, n = known.prior, len(known.prior.names)
     values = [setting.values.get(a, m) for a, m in zip(prior.names, prior.mean, strict=True)]
     at = np.clip(np.array(values), prior.lowest, prior.highest)
-    random = Random(geometry.forms, geometry.moving, geometry.held, terms)
+    random = Random(geometry.forms, geometry.law, geometry.moving, geometry.held, terms)
     forms = np.zeros(random.count)
     if near is not None:
         kept = min(len(forms), len(near.forms))
@@ -216,7 +218,7 @@ def _choose(
         score = geometry.likelihood(residual, scale) - 0.5 * float(solution @ precision @ solution)
         score -= float(np.sum(np.log(np.diag(factor[0]))) + np.sum(np.log(size)))
         score += sizes.odds - 0.5 * (np.log(scale) / np.log(limits.NOISE_KNOWN)) ** 2
-        return _Chosen(score, sizes, scale, solution, weights, ratio)
+        return _Chosen(score, sizes, scale, solution, weights, ratio, spread=(factor[0], size))
 
     def weighted_by(weights: Array) -> Weighted:
         return table.T @ (table * weights[:, None]), table.T @ (weights * left), weights
@@ -228,19 +230,47 @@ def _choose(
     @cache
     def at_place(place: Place) -> _Chosen:
         scale, form, moving, *own = (axis[i] for axis, i in zip(axes, place, strict=True))
-        return solved(Sizes(form, moving, tuple(own)), scale, weighted_at(scale))
+        return solved(Sizes(form, moving, tuple(own), sizes.laws), scale, weighted_at(scale))
 
     first = (noise, sizes.form, sizes.moving, *sizes.terms)
     begins = tuple(_nearest(axis, value) for axis, value in zip(axes, first, strict=True))
     place = climbed(lambda p: at_place(p).score, begins, [len(axis) for axis in axes], fresh)
     best = at_place(place)
-    for _ in range(3):
+    for _ in range(limits.SIZES_STEPS):
         weights = geometry.weights(left + table @ (best.ratio * best.solution), best.scale)
-        again = solved(best.sizes, best.scale, weighted_by(weights))
+        law = _by_law(best, random.law, n)
+        again = solved(replace(best.sizes, laws=law), best.scale, weighted_by(weights))
         if again.score <= best.score:
             break
-        best = again
+        gain, best = again.score - best.score, again
+        if gain < limits.SIZES_GAIN:
+            break
     return replace(best, table=table * best.ratio)
+
+
+def _by_law(found: _Chosen, law: Sequence[str], first: int) -> dict[str, float]:
+    """How many times the usual error of form each law has, a step nearer to where the recording is
+    most probable; `first` is the place of the first error of form in the solution.
+
+    Source: MacKay 1992, chapter 4: re-estimate by the number of values that the data determine.
+    """
+    lower, size = found.spread
+    doubt = np.diag(dpotri(lower, lower=True)[0]) / size**2
+    columns: dict[str, list[int]] = {}
+    for i, name in enumerate(law, first):
+        columns.setdefault(name, []).append(i)
+    known = np.log(limits.FORM_LAWS) ** -2
+    form, times = found.sizes.form, {}
+    for name, at in columns.items():
+        determined = len(at) - float(doubt[at].sum())
+        square = float(np.sum(found.solution[at] ** 2))
+        before = after = float(np.log(found.sizes.of([name])[0] / form))
+        for _ in range(20):
+            now = square * np.exp(-2.0 * (after - before))
+            step = (now - determined - known * after) / (2.0 * now + known)
+            after += float(np.clip(step, -1.0, 1.0))
+        times[name] = min(float(np.exp(after)), limits.FORM_MOST / form)
+    return times
 
 
 def _nearest(axis: Sequence[float], value: float) -> int:

@@ -258,11 +258,13 @@ def _twice(found: Found, alike: Alike) -> bool:
 
 
 def _stiff(geometry: Geometry, model: Model) -> Model:
-    """A model whose laws err less: where something large is missing errors of form take its place,
-    and then no explanation gains anything beside them."""
+    """A model whose laws err less, with calibrations as firm as stated: where something large is
+    missing these take its place, and then no explanation gains anything beside them."""
     table, n = model.table.copy(), len(model.at)
     table[:, n : n + geometry.forms.shape[1]] *= limits.STIFF
-    return replace(model, table=table)
+    precision = model.precision.copy()
+    precision[:n, :n] = model.prior.precision + np.diag(1e-12 / model.prior.size**2)
+    return replace(model, table=table, precision=precision)
 
 
 def _let_go(geometry: Geometry, model: Model) -> Model:

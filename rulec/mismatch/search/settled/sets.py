@@ -51,6 +51,11 @@ class Posterior:
         return max(self.sets, key=lambda names: (self.sets[names], self.odds[names], sorted(names)))
 
     @property
+    def told(self) -> Names:
+        """The most probable set; nothing, where it is not sure that anything is missing."""
+        return frozenset() if self.nothing >= limits.MENTIONED else self.best
+
+    @property
     def nothing(self) -> float:
         """Probability that nothing is left out."""
         return self.sets[frozenset()]

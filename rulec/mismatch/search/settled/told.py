@@ -52,7 +52,7 @@ def search(rows: Rows, progress: Progress, stood: Sequence[Posterior] = ()) -> S
     progress("taking means of operating states")
     posterior = explain(rows, progress, stood)
     progress("refitting the most probable explanation to all settled points")
-    model = posterior.models[posterior.best]
+    model = posterior.models[posterior.told]
     fitted, candidates = _on_all_points(rows, model, _told(posterior))
     geometry = posterior.geometry
     curves = {}
@@ -81,7 +81,7 @@ def _told(posterior: Posterior) -> Names:
 
     Source: median probability model (Barbieri and Berger 2004).
     """
-    best, sets = posterior.best, posterior.sets
+    best, sets = posterior.told, posterior.sets
     kept = set()
     for name in best:
         rest = best - {name}
@@ -205,7 +205,7 @@ def _elsewhere(posterior: Posterior, geometry: Geometry, term: Term) -> tuple[st
 
 def _accepted(posterior: Posterior, name: str, candidate: Candidate) -> Accepted:
     """How sure an explanation of the best set is, and what may be in its place."""
-    best, sets = posterior.best, posterior.sets
+    best, sets = posterior.told, posterior.sets
     alike = _alike(posterior, name)
     own = sum(p for names, p in sets.items() if names & alike)
     known = candidates_of(posterior)
@@ -255,8 +255,8 @@ def _rivals(posterior: Posterior, name: str) -> Iterator[Rival]:
 
     For a name that is a term without one; for such a term, the best name.
     """
-    rest = posterior.best - {name}
-    beside = _beside(posterior, posterior.best, name)
+    rest = posterior.told - {name}
+    beside = _beside(posterior, posterior.told, name)
     term = "~" in name
     there = {
         names: odds
