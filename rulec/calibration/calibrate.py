@@ -10,7 +10,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.sensors.judge import examine
-from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import settle, systematic_u

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.observe import check_readings
+from rulec_runtime.diagnosis.steady.points import check_readings
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.report.text import counted, fixed, listed
 

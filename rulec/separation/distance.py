@@ -11,15 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec
-from rulec_runtime.diagnosis.steady.combine import stacked_covariance
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome
-from rulec_runtime.diagnosis.steady.observe import Observed, Points, observe
-from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.stack import stacked_test
 from rulec_runtime.limits import BELOW_HIGHEST, BEYOND_CALIBRATED, STATISTICAL_SHARE
 from rulec_runtime.recordings.stationary import systematic_u
 
@@ -83,7 +82,7 @@ class FaultMeasure:
     def degree_of(self, other: FaultSpec, fault: FaultSpec, degree: float) -> float:
         """The degree at which another fault looks most like one at the present point."""
         fitted = self._undone(self._faulty([{}], fault, degree), other, [PRESENT])
-        return 0.0 if fitted is None else _legal(other, float(fitted.degree[0, 0]))
+        return 0.0 if fitted is None else _legal(other, float(fitted.degree[0, 0, 0]))
 
     def _apart(self, truth: Faulty, other: FaultSpec, place: int, point: Point) -> float:
         there = [PRESENT, 2 + place] if point else [PRESENT]
@@ -94,7 +93,7 @@ class FaultMeasure:
         if fitted is None:
             return float("nan")
         # Of a perfect fit rounding may leave less than nothing.
-        return float(np.sqrt(np.maximum(fitted.distance[0], 0.0)))
+        return float(np.sqrt(np.maximum(fitted.distance[0, 0], 0.0)))
 
     def _faulty(self, points: Sequence[Point], fault: FaultSpec, degree: float) -> Faulty:
         """Readings at the present point, without the fault and with it, and at others with it."""
@@ -108,23 +107,15 @@ class FaultMeasure:
         degrees[SOUND] = 0.0
         return faulty(self.equations, given, fault, degrees, self.bounds)
 
-    def _undone(self, truth: Faulty, other: FaultSpec, points: list[int]) -> Outcome | None:
+    def _undone(self, truth: Faulty, other: FaultSpec, points: list[int]) -> Outcomes | None:
         """None where no estimate that can be used at all points shows the fault."""
-        members = np.array([SOUND, *points] if self.baseline else points)
+        members = np.array([SOUND, *points] if self.baseline else points)[:, None]
         ruleset, observed = self.equations.ruleset, truth.observed
-        valid = np.asarray(observed.valid[:, members].all(axis=1))
-        basis = residual_basis(ruleset, valid)
-        if not len(basis):
+        valid = np.asarray(observed.valid[:, members[:, 0]].all(axis=1))
+        test = stacked_test(ruleset, observed, valid, members, (members != SOUND).astype(float))
+        if not test.freedom or not test.touched((other,)):
             return None
-        return HypothesisTest(
-            ruleset=ruleset,
-            observed=observed,
-            valid=valid,
-            basis=basis,
-            members=members,
-            spread=partial(stacked_covariance, observed, valid, basis, members),
-            present=(members != SOUND).astype(float),
-        ).run((other,))
+        return fit(test, [(other,)])
 
 
 def faulty(

@@ -369,6 +369,14 @@ WORTH_LEARNING = 0.02
 """Information (nat) per residual below which a further stretch is not worth learning. Origin:
 assumed."""
 
+LEARNED_AT_ONCE = 256
+"""Points at most that are looked at together for what they add to the baseline. Origin:
+numerical."""
+
+ROUNDED_OTHERWISE = 1.0 + 1e-9
+"""Factor by which what points add, looked at together, may differ from what they add on their own,
+which decides. Origin: numerical."""
+
 LASTING = 6.0 * 3600.0
 """Time, s, over which lasting errors lose their memory. Origin: assumed, a quarter of the daily
 cycle of ambient temperature, which moves most of them."""
@@ -378,6 +386,17 @@ cycle of ambient temperature, which moves most of them."""
 UNTOUCHED = 1e-6
 """Share of a fault's own effect below which residuals count as untouched (it cancels). Origin:
 numerical."""
+
+TABLE = 1_000_000
+"""Numbers in a table that is worked on at once: it stays in the cache, and memory flat. Origin:
+numerical."""
+
+FEW_COLUMNS = 2048
+"""Points of all hypotheses together up to which one plan undoes all of them. Origin: measured; a
+call costs as much as that."""
+
+MOST_OF_THEM = 0.3
+"""Share of all hypotheses that must be left for that. Origin: measured, as above."""
 
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""

@@ -12,7 +12,7 @@ import yaml
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import systematic_u
 

@@ -13,7 +13,8 @@ import pytest
 import yaml
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
+from rulec_runtime.diagnosis.steady.observe import observe
+from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 

@@ -13,8 +13,8 @@ from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
 from rulec_runtime.diagnosis.steady.isolate import isolate
 from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
-from rulec_runtime.diagnosis.steady.redundancy import blocks_of
-from rulec_runtime.diagnosis.steady.seen import see_block
+from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.seen import see_part
 from rulec_runtime.diagnosis.steady.verdict import why_blind
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
@@ -189,9 +189,9 @@ def test_reasons_do_not_repeat_the_reading(
     rules, n = ruleset("abc"), len(readings)
     values = {name: np.repeat(v, n) for name, v in noise_free("abc").items()}
     values[signal] = np.array(readings)
-    (block,) = blocks_of(rules)
-    seen = see_block(rules, observe(rules, points(rules, values)), block, "default")
-    assert [expected] * n == [why_blind(rules, seen, i) for i in range(n)]
+    (part,) = parts_of(rules)
+    seen = see_part(rules, part, points(rules, values), "default")
+    assert [expected] * n == [why_blind(seen, i) for i in range(n)]
 
 
 @NO_WARNING

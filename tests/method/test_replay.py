@@ -9,8 +9,9 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
 from rulec_runtime.diagnosis.steady.isolate import isolate
-from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
+from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.stationary import noise_of
 
 from rulec.prove.truth import TABLE_1, leakage_replay, record

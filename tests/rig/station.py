@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rulec_runtime.diagnosis.steady.observe import Points, observe, plan_inputs, points_of_samples
+from rulec_runtime.diagnosis.steady.observe import observe, plan_inputs
+from rulec_runtime.diagnosis.steady.points import Points, points_of_samples
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 

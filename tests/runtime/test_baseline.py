@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from rulec_runtime import limits
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.steady.baseline import learn, nothing_learned, remembered
-from rulec_runtime.diagnosis.steady.observe import Observed, observe, points_of_stretches
+from rulec_runtime.diagnosis.steady.baseline import nothing_learned, remembered
+from rulec_runtime.diagnosis.steady.learn import learn
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import residual_basis
 from rulec_runtime.recordings.stationary import find_stretches, noise_at_work
 

@@ -9,7 +9,8 @@ import pytest
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.observe import observe, points_of_stretches, reason
+from rulec_runtime.diagnosis.steady.observe import observe, reason
+from rulec_runtime.diagnosis.steady.points import points_of_stretches
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, lag_u, settle_or_slow

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.steady.observe import points_of_samples
+from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from rulec_runtime.contract.ruleset_file import read_ruleset
 from rulec_runtime.live import limits, state
 from rulec_runtime.live.batches import judged
 from rulec_runtime.live.episode import Event
-from rulec_runtime.live.follower import Memory, nothing_yet
+from rulec_runtime.live.follower import Memory, concluded, nothing_yet
 
 
 def run(options: argparse.Namespace, load: Callable[[Path], Ruleset] = read_ruleset) -> int:
@@ -51,16 +51,28 @@ def _watch(what: Opened, ruleset: Ruleset, until_end: bool) -> Memory:
                 news += told
                 present.update(memory, told, diagnosis)
                 what.screen.show(present.now())
-            if came and what.sinks:
-                data = state.to_bytes(ruleset, memory, getattr(source, "position", {}))
-                for sink in what.sinks:
-                    sink.put(news, data, dated=source.dated)
+            if came:
+                _keep(what, ruleset, memory, news)
             if not came and until_end:
                 break
             what.screen.show(present.now())
             for sink in what.sinks:
                 sink.show(present.now())
+        # Nothing more will come: what was seen at a glance is judged with everything else.
+        if not what.screen.quit and (last := concluded(ruleset, memory)) is not None:
+            memory = last.memory
+            present.update(memory, last.events, last.diagnosis)
+            what.screen.show(present.now())
+            _keep(what, ruleset, memory, last.events)
     return memory
+
+
+def _keep(what: Opened, ruleset: Ruleset, memory: Memory, news: Sequence[Event]) -> None:
+    """Hand events on, and what is remembered with them."""
+    if what.sinks:
+        data = state.to_bytes(ruleset, memory, getattr(what.source, "position", {}))
+        for sink in what.sinks:
+            sink.put(list(news), data, dated=what.source.dated)
 
 
 @contextmanager

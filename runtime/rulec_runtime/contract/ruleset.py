@@ -369,8 +369,26 @@ class Ruleset:
         if key not in self._undone:
             names = [f"q:{o}" for o in observers]
             names += [f"dq:{o}:{f}" for o in observers for f in faults]
-            self._undone[key] = self.undo.select(n for n in names if n in self.undo.outputs)
+            there = (n for n in names if n in self.undo.outputs)
+            self._undone[key] = self.undo.select(there).narrowed()
         return self._undone[key]
+
+    def undone_slopes(self, observers: tuple[str, ...]) -> Plan:
+        """Plan of the slopes (``dq:``) of the flows of observers by each degree that moves them."""
+        if observers not in self._slopes:
+            names = (f"dq:{o}:{f.id}" for f in self.faults for o in f.affects if o in observers)
+            there = (n for n in names if n in self.undo.outputs)
+            self._slopes[observers] = self.undo.select(there).narrowed()
+        return self._slopes[observers]
+
+    @cached_property
+    def kept(self) -> dict[str, Any]:
+        """What those who read it have worked out of it once, by names of their own."""
+        return {}
+
+    @cached_property
+    def _slopes(self) -> dict[tuple[str, ...], Plan]:
+        return {}
 
     @cached_property
     def _undone(self) -> dict[tuple[tuple[str, ...], tuple[str, ...]], Plan]:

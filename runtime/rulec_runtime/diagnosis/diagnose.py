@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -109,17 +109,28 @@ def _of_settled(recording: Recording, ruleset: Ruleset, mode: str) -> tuple[int,
 
 
 def told_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> tuple[int, Found]:
-    """Number of judged samples, and what all blocks of estimates say of settled stretches."""
-    found = Found([], [], [])
-    judged = np.zeros(len(timeline), dtype=bool)
-    for part in seen:
-        own = findings_of(timeline, ruleset, part)
+    """Number of judged samples, and what all parts of a plant say of settled stretches."""
+    each = [findings_of(timeline, ruleset, part) for part in seen]
+    return together(ruleset, timeline, seen, each)
+
+
+def together(
+    ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen], each: Sequence[Found]
+) -> tuple[int, Found]:
+    """The same, where it is known what each part says."""
+    judged = np.any([part.isolation.judged for part in seen], axis=0)
+    found = joined(each, latest_of(ruleset, timeline, seen))
+    return int(timeline.samples[judged].sum()), found
+
+
+def joined(each: Iterable[Found], latest: Latest | None) -> Found:
+    """What parts of a plant say, as what the plant says."""
+    found = Found([], [], [], latest)
+    for own in each:
         found.findings.extend(own.findings)
         found.unknown.extend(own.unknown)
         found.not_judged.extend(own.not_judged)
-        judged |= part.isolation.judged
-    found = replace(found, latest=latest_of(ruleset, timeline, seen))
-    return int(timeline.samples[judged].sum()), found
+    return found
 
 
 def restless(samples: int) -> str:

@@ -17,9 +17,10 @@ from rulec_runtime.contract.plan import Array, Operation, Plan
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
 from rulec_runtime.diagnosis.steady.batch_means import Halves
-from rulec_runtime.diagnosis.steady.observe import Observed, Points, slope_names, with_errors
-from rulec_runtime.diagnosis.steady.redundancy import blocks_of
-from rulec_runtime.diagnosis.steady.seen import see_block
+from rulec_runtime.diagnosis.steady.observe import Observed, slope_names, with_errors
+from rulec_runtime.diagnosis.steady.parts import parts_of
+from rulec_runtime.diagnosis.steady.points import Points
+from rulec_runtime.diagnosis.steady.seen import see_observed
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.module_results import ModuleResults
 from rulec_runtime.recordings.stationary import Timeline
@@ -45,9 +46,11 @@ def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
         notes.append(FIRST_ORDER)
         ruleset = replace(ruleset, undo=first_order(ruleset, results))
         points = replace(points, values={**points.values, **results.columns})
-    observed = observed_of(results, ruleset, points)
     halves = halves_of_results(results, ruleset)
-    seen = [see_block(ruleset, observed, block, "default", halves) for block in blocks_of(ruleset)]
+    seen = [
+        see_observed(part, observed_of(results, part.ruleset, points), points, "default", halves)
+        for part in parts_of(ruleset)
+    ]
     judged, found = told_of(ruleset, timeline_of_results(results), seen)
     return Diagnosis(
         ruleset=ruleset,

@@ -43,25 +43,25 @@ def trace(recording: Recording, ruleset: Ruleset, mode: str = "default") -> Trac
     for here, seen in see_samples(recording, ruleset, noise, stretches, known, chosen):
         sound = np.all([p.isolation.judged & ~p.isolation.deviating for p in seen], axis=0)
         for i, sample in enumerate(here.tolist()):
-            words[sample] = "ok" if sound[i] else _word(ruleset, seen, i)
-        for part in seen:
-            fits = part.isolation.probability > 0
-            degree[:, here] += np.where(fits, part.isolation.degree, 0.0)
-            half[:, here] += np.where(fits, limits.COVERAGE * part.isolation.u, 0.0)
+            words[sample] = "ok" if sound[i] else _word(seen, i)
+        for one in seen:
+            fits, at = one.isolation.probability > 0, np.ix_(one.part.faults, here)
+            degree[at] += np.where(fits, one.isolation.degree, 0.0)
+            half[at] += np.where(fits, limits.COVERAGE * one.isolation.u, 0.0)
     return Trace(
         recording.time, tuple(words), degree, np.maximum(degree - half, 0.0), degree + half
     )
 
 
-def _word(ruleset: Ruleset, seen: Sequence[Seen], point: int) -> str:
-    """Verdicts of all blocks as they stand in the trace: ids of faults, or what else there is."""
-    words = dict.fromkeys(_of_block(ruleset, part, point) for part in seen)
+def _word(seen: Sequence[Seen], point: int) -> str:
+    """Verdicts of all parts as they stand in the trace: ids of faults, or what else there is."""
+    words = dict.fromkeys(_of_part(part, point) for part in seen)
     loud = [word for word in words if word not in QUIET]
     return " + ".join(loud) or ("ok" if "ok" in words else "cannot judge")
 
 
-def _of_block(ruleset: Ruleset, seen: Seen, point: int) -> str:
-    verdict = verdict_at(ruleset, seen, point)
+def _of_part(seen: Seen, point: int) -> str:
+    verdict = verdict_at(seen, point)
     if verdict.kind == "fault":
-        return " + ".join(ruleset.faults[i].id for i in verdict.faults)
+        return " + ".join(seen.part.ruleset.faults[i].id for i in verdict.faults)
     return {"blind": "cannot judge", "outside": "unknown"}.get(verdict.kind, verdict.kind)

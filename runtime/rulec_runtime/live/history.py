@@ -7,14 +7,15 @@ remains what a diagnosis takes from it, so the same passes judge it as if its ro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of
-from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.diagnosis.steady.parts import Part
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches, Timeline, long_pause, timeline_of
 
@@ -37,7 +38,7 @@ def history_of(
     """What a diagnosis takes from settled stretches."""
     return History(
         points_of_stretches(recording, ruleset, stretches, noise),
-        halves_of(recording, ruleset, stretches, noise),
+        halves_of(recording, ruleset, stretches),
         timeline_of(recording.time, stretches),
     )
 
@@ -107,6 +108,17 @@ def some(history: History, chosen: np.ndarray) -> History:
     )
     halves = Halves(history.halves.apart[:, chosen], history.halves.excess[chosen])
     return History(history.points.at(chosen), halves, timeline)
+
+
+def only(history: History, part: Part, chosen: np.ndarray, behind: int) -> History:
+    """Some of the stretches, by flags, as far as they concern a part of the plant; `behind` are
+    the rows at the end that count no more."""
+    kept = some(history, chosen)
+    return History(
+        kept.points.of(part.ruleset.observed),
+        Halves(kept.halves.apart[part.observers], kept.halves.excess),
+        replace(kept.timeline, later=kept.timeline.later - behind),
+    )
 
 
 def times(points: Points) -> Array:

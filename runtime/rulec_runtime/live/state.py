@@ -17,7 +17,7 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.batch_means import Halves
-from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.live import limits
 from rulec_runtime.live.episode import Episode
 from rulec_runtime.live.follower import Memory, nothing_yet

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +68,11 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    @cached_property
+    def kept(self) -> dict[object, Any]:
+        """What was worked out of it: see `once`."""
+        return {}
 
 
 @dataclass(frozen=True)

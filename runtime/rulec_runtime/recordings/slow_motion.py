@@ -23,19 +23,35 @@ from rulec_runtime.recordings.stationary import (
     find_stretches,
     noise_at_work,
     noise_within,
+    settled_stretches,
     systematic_u,
 )
+from rulec_runtime.recordings.sums import means_between
 
 
 def settle_or_slow(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
     """Settled stretches and pieces of slow motion between them, in order of time; the noise of
     every reading while it is settled, SI."""
     noise = noise_at_work(recording, ruleset)
-    settled = find_stretches(recording, ruleset, noise)
+    settled = settled_stretches(recording, ruleset)
     within = noise_within(recording, settled, noise)
+    return _with_slow(settled, recording, ruleset, noise), within
+
+
+def settle_or_slow_by(
+    recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> Stretches:
+    """The same stretches where the noise of readings is known."""
+    return _with_slow(find_stretches(recording, ruleset, noise), recording, ruleset, noise)
+
+
+def _with_slow(
+    settled: Stretches, recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]
+) -> Stretches:
+    """Settled stretches with what moves slowly between them."""
     if _interval(recording) > limits.SEEN_BETWEEN:
-        return settled, within
-    return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True)), within
+        return settled
+    return with_slow_pieces(settled, find_stretches(recording, ruleset, noise, ramps=True))
 
 
 def with_slow_pieces(settled: Stretches, smooth: Stretches) -> Stretches:
@@ -77,12 +93,13 @@ def lag_errors(
     if _interval(recording) > limits.SEEN_BETWEEN:
         return found
     lag = lag_u(recording)
+    between = _between(recording.time, stretches)
     for signal in ruleset.signals:
         values = recording.values.get(signal.id)
         if values is None or not len(stretches):
             continue
-        rate, u = _rates(recording.time, values, stretches, noise[signal.id])
-        level = _means(values, stretches.first, stretches.last)[0]
+        rate, u = _rates(between, values, stretches, noise[signal.id])
+        level = means_between(values, stretches.first, stretches.last)[0]
         least = limits.NO_CHANGE * systematic_u(signal, level)
         with np.errstate(invalid="ignore"):
             moves = (np.abs(rate) > limits.THRESHOLD * u) & (lag * np.abs(rate) > least)
@@ -103,27 +120,22 @@ def _interval(recording: Recording) -> float:
     return float(np.median(steps)) if len(steps) else 0.0
 
 
-def _rates(time: Array, values: Array, stretches: Stretches, noise: float) -> tuple[Array, Array]:
+def _between(time: Array, stretches: Stretches) -> Array:
+    """Time between the middles of the first and of the last part of each stretch, s."""
+    length = np.maximum(stretches.lengths // 2, 1)
+    early = means_between(time, stretches.first, stretches.first + length)[0]
+    return means_between(time, stretches.last - length, stretches.last)[0] - early
+
+
+def _rates(
+    between: Array, values: Array, stretches: Stretches, noise: float
+) -> tuple[Array, Array]:
     """Rate of change within each stretch, SI/s, and its standard uncertainty by noise: the mean of
     its last part less that of its first. Shape (n,) each."""
     length = np.maximum(stretches.lengths // 2, 1)
-    early, number = _means(values, stretches.first, stretches.first + length)
-    late, behind = _means(values, stretches.last - length, stretches.last)
-    between = (
-        _means(time, stretches.last - length, stretches.last)[0]
-        - _means(time, stretches.first, stretches.first + length)[0]
-    )
+    early, number = means_between(values, stretches.first, stretches.first + length)
+    late, behind = means_between(values, stretches.last - length, stretches.last)
     with np.errstate(invalid="ignore", divide="ignore"):
         rate = (late - early) / between
         u = noise * np.sqrt(1.0 / number + 1.0 / behind) / between
     return rate, u
-
-
-def _means(values: Array, first: np.ndarray, last: np.ndarray) -> tuple[Array, Array]:
-    """Means of the samples ``first : last`` that have a reading, and how many these are."""
-    known = np.isfinite(values)
-    sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
-    counts = np.concatenate([[0], np.cumsum(known)])
-    number = (counts[last] - counts[first]).astype(float)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return (sums[last] - sums[first]) / number, number

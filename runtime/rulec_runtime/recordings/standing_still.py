@@ -19,16 +19,18 @@ def standing_still(
     that is given, `u`, the standard uncertainty of its class, tells noise from what was set. At the
     `ends` of its range a reading stands still for another reason.
     """
-    runs = runs_of_equals(values)
-    long = [run for run in runs if run[1] - run[0] >= limits.STILL_RUN]
-    if not long:
+    edges = _edges_of_equals(values)
+    lengths = np.diff(edges)
+    places = np.flatnonzero(lengths >= limits.STILL_RUN)
+    if not len(places):
         return []
+    long = list(zip(edges[places].tolist(), edges[places + 1].tolist(), strict=True))
     rest = values.copy()
     for first, behind in long:
         rest[first:behind] = np.nan
     if not _restless(rest, u):
         return []
-    chance = max((b - a for a, b in runs if b - a < limits.STILL_RUN), default=1)
+    chance = int(np.max(lengths, where=lengths < limits.STILL_RUN, initial=1))
     least = limits.STILL_TIMES * chance
     long = [run for run in long if run[1] - run[0] >= least and _moves_beside(values, *run)]
     return [run for run in long if not _clipped(values, *run, ends)]
@@ -99,7 +101,12 @@ def _least_step(values: Array) -> float:
 
 def runs_of_equals(values: Array) -> list[tuple[int, int]]:
     """Spans of equal readings, first and behind last."""
-    with np.errstate(invalid="ignore"):
-        changes = np.flatnonzero(np.diff(values) != 0) + 1
-    edges = np.concatenate([[0], changes, [len(values)]])
+    edges = _edges_of_equals(values)
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+
+
+def _edges_of_equals(values: Array) -> np.ndarray:
+    """Where spans of equal readings begin, and where the last one ends."""
+    with np.errstate(invalid="ignore"):
+        changes = np.flatnonzero(values[1:] != values[:-1]) + 1
+    return np.concatenate([[0], changes, [len(values)]])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
+from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.robust import white_noise
 
@@ -88,8 +89,14 @@ def _noise_of_second(second: Array, unknown: float) -> float:
 def settle(recording: Recording, ruleset: Ruleset) -> tuple[Stretches, dict[str, float]]:
     """Settled stretches, and the noise of every reading within them, SI."""
     noise = noise_at_work(recording, ruleset)
-    stretches = find_stretches(recording, ruleset, noise)
+    stretches = settled_stretches(recording, ruleset)
     return stretches, noise_within(recording, stretches, noise)
+
+
+@once
+def settled_stretches(recording: Recording, ruleset: Ruleset) -> Stretches:
+    """Settled stretches by all readings that some observer uses."""
+    return find_stretches(recording, ruleset, noise_at_work(recording, ruleset))
 
 
 def noise_within(
@@ -112,6 +119,7 @@ def _within(stretches: Stretches, samples: int) -> np.ndarray:
     return within
 
 
+@once
 def noise_at_work(recording: Recording, ruleset: Ruleset) -> dict[str, float]:
     """Noise of every reading, SI, without the samples in which its module stands.
 
@@ -206,13 +214,23 @@ def _shifts(values: Array, limit: float) -> np.ndarray:
     known = np.where(readable, values, values[np.argmax(readable)])
     sums = np.concatenate([[0.0], np.cumsum(known)])
     means = (sums[n:] - sums[:-n]) / n
-    within = np.ptp(np.lib.stride_tricks.sliding_window_view(known, n), axis=1)
+    within = _ranges(known, n)
     size = np.abs(means[n:] - means[:-n])
     padded = np.concatenate([[-np.inf], size, [-np.inf]])
     peak = (padded[1:-1] > padded[:-2]) & (padded[1:-1] >= padded[2:]) & (size > limit)
     step = 2.0 * np.maximum(within[n:], within[:-n]) < size
     found[n : n + len(size)] = peak & step
     return found
+
+
+def _ranges(values: Array, n: int) -> Array:
+    """Largest less smallest of each n values in a row."""
+    count = len(values) - n + 1
+    low = high = values[:count]
+    for place in range(1, n):
+        low = np.minimum(low, values[place : place + count])
+        high = np.maximum(high, values[place : place + count])
+    return high - low
 
 
 def _edges_of_long(blank: np.ndarray) -> np.ndarray:

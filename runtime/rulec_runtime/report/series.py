@@ -12,13 +12,14 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ResidualSpec, Ruleset
 from rulec_runtime.contract.threshold import threshold_of
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
 from rulec_runtime.diagnosis.steady.seen import (
     Seen,
     judgeable,
     residuals_seen,
     see_samples,
     see_stretches,
+    usable_seen,
 )
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.recordings.recording import Recording
@@ -150,10 +151,10 @@ def curves_of(recording: Recording, diagnosis: Diagnosis, trace: Trace) -> Curve
     learned = False
     for here, seen in _batches(recording, diagnosis):
         learned |= any(len(part.baselines.states) > 1 for part in seen)
-        valid = np.any([part.observed.valid for part in seen], axis=0)
+        whole, valid = observe(ruleset, seen[0].points), usable_seen(ruleset, seen)
         for i, side in enumerate(sides):
             members = [index[o] for o in side.observers]
-            flows[i, here], flows_u[i, here] = _sum(seen[0].plain, valid, members)
+            flows[i, here], flows_u[i, here] = _sum(whole, valid, members)
         found, u = residuals_seen(ruleset, seen)
         for i, residual in enumerate(residuals):
             sound = valid[[index[t.observer] for t in residual.terms]].all(axis=0)

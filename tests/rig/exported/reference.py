@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
-from rulec_runtime.diagnosis.steady.observe import outside_range
+from rulec_runtime.diagnosis.steady.points import outside_range
 from rulec_runtime.recordings.stationary import systematic_u
 
 from rulec.export.interpret import Value

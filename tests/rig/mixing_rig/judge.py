@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import diagnose
-from rulec_runtime.diagnosis.steady.observe import observe, points_of_samples
+from rulec_runtime.diagnosis.steady.observe import observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
+from rulec_runtime.diagnosis.steady.points import points_of_samples
 from rulec_runtime.diagnosis.steady.traced import Trace
 from rulec_runtime.diagnosis.trace import trace
 from rulec_runtime.recordings.recording import Recording

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.diagnosis.steady.observe import Points
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.limits import NORMAL_SPREAD
 from rulec_runtime.recordings.stationary import Stretches
 

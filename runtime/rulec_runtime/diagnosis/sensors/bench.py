@@ -12,14 +12,16 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, isolate, quantile, test_of
-from rulec_runtime.diagnosis.steady.observe import Observed, Points, observe, points_of_stretches
+from rulec_runtime.diagnosis.steady.observe import Observed, observe
+from rulec_runtime.diagnosis.steady.points import Points, points_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, patterns_of, residual_basis
+from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.point_table import each_row, is_point_table
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import (
     Stretches,
-    find_stretches,
     noise_at_work,
+    settled_stretches,
     systematic_u,
 )
 
@@ -96,7 +98,7 @@ class Bench:
             basis = residual_basis(self.ruleset, valid)
             if len(basis):
                 test = test_of(self.ruleset, observed, valid, basis, members)
-                chi = test.chi_square.value
+                chi = test.metric.value
                 thresholds[members] = chi_square_limit(len(basis), limit)
                 excess[members] = chi / thresholds[members]
                 freedom[members] = len(basis)
@@ -105,7 +107,7 @@ class Bench:
 
     def explained(self, found: Agreement) -> Explained:
         """What is sound, and which faults fit where."""
-        isolation = isolate(self.ruleset, found.observed)
+        isolation = isolate(self.ruleset, found.observed, all_tried=True)
         fits = isolation.probability > 0
         fits[:, isolation.pair[:, 0] >= 0] = False
         quiet = isolation.judged & ~isolation.deviating
@@ -123,13 +125,14 @@ class Bench:
         return np.array([signal in o.signals for o in self.ruleset.observers], dtype=bool)
 
 
+@once
 def bench_of(recording: Recording, ruleset: Ruleset) -> Bench | None:
     """Settled stretches, as the diagnosis has them; None where there are none."""
     noise = noise_at_work(recording, ruleset)
     if is_point_table(recording, ruleset):
         stretches = each_row(recording)
     else:
-        stretches = find_stretches(recording, ruleset, noise)
+        stretches = settled_stretches(recording, ruleset)
     if not len(stretches) or not ruleset.observers:
         return None
     chosen = np.unique(np.linspace(0, len(stretches) - 1, limits.STRETCHES_LOOKED_AT).astype(int))

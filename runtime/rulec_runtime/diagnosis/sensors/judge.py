@@ -55,23 +55,24 @@ def examine(recording: Recording, ruleset: Ruleset, *, by_model: bool = True) ->
     """
     if recording.unfit is not None:
         return Health((), recording)
-    found: list[Found] = []
-    found += out_of_range(recording, ruleset)
-    found += stuck_readings(without(recording, found), ruleset)
+    found = [*out_of_range(recording, ruleset)]
     clean = without(recording, found)
+    stuck = [*stuck_readings(clean, ruleset)]
+    found, clean = found + stuck, without(clean, stuck)
     if by_model:
         still = {f.signal for f, _ in found if f.condition is STUCK}
         still |= {name for name, values in clean.values.items() if never_moves(values)}
         misread = misread_of(recording, clean, ruleset, still)
         if not misread and (dead := dead_of(clean, ruleset)):
-            found += dead
-            misread = misread_of(recording, without(recording, found), ruleset, still)
-        # A wrong unit may put a reading out of its range: that is its reason.
-        wrong = {f.signal for f, _ in misread}
-        found = [one for one in found if one[0].signal not in wrong] + misread
-        clean = without(recording, found)
-        found += frozen_of(clean, ruleset)
-        clean = without(recording, found)
+            found, clean = found + dead, without(clean, dead)
+            misread = misread_of(recording, clean, ruleset, still)
+        if misread:
+            # A wrong unit may put a reading out of its range: that is its reason.
+            wrong = {f.signal for f, _ in misread}
+            found = [one for one in found if one[0].signal not in wrong] + misread
+            clean = without(recording, found)
+        frozen = frozen_of(clean, ruleset)
+        found, clean = found + frozen, without(clean, frozen)
     findings = [_with_end(recording, one) for one, _ in found]
     findings += _clock(recording)
     findings.sort(key=lambda f: ("FC".index(f.condition.status), f.since, f.id))
@@ -84,12 +85,13 @@ def stuck_readings(recording: Recording, ruleset: Ruleset) -> Iterable[Found]:
         values = recording.values.get(signal.id)
         if values is None or not np.isfinite(values).any():
             continue
-        u = float(np.median(systematic_u(signal, values[np.isfinite(values)])))
-        zero = at_zero(signal, values)
+        u = np.inf
+        if signal.is_input:
+            u = float(np.median(systematic_u(signal, values[np.isfinite(values)])))
         # Below its minimum the module stands, and nothing is read from there.
         low = signal.lowest if signal.minimum is None else signal.minimum
-        for a, b in standing_still(values, u if signal.is_input else np.inf, (low, signal.highest)):
-            if zero[a]:
+        for a, b in standing_still(values, u, (low, signal.highest)):
+            if at_zero(signal, values[a : a + 1])[0]:
                 continue  # a clipped zero; whether it is a dead one the others say
             yield stuck_finding(signal, recording, a, b, "even its noise is gone"), slice(a, b)
 
@@ -105,7 +107,10 @@ def stuck_finding(
 
 
 def without(recording: Recording, found: Iterable[Found]) -> Recording:
-    """The recording with what was found taken out."""
+    """The recording with what was found taken out; the same if there was nothing."""
+    found = list(found)
+    if not found and recording.unfit is not None:
+        return recording
     values: dict[str, Array] = dict(recording.values)
     unfit: dict[str, str] = dict(recording.unfit or {})
     for finding, part in found:

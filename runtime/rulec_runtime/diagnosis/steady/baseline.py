@@ -20,12 +20,6 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import (
-    chi_square_limit,
-    covariance_of,
-    patterns_of,
-    residual_basis,
-)
 from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 
 
@@ -76,93 +70,10 @@ def remembered(seconds: Array | float) -> Array:
     return correlation
 
 
-def learn(ruleset: Ruleset, observed: Observed) -> Baselines:
-    """Go through the points in order of time and learn from those that nothing contradicts."""
-    states = [nothing_learned(observed)]
-    at = np.zeros(len(observed), dtype=int)
-    time = times_of(observed)
-    outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
-    for said in _in_order(ruleset, observed):
-        at[said.point] = len(states) - 1
-        if not outside[said.point]:
-            updated = _update(states[-1].later(time[said.point]), said)
-            if updated is not None:
-                states.append(updated)
-    return Baselines(tuple(states), _filled(at))
-
-
-@dataclass(frozen=True)
-class _Said:
-    """What a judgeable point says: residuals (rank,), their gradients by the lasting errors
-    (rank, errors), covariance of the noise (rank, rank) and the logarithm of its determinant."""
-
-    point: int
-    residuals: Array
-    shared: Array
-    noise: Array
-    log_determinant: float
-
-
-def _in_order(ruleset: Ruleset, observed: Observed) -> list[_Said]:
-    """What the judgeable points say, in order of time."""
-    found: list[_Said] = []
-    for valid, members in patterns_of(observed.valid):
-        basis = residual_basis(ruleset, valid)
-        if len(basis):
-            found += _said(observed, valid, basis, members)
-    return sorted(found, key=lambda said: said.point)
-
-
-def _said(
-    observed: Observed, valid: np.ndarray, basis: Array, members: np.ndarray
-) -> Iterator[_Said]:
-    """What points say that share their valid observers, all worked out together."""
-    noise = np.ascontiguousarray(covariance_of(basis, observed.noise, valid, members))
-    residuals = (basis @ observed.flows[valid][:, members]).T
-    shared = np.tensordot(basis, observed.shared[valid][:, :, members], axes=1)
-    shared = np.ascontiguousarray(np.moveaxis(shared, -1, 0))
-    _, size = np.linalg.slogdet(noise)
-    for k, point in enumerate(members.tolist()):
-        yield _Said(point, residuals[k], shared[k], noise[k], float(size[k]))
-
-
-def _update(before: Baseline, said: _Said) -> Baseline | None:
-    """Condition on a point; None if it deviates, or adds next to nothing."""
-    residuals, shared = said.residuals, said.shared
-    if not (np.isfinite(residuals).all() and np.isfinite(shared).all()):
-        return None
-    crossed = before.covariance @ shared.T
-    total = said.noise + shared @ crossed
-    off = residuals - shared @ before.mean
-    try:
-        solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
-    except np.linalg.LinAlgError:  # readings so far off that their errors drown in rounding
-        return None
-    if off @ solved[:, 0] > chi_square_limit(len(off), limits.CALM):
-        return None
-    gain = np.linalg.slogdet(total)[1] - said.log_determinant
-    if gain < limits.WORTH_LEARNING * len(off):
-        return None
-    covariance = before.covariance - crossed @ solved[:, 1:]
-    before.points.append(said.point)
-    return replace(
-        before,
-        mean=before.mean + crossed @ solved[:, 0],
-        covariance=0.5 * (covariance + covariance.T),
-        count=before.count + 1,
-    )
-
-
 def times_of(observed: Observed) -> Array:
     """Time of each point, s; all the same where the points do not follow each other."""
     time = observed.points.time
     return np.zeros(len(observed)) if time is None else time
-
-
-def _filled(at: np.ndarray) -> np.ndarray:
-    """Points that could not be judged take the baseline of the point before."""
-    filled: np.ndarray = np.maximum.accumulate(at)
-    return filled
 
 
 def against(

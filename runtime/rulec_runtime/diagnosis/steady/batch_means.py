@@ -10,7 +10,6 @@ noise, the positive part of its moment estimate (DerSimonian and Laird 1986).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +17,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.steady.chi_square import inverse_of
-from rulec_runtime.diagnosis.steady.observe import Observed, flows_at, points_of_stretches
+from rulec_runtime.diagnosis.steady.observe import Observed, flows_at
+from rulec_runtime.diagnosis.steady.points import means_of_stretches
 from rulec_runtime.diagnosis.steady.redundancy import covariance_of, patterns_of, residual_basis
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
@@ -33,9 +33,7 @@ class Halves:
     excess: Array
 
 
-def halves_of(
-    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
-) -> Halves:
+def halves_of(recording: Recording, ruleset: Ruleset, stretches: Stretches) -> Halves:
     """Cut every stretch in the middle."""
     middle = stretches.first + stretches.lengths // 2
     early, late = (
@@ -43,8 +41,7 @@ def halves_of(
         Stretches(middle, stretches.last),
     )
     before, after = (
-        flows_at(ruleset, points_of_stretches(recording, ruleset, part, noise))
-        for part in (early, late)
+        flows_at(ruleset, means_of_stretches(recording, ruleset, part)) for part in (early, late)
     )
     excess = stretches.lengths**2 / (early.lengths * late.lengths)
     return Halves(after - before, excess)

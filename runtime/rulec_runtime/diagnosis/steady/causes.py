@@ -9,7 +9,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.combine import ONSET, Hypothesis, combine
+from rulec_runtime.diagnosis.steady.combine import ONSET, Fits, Hypothesis, fits_of, hypotheses_of
 from rulec_runtime.diagnosis.steady.isolate import Isolation
 from rulec_runtime.diagnosis.steady.seen import Seen
 
@@ -34,18 +34,22 @@ class Cause:
     when: str
 
 
-def causes_of(
-    ruleset: Ruleset, seen: Seen, members: Sequence[int], known: frozenset[int]
-) -> list[Cause]:
-    """The causes of a run: one fault, or two at once; `known` are faults found just before."""
-    hypotheses = []
-    if seen.combined:
-        hypotheses = combine(ruleset, seen.plain, seen.baselines, seen.isolation, members, known)
+def fits_of_runs(seen: Seen, runs: Sequence[Sequence[int]]) -> list[Fits]:
+    """What fits each run; nothing is tried where points are not combined."""
+    if not seen.combined:
+        return [Fits([], 0) for _ in runs]
+    return fits_of(seen.part.ruleset, seen.plain, seen.baselines, seen.isolation, runs)
+
+
+def causes_of(seen: Seen, members: Sequence[int], fits: Fits, known: frozenset[int]) -> list[Cause]:
+    """The causes of a run by what fits it: one fault, or two at once; `known` are faults found just
+    before."""
+    hypotheses = hypotheses_of(fits, seen.isolation.chance, known)
     if not hypotheses:
         hypotheses = [_average(seen.isolation, members)]
     fitting = seen.isolation.probability[:, members].max(axis=1) > 0.0
     places = range(len(hypotheses[0].faults))
-    return [_cause(ruleset, hypotheses, place, fitting) for place in places]
+    return [_cause(seen.part.ruleset, hypotheses, place, fitting) for place in places]
 
 
 def _cause(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,9 +30,9 @@ class ChiSquare:
     slope: Array
     curvature: Array
 
-    def of(self, flows: Sequence[int]) -> ChiSquare:
-        """The same where no other flows are moved."""
-        return ChiSquare(self.value, self.slope[flows], self.curvature[np.ix_(flows, flows)])
+    def problems(self, chosen: np.ndarray) -> ChiSquare:
+        """Some of the problems."""
+        return ChiSquare(self.value[chosen], self.slope[:, chosen], self.curvature[..., chosen])
 
     def at(self, moved: Array) -> tuple[Array, Array]:
         """Value, shape (..., n), and slope, shape of `moved`, with flows moved.
@@ -66,21 +66,50 @@ class ChiSquare:
         return ChiSquare(self.value - taken, slope, both[:, :-1])
 
 
-def chi_square(inverse: Array, residuals: Array, basis: Array) -> ChiSquare:
-    """Chi-square of residuals, shape (n, rows), with inverse covariances, shape (n, rows, rows).
+@dataclass(frozen=True)
+class Metric:
+    """Residuals of n problems in the metric of their covariance.
 
-    `basis` has the residuals' slopes by each flow, shape (rows, flows).
+    `inverse` are inverse covariances, shape (n, residuals, residuals), (s/m3)^2, `residuals` has
+    shape (n, residuals), m3/s: those of one point after the other, `rank` of each, which `basis`
+    gives as combinations of flows, shape (rank, flows).
     """
-    weighted = inverse @ basis
-    slope = np.einsum("nr,nrf->fn", residuals, weighted)
-    curvature = np.ascontiguousarray(np.moveaxis(basis.T @ weighted, 0, -1))
-    return ChiSquare(products(inverse, residuals, residuals), slope, curvature)
 
+    inverse: Array
+    residuals: Array
+    basis: Array
 
-def products(inverse: Array, a: Array, b: Array) -> Array:
-    """Products of vectors in the metric of the inverse covariances, shape (n,)."""
-    product: Array = np.einsum("nr,nr->n", a, (inverse @ b[:, :, None])[:, :, 0])
-    return product
+    @cached_property
+    def weighted(self) -> Array:
+        """Residuals times the inverse covariance, shape (n, residuals), s/m3."""
+        weighted: Array = (self.inverse @ self.residuals[:, :, None])[:, :, 0]
+        return weighted
+
+    @cached_property
+    def value(self) -> Array:
+        """Chi-square as measured, shape (n,)."""
+        value: Array = np.einsum("nr,nr->n", self.residuals, self.weighted)
+        return value
+
+    def problems(self, chosen: np.ndarray | slice) -> Metric:
+        """Some of the problems."""
+        return Metric(self.inverse[chosen], self.residuals[chosen], self.basis)
+
+    def moving(self, places: np.ndarray) -> ChiSquare:
+        """Chi-square where some flows move: `places` of them per problem, shape (touched, n), or
+        -1; the flows of a problem are the touched ones of one point after the other."""
+        n, rows = self.residuals.shape
+        rank = len(self.basis)
+        points, touched = rows // rank, len(places)
+        own = np.where(places >= 0, self.basis[:, places], 0.0).transpose(2, 0, 1)[:, None]
+        slope = own.transpose(0, 1, 3, 2) @ self.weighted.reshape(n, points, rank, 1)
+        half = (self.inverse.reshape(n, rows, points, rank) @ own).reshape(n, points, rank, -1)
+        curvature = (own.transpose(0, 1, 3, 2) @ half).reshape(n, points * touched, -1)
+        return ChiSquare(
+            self.value,
+            np.ascontiguousarray(slope.reshape(n, -1).T),
+            np.ascontiguousarray(curvature.transpose(1, 2, 0)),
+        )
 
 
 def inverse_of(covariance: Array) -> Array:

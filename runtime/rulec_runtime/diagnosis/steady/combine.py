@@ -10,8 +10,7 @@ or that they held one which has gone.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -19,11 +18,14 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.baseline import Baselines, remembered, times_of
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome, Scales, pair_starts
+from rulec_runtime.diagnosis.steady.baseline import Baselines
+from rulec_runtime.diagnosis.steady.fit import Outcomes, fit
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit, residual_basis
+from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
+from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test, thinned
+from rulec_runtime.diagnosis.steady.starts import pair_starts
 
 ONSET, THROUGHOUT, ENDED = "onset", "throughout", "ended"
 """When a fault is there: in the run alone, also in the baseline, or in the baseline alone."""
@@ -47,129 +49,172 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class Fit:
+    """Faults (indexes) as they fit one run best: degrees and uncertainties, chi-square left,
+    log-likelihood, and when they are there."""
+
     faults: tuple[int, ...]
     when: str
-    outcome: Outcome
+    degrees: tuple[float, ...]
+    u: tuple[float, ...]
+    distance: float
+    evidence: float
 
 
-def combine(
+@dataclass(frozen=True)
+class Fits:
+    """What was tried on one run, and the number of residuals of its stack."""
+
+    tried: list[Fit]
+    rank: int
+
+
+@dataclass(frozen=True)
+class _Stack:
+    """The stretches of a run and of its baseline that are stacked; `run` counts the runs."""
+
+    run: int
+    members: Sequence[int]
+    learned: np.ndarray
+    points: np.ndarray
+    valid: np.ndarray
+
+    @property
+    def shape(self) -> tuple[bytes, int, int]:
+        """Stacks with the same are worked out together."""
+        return self.valid.tobytes(), len(self.learned), len(self.points)
+
+
+def fits_of(
     ruleset: Ruleset,
     observed: Observed,
     baselines: Baselines,
     isolation: Isolation,
-    members: Sequence[int],
-    known: frozenset[int] = frozenset(),
+    runs: Sequence[Sequence[int]],
+) -> list[Fits]:
+    """Fit hypotheses to all stretches of each run; `observed` is not shifted by baselines."""
+    alike: dict[tuple[bytes, int, int], list[_Stack]] = {}
+    for run, members in enumerate(runs):
+        points, valid = spread_evenly(observed, members)
+        learned = baselines.states[baselines.at[members[0]]].learned
+        usable = _usable_baseline(observed, learned, valid)
+        stack = _Stack(run, members, usable, points, valid)
+        alike.setdefault(stack.shape, []).append(stack)
+    found: dict[int, Fits] = {}
+    for stacks in alike.values():
+        for part in _portions(stacks):
+            found |= _fits_alike(ruleset, observed, isolation, part)
+    return [found[run] for run in range(len(runs))]
+
+
+def hypotheses_of(
+    fits: Fits, chance: float, known: frozenset[int] = frozenset()
 ) -> list[Hypothesis]:
     """Hypotheses that fit all stretches of a run, the most probable first; none if none does.
 
-    `observed` is not shifted by baselines; `known` are faults found just before the run.
+    `known` are faults found just before the run.
     """
-    points, valid = spread_evenly(observed, members)
-    learned = _usable_baseline(observed, baselines.states[baselines.at[members[0]]].learned, valid)
-    stack = np.concatenate([learned, points])
-    basis = residual_basis(ruleset, valid)
-    later = np.repeat([0.0, 1.0], [len(learned), len(points)])
-    spread = partial(stacked_covariance, observed, valid, basis, stack)
-    test = HypothesisTest(
-        ruleset=ruleset,
-        observed=observed,
-        valid=valid,
-        basis=basis,
-        members=stack,
-        spread=spread,
-        present=later,
-    )
-    fits = list(_onset(test, isolation, members))
-    if len(learned):
-        fits += _backward(replace(test, present=np.ones(len(stack))), THROUGHOUT)
-        fits += _backward(replace(test, present=1.0 - later), ENDED)
-    rank = len(basis) * len(stack)
-    fits = [
-        f for f in fits if f.outcome.distance[0] <= accepted(rank, len(f.faults), isolation.chance)
-    ]
-    if not fits:
+    rank = fits.rank
+    sound = [f for f in fits.tried if f.distance <= accepted(rank, len(f.faults), chance)]
+    if not sound:
         return []
-    evidence = np.array([f.outcome.evidence[0] for f in fits])
-    evidence += [limits.KNOWN_FAULT * bool(known & set(f.faults)) for f in fits]
-    evidence += [limits.FAULT_FROM_START * (f.when != ONSET) for f in fits]
+    evidence = np.array([f.evidence for f in sound])
+    evidence += [limits.KNOWN_FAULT * bool(known & set(f.faults)) for f in sound]
+    evidence += [limits.FAULT_FROM_START * (f.when != ONSET) for f in sound]
     probability = shares(evidence[:, None])[:, 0]
     order = np.argsort(-probability, kind="stable")
-    return [_hypothesis(fits[k], float(probability[k]), rank) for k in order if probability[k]]
+    return [_hypothesis(sound[k], float(probability[k]), rank) for k in order if probability[k]]
 
 
-def _hypothesis(fit: _Fit, probability: float, rank: int) -> Hypothesis:
+def _hypothesis(fit: Fit, probability: float, rank: int) -> Hypothesis:
     """Degrees with bounds; stretches that scatter more than they should widen them."""
-    freedom, left = rank - len(fit.faults), float(fit.outcome.distance[0])
+    freedom = rank - len(fit.faults)
     wide = 1.0
-    if freedom > 0 and left > chi_square_limit(freedom, limits.DISAGREE):
-        wide = float(np.sqrt(left / freedom))
+    if freedom > 0 and fit.distance > chi_square_limit(freedom, limits.DISAGREE):
+        wide = float(np.sqrt(fit.distance / freedom))
     return Hypothesis(
-        fit.faults,
-        tuple(fit.outcome.degree[0].tolist()),
-        tuple((wide * fit.outcome.u[0]).tolist()),
-        probability,
-        fit.when,
+        fit.faults, fit.degrees, tuple(wide * u for u in fit.u), probability, fit.when
     )
-
-
-def spread_evenly(
-    observed: Observed, members: Sequence[int] | np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Some stretches of a run, spread evenly, that share their usable observers."""
-    chosen = np.asarray(members)
-    patterns, group, counts = np.unique(
-        observed.valid[:, chosen], axis=1, return_inverse=True, return_counts=True
-    )
-    usual = int(np.argmax(counts))
-    return _thinned(chosen[np.ravel(group) == usual]), patterns[:, usual]
 
 
 def _usable_baseline(observed: Observed, learned: Sequence[int], valid: np.ndarray) -> np.ndarray:
     """Stretches of the baseline that have the observers of the run."""
     chosen = np.asarray(learned, dtype=int)
-    return _thinned(chosen[observed.valid[:, chosen][valid].all(axis=0)])
+    return thinned(chosen[observed.valid[:, chosen][valid].all(axis=0)])
 
 
-def _thinned(points: np.ndarray) -> np.ndarray:
-    places = np.linspace(0, len(points) - 1, min(limits.STACKED, len(points))).round().astype(int)
-    thinned: np.ndarray = points[places]
-    return thinned
+def _portions(stacks: Sequence[_Stack]) -> Iterator[Sequence[_Stack]]:
+    """Stacks in portions whose matrices do not take much memory."""
+    first = stacks[0]
+    residuals = (len(first.learned) + len(first.points)) * int(first.valid.sum())
+    size = max(limits.TABLE // residuals**2, 1)
+    for low in range(0, len(stacks), size):
+        yield stacks[low : low + size]
 
 
-def stacked_covariance(
-    observed: Observed, valid: np.ndarray, basis: Array, points: np.ndarray, scales: Scales | None
-) -> Array:
-    """Covariance of the residuals of several points, shape (1, points * rank, points * rank).
+def _fits_alike(
+    ruleset: Ruleset, observed: Observed, isolation: Isolation, stacks: Sequence[_Stack]
+) -> dict[int, Fits]:
+    """What was tried on runs whose stacks have the same shape."""
+    first, count = stacks[0], len(stacks)
+    members = np.array([np.concatenate([s.learned, s.points]) for s in stacks]).T
+    once = np.repeat([0.0, 1.0], [len(first.learned), len(first.points)])
+    later = np.repeat(once[:, None], count, axis=1)
+    test = stacked_test(ruleset, observed, first.valid, members, later)
+    candidates = [set(_candidates(isolation, s.members)) for s in stacks]
+    singles = [(i,) for i in range(len(ruleset.faults))]
+    tried, times = [_asked(singles, candidates)], [ONSET]
+    if len(first.learned):
+        times += [THROUGHOUT, ENDED]
+        earlier = test.at_other_times(np.hstack([np.ones_like(later), 1.0 - later]))
+        tried.append(_explaining(earlier))
+        test = test.at_other_times(np.hstack([later, earlier.present]))
+    fits = fit(test, [(f,) for f in ruleset.faults], np.hstack(tried))
+    found = [
+        [
+            one
+            for k, when in enumerate(times)
+            for one in _entered(singles, fits, when, k * count + i)
+        ]
+        for i in range(count)
+    ]
+    pairs = sorted({c for own in candidates for c in own if len(c) > 1})
+    if pairs:
+        asked = [(ruleset.faults[i], ruleset.faults[j]) for i, j in pairs]
+        begin = _pair_starts(isolation, stacks, np.array(pairs).T)
+        onset = test.at(np.arange(count))
+        fits = fit(onset, asked, _asked(pairs, candidates), begin)
+        for i, own in enumerate(found):
+            own += _entered(pairs, fits, ONSET, i)
+    return {s.run: Fits(own, test.freedom) for s, own in zip(stacks, found, strict=True)}
 
-    `scales` are factors on the errors of each usable observer.
-    """
-    rank = len(basis)
-    noise, lasting = (
-        [basis] * len(points) if part is None else [basis * own for own in part.T]
-        for part in ((None, None) if scales is None else (scales.noise, scales.lasting))
-    )
-    gradients = np.vstack(
-        [b @ observed.shared[valid, :, k] for b, k in zip(lasting, points, strict=True)]
-    )
-    time = np.repeat(times_of(observed)[points], rank)
-    covariance = gradients @ gradients.T * remembered(time[:, None] - time)
-    for row, point in enumerate(points):
-        own = observed.noise[point][np.ix_(valid, valid)]
-        block = slice(row * rank, (row + 1) * rank)
-        covariance[block, block] += noise[row] @ own @ noise[row].T
-    result: Array = covariance[None]
-    return result
+
+def _asked(
+    hypotheses: Sequence[tuple[int, ...]], candidates: Sequence[set[tuple[int, ...]]]
+) -> np.ndarray:
+    """Which hypotheses are candidates of which runs, shape (hypotheses, runs)."""
+    return np.array([[one in own for own in candidates] for one in hypotheses], dtype=bool)
 
 
-def _onset(test: HypothesisTest, isolation: Isolation, members: Sequence[int]) -> Iterator[_Fit]:
-    """Hypotheses that fit some stretch of the run, with no fault before it."""
-    for faults in _candidates(isolation, members):
-        start = np.mean(isolation.degree[list(faults)][:, members], axis=1)[None]
-        starts = None if len(faults) == 1 else [start, *pair_starts()]
-        outcome = test.run(tuple(test.ruleset.faults[i] for i in faults), starts)
-        if outcome is not None:
-            yield _Fit(faults, ONSET, outcome)
+def _entered(
+    hypotheses: Sequence[tuple[int, ...]], fits: Outcomes, when: str, place: int
+) -> Iterator[Fit]:
+    """What was tried on one problem."""
+    for i in np.flatnonzero(np.isfinite(fits.evidence[:, place])).tolist():
+        degrees = tuple(fits.degree[:, i, place].tolist())
+        u = tuple(fits.u[:, i, place].tolist())
+        distance, evidence = float(fits.distance[i, place]), float(fits.evidence[i, place])
+        yield Fit(hypotheses[i], when, degrees, u, distance, evidence)
+
+
+def _pair_starts(isolation: Isolation, stacks: Sequence[_Stack], pairs: np.ndarray) -> Array:
+    """Degrees of pairs, shape (2, pairs), tried first: as isolated, and some others; shape
+    (2, starts, pairs, runs)."""
+    degrees = np.array([isolation.degree[:, s.members].mean(axis=1) for s in stacks]).T
+    own = degrees[pairs][:, None]
+    usual = pair_starts()
+    others = np.broadcast_to(usual, (*usual.shape[:2], *own.shape[2:]))
+    return np.concatenate([own, others], axis=1)
 
 
 def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -180,15 +225,12 @@ def _candidates(isolation: Isolation, members: Sequence[int]) -> Iterator[tuple[
     yield from combinations((int(i) for i in likely), 2 if pairs else 1)
 
 
-def _backward(test: HypothesisTest, when: str) -> Iterator[_Fit]:
-    """The single faults that, present at other times, would explain most to first order."""
-    explained = np.zeros(len(test.ruleset.faults))
-    for i, fault in enumerate(test.ruleset.faults):
-        towards = test.towards(fault)
-        if towards is not None and towards[1][0] > 0.0:
-            pull, information = (float(part[0]) for part in towards)
-            explained[i] = max(pull, 0.0) ** 2 / information
-    for i in np.argsort(-explained, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]:
-        outcome = test.run((test.ruleset.faults[i],)) if explained[i] > 0 else None
-        if outcome is not None:
-            yield _Fit((int(i),), when, outcome)
+def _explaining(test: HypothesisTest) -> np.ndarray:
+    """The faults that would explain most of each problem to first order, shape (faults, n)."""
+    pull, information = test.towards()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        explained = np.where(information > 0.0, np.maximum(pull, 0.0) ** 2 / information, 0.0)
+    most = np.argsort(-explained, axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
+    found = np.zeros(explained.shape, dtype=bool)
+    np.put_along_axis(found, most, np.take_along_axis(explained, most, axis=0) > 0.0, axis=0)
+    return found

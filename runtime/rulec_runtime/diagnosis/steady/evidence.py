@@ -42,23 +42,19 @@ class Latest:
 def latest_of(ruleset: Ruleset, timeline: Timeline, seen: Sequence[Seen]) -> Latest:
     """Residuals of the last settled stretch, in the ruleset's order."""
     last = len(timeline) - 1
-    found = {e.residual: e for part in seen for e in evidence_at(ruleset, part, last)}
+    found = {e.residual: e for part in seen for e in evidence_at(part, last)}
     ordered = tuple(found[r.id] for r in ruleset.residuals if r.id in found)
     return Latest(float(timeline.since[last]), float(timeline.until[last]), ordered)
 
 
-def evidence_at(
-    ruleset: Ruleset, seen: Seen, point: int, fault: FaultSpec | None = None
-) -> tuple[Evidence, ...]:
-    """All residuals of a block at a point, beside what a fault predicts; without one that is 0."""
-    observed = seen.observed
+def evidence_at(seen: Seen, point: int, fault: FaultSpec | None = None) -> tuple[Evidence, ...]:
+    """All residuals of a part at a point, beside what a fault predicts; without one that is 0."""
+    ruleset, observed = seen.part.ruleset, seen.observed
     cells = () if fault is None else ruleset.cells_of_fault[fault.id]
     signs = {c.residual: c.sign for c in cells}
     index = ruleset.observer_index
     rows = []
     for i, residual in enumerate(ruleset.residuals):
-        if not seen.block.holds(ruleset, residual):
-            continue
         expected = {1: "+", -1: "-", 0: "0"}[signs.get(residual.id, 0)]
         value, u = float(observed.residuals[i, point]), float(observed.residual_u[i, point])
         shared = float(observed.residual_systematic[i, point])

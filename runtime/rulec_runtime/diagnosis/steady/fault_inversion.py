@@ -2,70 +2,109 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 
 Faults = tuple[FaultSpec, ...]
 """The faults of one hypothesis, at the same time."""
 
+Outputs = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A hypothesis and the `columns` in which it is tried; `touched` are the usable observers that
+    its faults make wrong."""
+
+    faults: Faults
+    touched: Sequence[str]
+    columns: slice
+
 
 @dataclass(frozen=True, kw_only=True)
 class Undoing:
-    """Faults undone in the observers they touch, at n points.
+    """Hypotheses undone, side by side: each in columns of its own, at the points of each column.
 
-    `readings` per signal and `measured` per touched observer, shapes (n,) and (touched, n), SI.
-    `kept` is the share of each flow that the baseline leaves, shape (touched, n): what it takes
-    scales with an estimate.
+    `parts` are those of `every` one that have columns.
+    `readings` per signal have the shape (points, columns), SI. `measured` are the flows of the
+    observers that the hypothesis of a column touches, `kept` the share of each that the baseline
+    leaves (what it takes scales with an estimate), both of shape (touched, points, columns), SI; 0
+    where a hypothesis touches fewer observers.
     """
 
     ruleset: Ruleset
-    faults: Faults
-    touched: Sequence[str]
+    every: Sequence[Part]
+    parts: Sequence[Part]
     readings: Mapping[str, Array]
     measured: Array
     kept: Array
 
     def moved(self, degree: Array) -> Array:
-        """How far the flows move, shape (touched, ..., n), m3/s; degrees (faults, ..., n)."""
-        plan = self.ruleset.undone(tuple(self.touched), ())
-        return self._moved(self._run(plan, degree), degree)
-
-    def moved_and_slopes(self, degree: Array) -> tuple[Array, Array]:
-        """The same, and the slopes by each degree, shape (touched, faults, n); degrees
-        (faults, n)."""
-        out = self._run(self._with_slopes, degree)
-        none = np.zeros(degree.shape[1])
-        slopes = [[out.get(f"dq:{o}:{f.id}", none) for f in self.faults] for o in self.touched]
-        return self._moved(out, degree), np.array(slopes) * self.kept[:, None]
-
-    @cached_property
-    def _with_slopes(self) -> Plan:
-        return self.ruleset.undone(tuple(self.touched), tuple(f.id for f in self.faults))
-
-    def _moved(self, out: Mapping[str, Array], degree: Array) -> Array:
-        flows = np.array([out[f"q:{o}"].reshape(degree.shape[1:]) for o in self.touched])
-        wide = (len(flows), *[1] * (degree.ndim - 2), -1)
-        moved: Array = (flows - self.measured.reshape(wide)) * self.kept.reshape(wide)
+        """How far the flows move, shape (touched, ..., points, columns), m3/s; degrees
+        (faults, ..., points, columns)."""
+        moved = np.zeros((len(self.measured), *degree.shape[1:]))
+        for part, out in self._undone(degree, slopes=False):
+            self._enter(moved, part, out)
         return moved
 
-    def _run(self, plan: Plan, degree: Array) -> dict[str, Array]:
-        inputs: dict[str, Array | float] = {}
-        for name in plan.used_inputs:
-            if name in self.readings:
-                inputs[name] = _repeated(self.readings[name], degree)
-            elif name.startswith("x:"):
-                inputs[name] = 0.0
-        inputs.update({f"x:{f.id}": x.ravel() for f, x in zip(self.faults, degree, strict=True)})
-        return plan.run(inputs)
+    def moved_and_slopes(self, degree: Array) -> tuple[Array, Array]:
+        """The same, and the slopes by each degree, shape (touched, faults, points, columns);
+        degrees (faults, points, columns)."""
+        moved = np.zeros_like(self.measured)
+        slopes = np.zeros((len(moved), *degree.shape))
+        for part, out in self._undone(degree, slopes=True):
+            self._enter(moved, part, out)
+            for row, observer in enumerate(part.touched):
+                for place, fault in enumerate(part.faults):
+                    if (slope := out.get(f"dq:{observer}:{fault.id}")) is not None:
+                        slopes[row, place, :, part.columns] = slope
+        return moved, slopes * self.kept[:, None]
 
+    def _enter(self, moved: Array, part: Part, out: Outputs) -> None:
+        """Enter what the plan of a hypothesis gave into its columns."""
+        for row, observer in enumerate(part.touched):
+            own = (row, slice(None), part.columns)
+            moved[row, ..., part.columns] = (out[f"q:{observer}"] - self.measured[own]) * self.kept[
+                own
+            ]
 
-def _repeated(values: Array, degree: Array) -> Array:
-    """Readings once for each degree that is tried."""
-    times = degree[0].size // values.size if values.size else 1
-    return values if times == 1 else np.tile(values, times)
+    def _undone(self, degree: Array, *, slopes: bool) -> Iterator[tuple[Part, Outputs]]:
+        """Each hypothesis with the outputs of the plan in its columns, shape (..., points,
+        columns): by one plan for all where most of them are tried in columns so few that a call
+        costs more than they do."""
+        most = limits.MOST_OF_THEM * len(self.every)
+        if degree[0].size <= limits.FEW_COLUMNS and len(self.parts) >= most:
+            # Always the same plan, whichever of the hypotheses are left: to lay one out takes time.
+            out = self._run(self.every, self.parts, degree, slopes=slopes)
+            for part in self.parts:
+                yield part, {name: values[..., part.columns] for name, values in out.items()}
+            return
+        for part in self.parts:
+            own = replace(part, columns=slice(None))
+            readings = {name: table[:, part.columns] for name, table in self.readings.items()}
+            alone = replace(self, readings=readings)
+            yield part, alone._run([own], [own], degree[..., part.columns], slopes=slopes)
+
+    def _run(
+        self, known: Sequence[Part], tried: Sequence[Part], degree: Array, *, slopes: bool
+    ) -> dict[str, Array]:
+        """Outputs of the plan of all known hypotheses, where some of them are tried."""
+        observers = tuple(dict.fromkeys(o for part in known for o in part.touched))
+        faults = tuple(dict.fromkeys(f.id for part in known for f in part.faults))
+        plan = self.ruleset.undone(observers, faults if slopes else ())
+        shape = degree.shape[1:]
+        degrees = {name: np.zeros(shape) for name in faults}
+        for part in tried:
+            for fault, own in zip(part.faults, degree[..., part.columns], strict=True):
+                degrees[fault.id][..., part.columns] = own
+        inputs: dict[str, Array | float] = {n: 0.0 for n in plan.used_inputs if n.startswith("x:")}
+        inputs |= {f"x:{name}": table.ravel() for name, table in degrees.items()}
+        for name in plan.used_inputs & self.readings.keys():
+            inputs[name] = np.broadcast_to(self.readings[name], shape).ravel()
+        return {name: values.reshape(shape) for name, values in plan.run(inputs).items()}

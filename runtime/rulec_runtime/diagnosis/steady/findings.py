@@ -9,11 +9,12 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.degree import degree_in_words
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
-from rulec_runtime.diagnosis.steady.causes import Cause, causes_of
+from rulec_runtime.diagnosis.steady.causes import Cause, causes_of, fits_of_runs
 from rulec_runtime.diagnosis.steady.combine import ENDED, ONSET
 from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest, evidence_at
 from rulec_runtime.diagnosis.steady.isolate import accepted
 from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.runs import runs_of
 from rulec_runtime.diagnosis.steady.seen import Seen
 from rulec_runtime.diagnosis.steady.verdict import Verdict, partly_blind, verdict_at
@@ -95,17 +96,22 @@ class Found:
 
 def findings_of(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> Found:
     """Join neighbouring stretches that say the same; blind ones do not interrupt a finding."""
-    verdicts = [verdict_at(ruleset, seen, i) for i in range(len(timeline))]
-    found = Found([], [], _in_part(timeline, ruleset, seen))
+    verdicts = [verdict_at(seen, i) for i in range(len(timeline))]
+    found = Found([], [], _in_part(timeline, seen))
     known: frozenset[int] = frozenset()
     pauses = set(np.flatnonzero(timeline.paused).tolist())
-    for kind, members in runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)):
+    runs = list(runs_of(verdicts, seen.isolation, pauses, _slow(ruleset, seen)))
+    faulty = [m for kind, m in runs if kind == "fault" and not _too_brief(seen, timeline, m)]
+    fits = iter(fits_of_runs(seen, faulty))
+    for kind, members in runs:
         since, until = float(timeline.since[members[0]]), float(timeline.until[members[-1]])
         text = verdicts[members[0]].text
         if kind == "fault" and _too_brief(seen, timeline, members):
-            found.not_judged.append(Period(since, until, _brief(ruleset, verdicts[members[0]])))
+            found.not_judged.append(
+                Period(since, until, _brief(seen.part.ruleset, verdicts[members[0]]))
+            )
         elif kind == "fault":
-            causes = causes_of(ruleset, seen, members, known)
+            causes = causes_of(seen, members, next(fits), known)
             known = frozenset(cause.fault for cause in causes)
             for cause in causes:
                 times = _when(timeline, seen, cause, members)
@@ -155,12 +161,13 @@ def _behind(timeline: Timeline, seen: Seen, members: list[int]) -> str | None:
     return UNSETTLED if last + 1 == len(timeline) else UNJUDGED
 
 
-def _in_part(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> list[Period]:
+def _in_part(timeline: Timeline, seen: Seen) -> list[Period]:
     """Periods in which some estimates were missing, neighbouring ones joined."""
     found: list[Period] = []
     last = ""
+    whole = np.asarray(seen.observed.valid.all(axis=0))
     for i in range(len(timeline)):
-        text = partly_blind(ruleset, seen, i)
+        text = "" if whole[i] else partly_blind(seen, i)
         since, until = float(timeline.since[i]), float(timeline.until[i])
         if text and text == last:
             found[-1] = replace(found[-1], until=until)
@@ -172,7 +179,7 @@ def _in_part(timeline: Timeline, ruleset: Ruleset, seen: Seen) -> list[Period]:
 
 def _slow(ruleset: Ruleset, seen: Seen) -> set[int]:
     """Stretches in which a reading moves that an estimate reads."""
-    lag = seen.plain.points.lag
+    lag = seen.points.lag
     return {int(i) for n in ruleset.observed.intersection(lag) for i in np.flatnonzero(lag[n])}
 
 
@@ -184,7 +191,8 @@ def _finding(
     times: tuple[float, float],
 ) -> Finding:
     """A cause with its evidence at the strongest point of a run."""
-    fault = ruleset.faults[cause.fault]
+    own = seen.part.ruleset
+    fault = own.faults[cause.fault]
     strongest = members[int(np.argmax(seen.isolation.misfit[members]))]
     return Finding(
         fault,
@@ -193,22 +201,22 @@ def _finding(
         min(cause.upper, fault.highest),
         cause.probability,
         *times,
-        tuple((ruleset.faults[i].id, p) for i, p in cause.rivals),
-        tuple((ruleset.faults[i].id, p) for i, p in cause.remote),
-        tuple(ruleset.faults[i].id for i in cause.together),
-        evidence_at(ruleset, seen, strongest, fault),
-        _readings(ruleset, seen.observed, strongest),
-        _flows(ruleset, seen.observed, strongest),
+        tuple((own.faults[i].id, p) for i, p in cause.rivals),
+        tuple((own.faults[i].id, p) for i, p in cause.remote),
+        tuple(own.faults[i].id for i in cause.together),
+        evidence_at(seen, strongest, fault),
+        _readings(ruleset, seen.points, strongest),
+        _flows(own, seen.observed, strongest),
         len(seen.baselines.states[seen.baselines.at[members[0]]].learned),
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
     )
 
 
-def _readings(ruleset: Ruleset, observed: Observed, point: int) -> tuple[tuple[str, float], ...]:
+def _readings(ruleset: Ruleset, points: Points, point: int) -> tuple[tuple[str, float], ...]:
     return tuple(
-        (s.id, float(observed.points.values[s.id][point]))
+        (s.id, float(points.values[s.id][point]))
         for s in ruleset.signals
-        if s.id in ruleset.observed and s.id in observed.points.values
+        if s.id in ruleset.observed and s.id in points.values
     )
 
 

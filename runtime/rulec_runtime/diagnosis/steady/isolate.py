@@ -18,6 +18,7 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.fit import fit, least_left
 from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Scales
 from rulec_runtime.diagnosis.steady.observe import Observed
 from rulec_runtime.diagnosis.steady.pairs import PairFits, fit_pairs
@@ -91,17 +92,22 @@ def _nothing_judged(faults: int, n: int, chance: float) -> Isolation:
     )
 
 
-def isolate(ruleset: Ruleset, observed: Observed, looks: int | None = None) -> Isolation:
+def isolate(
+    ruleset: Ruleset, observed: Observed, looks: int | None = None, *, all_tried: bool = False
+) -> Isolation:
     """Judge every point on its own; points with the same usable observers together.
 
-    `looks` is the number of stretches that share one chance of a false alarm (default: all).
+    `looks` is the number of stretches that share one chance of a false alarm (default: all). Faults
+    that cannot fit are not tried, so that their degrees and what they leave are not known, unless
+    `all_tried`.
     """
     chance = alarm_chance(len(observed) if looks is None else looks)
     result = _nothing_judged(len(ruleset.faults), len(observed), chance)
     for valid, members in patterns_of(observed.valid):
         basis = residual_basis(ruleset, valid)
         if len(basis):
-            _judge_group(test_of(ruleset, observed, valid, basis, members), result)
+            test = test_of(ruleset, observed, valid, basis, members)
+            _judge_group(test, result, all_tried=all_tried)
     return result
 
 
@@ -110,17 +116,24 @@ def test_of(
 ) -> HypothesisTest:
     """Test of points on their own, with the covariance they have."""
 
-    def spread(scales: Scales | None) -> Array:
+    def spread(members: np.ndarray, scales: Scales | None) -> Array:
+        (points,) = members
         if scales is None:
-            return covariance_of(basis, observed.covariance, valid, members)
-        noise = observed.noise[members][:, valid][:, :, valid]
-        lasting = observed.covariance[members][:, valid][:, :, valid] - noise
-        own = _scaled(noise, scales.noise) + _scaled(lasting, scales.lasting)
+            return covariance_of(basis, observed.covariance, valid, points)
+        noise = observed.noise[points][:, valid][:, :, valid]
+        lasting = observed.covariance[points][:, valid][:, :, valid] - noise
+        own = _scaled(noise, scales.noise[:, 0]) + _scaled(lasting, scales.lasting[:, 0])
         result: Array = basis @ own @ basis.T
         return result
 
     return HypothesisTest(
-        ruleset=ruleset, observed=observed, valid=valid, basis=basis, members=members, spread=spread
+        ruleset=ruleset,
+        observed=observed,
+        valid=valid,
+        basis=basis,
+        members=members[None],
+        present=np.ones((1, len(members))),
+        spread=spread,
     )
 
 
@@ -130,44 +143,44 @@ def _scaled(covariance: Array, factors: Array) -> Array:
     return scaled
 
 
-def _judge_group(test: HypothesisTest, result: Isolation) -> None:
-    faults, members, rank = test.ruleset.faults, test.members, len(test.basis)
+def _judge_group(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> None:
+    members, rank = test.members[0], len(test.basis)
     chance = result.chance
-    misfit = test.chi_square.value
+    misfit = test.metric.value
     result.judged[members] = True
     result.misfit[members] = misfit
     result.freedom[members] = rank
     # Half of the chance of a false alarm goes to "anything is wrong", half to the faults that the
     # estimates can show: a test in the direction of a fault sees smaller ones.
     deviating = misfit > chi_square_limit(rank, quantile(chance / 2))
-    effects = [(i, test.towards(fault)) for i, fault in enumerate(faults)]
-    visible = [(i, *towards) for i, towards in effects if towards is not None]
-    strongest = quantile(chance / (2 * max(len(visible), 1)))
-    for i, pull, information in visible:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
-            deviating |= pull * floor > strongest
-        result.floor[i, members] = floor
+    visible = [bool(test.touched((fault,))) for fault in test.ruleset.faults]
+    strongest = quantile(chance / (2 * max(sum(visible), 1)))
+    pull, information = test.towards()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        floor = np.where(information > 0, 1.0 / np.sqrt(information), np.inf)
+        deviating |= (pull * floor > strongest)[visible].any(axis=0)
+    result.floor[np.ix_(visible, members)] = floor[visible]
     result.deviating[members] = deviating
-    if not deviating.any():
-        return
-    chosen = members[deviating]
-    test = test_of(test.ruleset, test.observed, test.valid, test.basis, chosen)
-    evidence = np.full((len(faults), len(chosen)), -np.inf)
-    for i, fault in enumerate(faults):
-        outcome = test.run((fault,))
-        if outcome is None:
-            continue
-        result.degree[i, chosen], result.u[i, chosen] = outcome.degree[:, 0], outcome.u[:, 0]
-        result.distance[i, chosen], evidence[i] = outcome.distance, outcome.evidence
-    evidence[~(result.distance[:, chosen] <= accepted(rank, 1, chance))] = -np.inf
+    if deviating.any():
+        _explain(test.at(deviating), result, all_tried=all_tried)
+
+
+def _explain(test: HypothesisTest, result: Isolation, *, all_tried: bool) -> None:
+    """Which single faults fit deviating points, and which pairs where none does."""
+    chosen, rank, chance = test.members[0], len(test.basis), result.chance
+    limit = accepted(rank, 1, chance)
+    tried = None if all_tried else least_left(test) <= limits.ROUNDED_OTHERWISE * limit
+    fits = fit(test, [(fault,) for fault in test.ruleset.faults], tried)
+    result.degree[:, chosen], result.u[:, chosen] = fits.degree[0], fits.u[0]
+    result.distance[:, chosen] = fits.distance
+    evidence = np.where(fits.distance <= limit, fits.evidence, -np.inf)
     within = _within_range(test)
     evidence[~within] = -np.inf
     result.probability[:, chosen] = shares(evidence)
-    unexplained = chosen[~np.isfinite(evidence).any(axis=0) & within.all(axis=0)]
-    if len(unexplained) and rank > 2:
-        test = test_of(test.ruleset, test.observed, test.valid, test.basis, unexplained)
-        _take_pairs(fit_pairs(test, accepted(rank, 2, chance)), unexplained, result)
+    unexplained = np.asarray(~np.isfinite(evidence).any(axis=0) & within.all(axis=0))
+    if unexplained.any() and rank > 2:
+        pairs = fit_pairs(test.at(unexplained), accepted(rank, 2, chance))
+        _take_pairs(pairs, chosen[unexplained], result)
 
 
 def _within_range(test: HypothesisTest) -> np.ndarray:
@@ -177,9 +190,10 @@ def _within_range(test: HypothesisTest) -> np.ndarray:
     otherwise is an operating point of which nothing is known.
     """
     faults = test.ruleset.faults
-    within = np.ones((len(faults), len(test.members)), dtype=bool)
+    members = test.members[0]
+    within = np.ones((len(faults), len(members)), dtype=bool)
     for signal, flags in test.observed.extrapolated.items():
-        outside = flags[test.members] & _is_read(test, signal)
+        outside = flags[members] & _is_read(test, signal)
         within[[signal not in fault.scales for fault in faults]] &= ~outside
     return within
 
@@ -205,8 +219,8 @@ def _take_pairs(fits: PairFits, members: np.ndarray, result: Isolation) -> None:
         np.add.at(result.probability, (places[:, side, None], points), probability[:, found])
         for row in order:
             fault = places[row, side]
-            result.degree[fault, points] = fits.degree[row, found, side]
-            result.u[fault, points] = fits.u[row, found, side]
+            result.degree[fault, points] = fits.degree[side, row, found]
+            result.u[fault, points] = fits.u[side, row, found]
 
 
 def shares(evidence: Array) -> Array:

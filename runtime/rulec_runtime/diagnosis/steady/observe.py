@@ -3,60 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
-from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
+from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset
+from rulec_runtime.diagnosis.steady.points import Points
 from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
-from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.slow_motion import lag_errors
-from rulec_runtime.recordings.stationary import Stretches, systematic_u
 
 Gradients = dict[str, dict[int, Array]]
 """Per error the observers (places) that it reaches: derivative times standard uncertainty, m3/s,
 shape (n,)."""
-
-
-@dataclass(frozen=True)
-class Points:
-    """Operating points to judge: one per stretch or one per sample.
-
-    `values` per signal, shape (n,), SI; `u` the standard uncertainty of each, statistical and
-    systematic together, `systematic` the part that does not average out; `bad` per signal (n,)
-    flags with a reason in `why`; `time` shape (n,), s, where the points follow each other. `lag`
-    is by how much readings that move are off if their lag is one standard uncertainty, signed,
-    shape (n,), SI; no part of `u`.
-    """
-
-    values: Mapping[str, Array]
-    u: Mapping[str, Array]
-    systematic: Mapping[str, Array]
-    bad: Mapping[str, np.ndarray]
-    why: Mapping[str, str]
-    time: Array | None = None
-    lag: Mapping[str, Array] = field(default_factory=dict)
-
-    def statistical(self, signal: str) -> Array:
-        """Standard uncertainty that is new at each point, shape (n,), SI."""
-        whole, shared = self.u[signal], self.systematic[signal]
-        part: Array = np.sqrt(np.maximum(whole**2 - shared**2, 0.0))
-        return part
-
-    def at(self, chosen: np.ndarray) -> Points:
-        """Some of the points."""
-        values, u, systematic, bad, lag = (
-            {name: part[chosen] for name, part in table.items()}
-            for table in (self.values, self.u, self.systematic, self.bad, self.lag)
-        )
-        time = None if self.time is None else self.time[chosen]
-        return Points(values, u, systematic, bad, self.why, time, lag)
-
-    def with_lag(self, u: Mapping[str, Array]) -> dict[str, Array]:
-        """Standard uncertainties with that by lags, shape (n,) each, SI."""
-        return {n: np.hypot(part, self.lag[n]) if n in self.lag else part for n, part in u.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,82 +57,6 @@ class Observed:
         return int(self.flows.shape[1])
 
 
-def outside_range(signal: SignalSpec, values: Array) -> np.ndarray:
-    """Readings, SI, that its sensor cannot show, shape (n,)."""
-    low, high = signal.lowest, signal.highest
-    if low is None or high is None:
-        return np.zeros(len(values), dtype=bool)
-    slack = limits.BEYOND_RANGE * (high - low)
-    with np.errstate(invalid="ignore"):
-        outside: np.ndarray = (values < low - slack) | (values > high + slack)
-    return outside
-
-
-def check_readings(
-    recording: Recording, ruleset: Ruleset
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Flag readings that cannot be right, and say why.
-
-    Returns per signal flags, shape (n,), and the reason.
-    """
-    bad, why = {}, {}
-    for signal in ruleset.signals:
-        values = recording.values.get(signal.id)
-        if values is None:
-            continue
-        flags = ~np.isfinite(values)
-        known = (recording.unfit or {}).get(signal.id, "no reading")
-        reasons = [known] if flags.any() else []
-        outside = outside_range(signal, values)
-        if outside.any():
-            reasons.append("outside the sensor's range")
-        flags |= outside
-        bad[signal.id] = flags
-        why[signal.id] = " or ".join(dict.fromkeys(reasons))
-    return bad, why
-
-
-def points_of_stretches(
-    recording: Recording, ruleset: Ruleset, stretches: Stretches, noise: Mapping[str, float]
-) -> Points:
-    """Mean readings of each stretch; the noise of a mean falls with the root of its length."""
-    bad, why = check_readings(recording, ruleset)
-    values, u, systematic, flags = {}, {}, {}, {}
-    for signal in ruleset.signals:
-        readings = recording.values.get(signal.id)
-        if readings is None:
-            continue
-        usable = np.where(bad[signal.id], np.nan, readings)
-        sums = np.concatenate([[0.0], np.cumsum(np.nan_to_num(usable))])
-        counts = np.concatenate([[0], np.cumsum(np.isfinite(usable))])
-        total = sums[stretches.last] - sums[stretches.first]
-        number = counts[stretches.last] - counts[stretches.first]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = total / number
-            statistical = noise[signal.id] / np.sqrt(number)
-        flags[signal.id] = number < limits.HALF_KNOWN * stretches.lengths
-        values[signal.id] = np.where(flags[signal.id], np.nan, mean)
-        systematic[signal.id] = systematic_u(signal, values[signal.id]) + np.zeros(len(mean))
-        u[signal.id] = np.hypot(systematic[signal.id], statistical)
-    middle = 0.5 * (recording.time[stretches.first] + recording.time[stretches.last - 1])
-    lag = lag_errors(recording, ruleset, stretches, noise)
-    return Points(values, u, systematic, flags, why, middle, lag)
-
-
-def points_of_samples(recording: Recording, ruleset: Ruleset, noise: Mapping[str, float]) -> Points:
-    """Every sample a point of its own."""
-    bad, why = check_readings(recording, ruleset)
-    values, u, systematic = {}, {}, {}
-    for signal in ruleset.signals:
-        readings = recording.values.get(signal.id)
-        if readings is None:
-            continue
-        values[signal.id] = np.where(bad[signal.id], np.nan, readings)
-        systematic[signal.id] = systematic_u(signal, readings) + np.zeros(len(readings))
-        u[signal.id] = np.hypot(systematic[signal.id], noise[signal.id])
-    return Points(values, u, systematic, bad, why, recording.time)
-
-
 def plan_inputs(points: Points, u: Mapping[str, Array] | None = None) -> dict[str, Array | float]:
     """Inputs of the plan: readings, uncertainties (by default in full), all of the calibration."""
     inputs: dict[str, Array | float] = {**points.values}
@@ -206,7 +89,7 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         np.array(lasting).reshape(-1, n),
     )
     observed = with_errors(ruleset, points, flows, valid, slopes, residuals)
-    return replace(observed, extrapolated=_extrapolated(ruleset, points))
+    return replace(observed, extrapolated=extrapolated(ruleset, points))
 
 
 def slope_names(ruleset: Ruleset) -> tuple[str, ...]:
@@ -275,11 +158,11 @@ def _usable(
     return usable
 
 
-def flows_at(ruleset: Ruleset, points: Points) -> Array:
+def flows_at(ruleset: Ruleset, readings: Mapping[str, Array]) -> Array:
     """What each observer estimates, m3/s, shape (observers, n), without a question."""
     names = [f"q:{o.id}" for o in ruleset.observers]
-    n = max((len(v) for v in points.values.values()), default=0)
-    results = ruleset.plan.select(names).run(plan_inputs(points))
+    n = max(map(len, readings.values()), default=0)
+    results = ruleset.plan.select(names).run(readings)
     return np.array([np.broadcast_to(results[name], (n,)) for name in names])
 
 
@@ -343,7 +226,7 @@ def _stacked(gradients: Gradients, shape: tuple[int, int]) -> Array:
     return table
 
 
-def _extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
+def extrapolated(ruleset: Ruleset, points: Points) -> dict[str, np.ndarray]:
     """Signals that leave the range in which the plant was calibrated."""
     found = {}
     for signal in ruleset.signals:

@@ -31,7 +31,8 @@ class Block:
             names = tuple(t.observer for t in part.terms)
         else:
             names = part.affects
-        return any(self.observers[ruleset.observer_index[name]] for name in names)
+        index = ruleset.observer_index
+        return any(name in index and self.observers[index[name]] for name in names)
 
 
 def blocks_of(ruleset: Ruleset) -> list[Block]:

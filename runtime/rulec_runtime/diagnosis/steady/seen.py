@@ -10,18 +10,14 @@ import numpy as np
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.baseline import Baselines, against, learn, nothing_learned
+from rulec_runtime.diagnosis.steady.baseline import Baselines, against, nothing_learned
 from rulec_runtime.diagnosis.steady.batch_means import Halves, halves_of, wander_of, wandering
 from rulec_runtime.diagnosis.steady.isolate import Isolation, isolate
-from rulec_runtime.diagnosis.steady.observe import (
-    Observed,
-    Points,
-    observe,
-    points_of_samples,
-    points_of_stretches,
-)
+from rulec_runtime.diagnosis.steady.learn import learn
+from rulec_runtime.diagnosis.steady.observe import Observed, extrapolated, observe
 from rulec_runtime.diagnosis.steady.paper_mode import judge_by_paper
-from rulec_runtime.diagnosis.steady.redundancy import Block, blocks_of
+from rulec_runtime.diagnosis.steady.parts import Part, parts_of
+from rulec_runtime.diagnosis.steady.points import Points, points_of_samples, points_of_stretches
 from rulec_runtime.diagnosis.steady.throughout import throughout
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors, settle_or_slow
@@ -36,14 +32,16 @@ PAPER = "paper"
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """Everything known of points, as far as one block of estimates goes.
+    """Everything known of `points`, as far as one part of the plant goes.
 
-    `observed` is seen against the baselines, `plain` is not. Where points are not `combined`
-    (paper mode) a run says the mean of what each of them says. `wander` is the part of the noise
-    that `wander_of` found, shape (n, observers, observers).
+    Observers, residuals and faults are those of the ruleset of the part. `observed` is seen against
+    the baselines, `plain` is not. Where points are not `combined` (paper mode) a run says the mean
+    of what each of them says. `wander` is the part of the noise that `wander_of` found, shape (n,
+    observers, observers).
     """
 
-    block: Block
+    part: Part
+    points: Points
     plain: Observed
     observed: Observed
     baselines: Baselines
@@ -68,20 +66,26 @@ def see_stretches(
 ) -> list[Seen]:
     """Observe the stretches, learn the baseline of each block, isolate."""
     points = points_of_stretches(recording, ruleset, stretches, noise)
-    return see_points(ruleset, points, halves_of(recording, ruleset, stretches, noise), mode)
+    return see_points(ruleset, points, halves_of(recording, ruleset, stretches), mode)
 
 
 def see_points(ruleset: Ruleset, points: Points, halves: Halves, mode: str) -> list[Seen]:
     """The same of stretches whose samples are gone."""
-    whole = observe(ruleset, points)
-    return [see_block(ruleset, whole, block, mode, halves) for block in blocks_of(ruleset)]
+    return [see_part(ruleset, part, points, mode, halves) for part in parts_of(ruleset)]
 
 
-def see_block(
-    ruleset: Ruleset, whole: Observed, block: Block, mode: str, halves: Halves | None = None
+def see_part(
+    whole: Ruleset, part: Part, points: Points, mode: str, halves: Halves | None = None
 ) -> Seen:
-    """Learn the baseline of one block of estimates, and isolate."""
-    plain = within(whole, block)
+    """Learn the baseline of one part of a plant, and isolate."""
+    return see_observed(part, observe_part(whole, part, points), points, mode, halves)
+
+
+def see_observed(
+    part: Part, plain: Observed, points: Points, mode: str, halves: Halves | None
+) -> Seen:
+    """The same of estimates that are there already, those of the part alone."""
+    ruleset = part.ruleset
     wander = np.zeros_like(plain.noise)
     if mode == PAPER:
         # The paper knows no baseline.
@@ -89,7 +93,8 @@ def see_block(
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain))
     else:
         if halves is not None:
-            wander = wander_of(ruleset, plain, halves)
+            own = Halves(halves.apart[part.observers], halves.excess)
+            wander = wander_of(ruleset, plain, own)
             plain = wandering(plain, wander)
         baselines = learn(ruleset, plain)
         compared = against(ruleset, plain, baselines)
@@ -99,7 +104,8 @@ def see_block(
             # What was learned from these stretches is the fault.
             compared, baselines, isolation = plain, _nothing(plain), lasting
     return Seen(
-        block=block,
+        part=part,
+        points=points,
         plain=plain,
         observed=compared,
         baselines=baselines,
@@ -107,6 +113,15 @@ def see_block(
         combined=mode != PAPER,
         wander=wander,
     )
+
+
+def observe_part(whole: Ruleset, part: Part, points: Points) -> Observed:
+    """What the plan of a part says; a reading anywhere in the plant that leaves the range in which
+    it was calibrated counts."""
+    if part.ruleset is whole:
+        return observe(whole, points)
+    observed = observe(part.ruleset, points.of(part.ruleset.observed))
+    return replace(observed, extrapolated=extrapolated(whole, points))
 
 
 def _nothing(observed: Observed) -> Baselines:
@@ -130,36 +145,36 @@ def see_samples(
     points = replace(points, lag={name: errors[place] for name, errors in lag.items()})
     for low in range(0, len(chosen), BATCH):
         here = chosen[low : low + BATCH]
-        whole = observe(ruleset, points.at(here))
-        at, looks = place[here], len(chosen)
-        yield here, [_see_samples(ruleset, whole, s, at, looks) for s in stretches_seen]
+        some, at, looks = points.at(here), place[here], len(chosen)
+        yield here, [_see_samples(ruleset, some, s, at, looks) for s in stretches_seen]
 
 
-def _see_samples(
-    ruleset: Ruleset, whole: Observed, seen: Seen, place: np.ndarray, looks: int
-) -> Seen:
-    plain = within(whole, seen.block)
+def _see_samples(whole: Ruleset, points: Points, seen: Seen, place: np.ndarray, looks: int) -> Seen:
+    ruleset, plain = seen.part.ruleset, observe_part(whole, seen.part, points)
     if not seen.combined:
         isolation = _by_paper(ruleset, plain, isolate(ruleset, plain, looks))
-        return replace(seen, plain=plain, observed=plain, isolation=isolation)
+        return replace(seen, points=points, plain=plain, observed=plain, isolation=isolation)
     plain = wandering(plain, seen.wander[place])
     compared = against(ruleset, plain, seen.baselines, seen.baselines.at[place])
     isolation = isolate(ruleset, compared, looks)
-    return replace(seen, plain=plain, observed=compared, isolation=isolation)
-
-
-def within(observed: Observed, block: Block) -> Observed:
-    """The same points with the estimates of one block alone."""
-    return replace(observed, valid=observed.valid & block.observers[:, None])
+    return replace(seen, points=points, plain=plain, observed=compared, isolation=isolation)
 
 
 def residuals_seen(ruleset: Ruleset, seen: list[Seen]) -> tuple[Array, Array]:
-    """Residuals and their uncertainties, shape (residuals, n), each as its block sees it."""
-    values, u = seen[0].plain.residuals.copy(), seen[0].plain.residual_u.copy()
-    for part in seen:
-        rows = [i for i, r in enumerate(ruleset.residuals) if part.block.holds(ruleset, r)]
-        values[rows], u[rows] = part.observed.residuals[rows], part.observed.residual_u[rows]
+    """Residuals and their uncertainties, shape (residuals, n), each as its part sees it."""
+    values, u = np.full((2, len(ruleset.residuals), len(seen[0].plain)), np.nan)
+    for one in seen:
+        rows = one.part.residuals
+        values[rows], u[rows] = one.observed.residuals, one.observed.residual_u
     return values, u
+
+
+def usable_seen(ruleset: Ruleset, seen: list[Seen]) -> np.ndarray:
+    """Which estimates may be used, shape (observers, n)."""
+    valid = np.zeros((len(ruleset.observers), len(seen[0].plain)), dtype=bool)
+    for one in seen:
+        valid[one.part.observers] |= one.observed.valid
+    return valid
 
 
 def _by_paper(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation:

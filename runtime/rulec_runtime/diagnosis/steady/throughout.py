@@ -12,18 +12,17 @@ covariance of all stretches.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.diagnosis.steady.combine import spread_evenly, stacked_covariance
-from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest, Outcome
+from rulec_runtime.diagnosis.steady.fit import fit
+from rulec_runtime.diagnosis.steady.hypothesis import HypothesisTest
 from rulec_runtime.diagnosis.steady.isolate import Isolation, accepted, quantile, shares
 from rulec_runtime.diagnosis.steady.observe import Observed
-from rulec_runtime.diagnosis.steady.redundancy import residual_basis
+from rulec_runtime.diagnosis.steady.stack import spread_evenly, stacked_test
 
 
 def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Isolation | None:
@@ -42,23 +41,21 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
     if len(judged) < 2:
         return None
     chance = isolation.chance
-    scores = _scores(test)
+    scores = _scores(test)[:, 0]
     if scores.max(initial=0.0) <= quantile(chance / (2 * max(int(np.count_nonzero(scores)), 1))):
         return None
-    limit = accepted(test.residuals().size, 1, chance)
-    fits = [
-        test.run((f,)) if s > 0.0 else None for f, s in zip(ruleset.faults, scores, strict=True)
-    ]
-    evidence: Array = np.array([_evidence(fit, limit) for fit in fits])
+    limit = accepted(test.freedom, 1, chance)
+    fits = fit(test, [(fault,) for fault in ruleset.faults], scores[:, None] > 0.0)
+    evidence = np.where(fits.distance[:, 0] <= limit, fits.evidence[:, 0], -np.inf)
+    if not np.isfinite(evidence).any():
+        return None
     if not float(evidence.max()) + limits.FAULT_FROM_START > _best_change(test, limit):
         return None
     probability = isolation.probability.copy()
     probability[:, judged] = shares(evidence[:, None])
     degree, u = isolation.degree.copy(), isolation.u.copy()
     for i in np.flatnonzero(np.isfinite(evidence)):
-        fit = fits[i]
-        assert fit is not None  # it has evidence
-        degree[i, judged], u[i, judged] = fit.degree[0, 0], fit.u[0, 0]
+        degree[i, judged], u[i, judged] = fits.degree[0, i, 0], fits.u[0, i, 0]
     deviating, pair = isolation.deviating.copy(), isolation.pair.copy()
     deviating[judged], pair[judged] = True, -1
     return replace(
@@ -67,45 +64,26 @@ def throughout(ruleset: Ruleset, observed: Observed, isolation: Isolation) -> Is
 
 
 def _scores(test: HypothesisTest) -> Array:
-    """By how many standard uncertainties the degree of each fault is off zero, shape (faults,)."""
-    scores = np.zeros(len(test.ruleset.faults))
-    for i, fault in enumerate(test.ruleset.faults):
-        towards = test.towards(fault)
-        if towards is not None and towards[1][0] > 0.0:
-            scores[i] = max(towards[0][0], 0.0) / np.sqrt(towards[1][0])
-    return scores
-
-
-def _evidence(fit: Outcome | None, limit: float) -> float:
-    """Log-likelihood of a fit; none where it leaves more than chance would."""
-    fits = fit is not None and fit.distance[0] <= limit
-    return float(fit.evidence[0]) if fit is not None and fits else -np.inf
+    """By how many standard uncertainties each degree is off zero, shape (faults, n)."""
+    pull, information = test.towards()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scores = np.maximum(pull, 0.0) / np.sqrt(information)
+    return np.where(information > 0.0, scores, 0.0)
 
 
 def _best_change(test: HypothesisTest, limit: float) -> float:
     """The most that a fault explains which begins, or ends, between two of the stretches."""
-    assert test.present is not None
-    count, best = len(test.present), -float("inf")
-    later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float).T
-    for present in (*later, *(1.0 - later)):
-        changed = replace(test, present=present)
-        for i in np.argsort(-_scores(changed), kind="stable")[: limits.TRIED_AT_OTHER_TIMES]:
-            fit = changed.run((test.ruleset.faults[i],))
-            best = max(best, _evidence(fit, limit))
-    return best
+    count = len(test.members)
+    later = (np.arange(count)[:, None] >= np.arange(1, count)).astype(float)
+    changed = test.at_other_times(np.hstack([later, 1.0 - later]))
+    most = np.argsort(-_scores(changed), axis=0, kind="stable")[: limits.TRIED_AT_OTHER_TIMES]
+    tried = np.zeros((len(test.ruleset.faults), len(changed)), dtype=bool)
+    np.put_along_axis(tried, most, True, axis=0)
+    fits = fit(changed, [(fault,) for fault in test.ruleset.faults], tried)
+    return float(np.max(fits.evidence[fits.distance <= limit], initial=-np.inf))
 
 
 def _stacked(ruleset: Ruleset, observed: Observed, judged: np.ndarray) -> HypothesisTest:
     """One test of stretches spread evenly over a recording, a fault present in all of them."""
     points, valid = spread_evenly(observed, judged)
-    basis = residual_basis(ruleset, valid)
-    spread = partial(stacked_covariance, observed, valid, basis, points)
-    return HypothesisTest(
-        ruleset=ruleset,
-        observed=observed,
-        valid=valid,
-        basis=basis,
-        members=points,
-        spread=spread,
-        present=np.ones(len(points)),
-    )
+    return stacked_test(ruleset, observed, valid, points[:, None], np.ones((len(points), 1)))

@@ -25,11 +25,12 @@ class Verdict:
     text: str
 
 
-def verdict_at(ruleset: Ruleset, seen: Seen, point: int) -> Verdict:
+def verdict_at(seen: Seen, point: int) -> Verdict:
     """What one stretch says."""
+    ruleset = seen.part.ruleset
     observed, isolation = seen.observed, seen.isolation
     if not isolation.judged[point]:
-        because = why_blind(ruleset, seen, point) or "too few estimates of the same flow"
+        because = why_blind(seen, point) or "too few estimates of the same flow"
         return Verdict("blind", (), because)
     if not isolation.deviating[point]:
         return Verdict("ok", (), "")
@@ -38,30 +39,31 @@ def verdict_at(ruleset: Ruleset, seen: Seen, point: int) -> Verdict:
         outside = [name for name, flags in observed.extrapolated.items() if flags[point]]
         if outside:
             return Verdict("outside", (), _outside(ruleset, outside[0]))
-        return Verdict("unknown", (), _unexplained(ruleset, seen, point))
+        return Verdict("unknown", (), _unexplained(seen, point))
     pair = tuple(int(i) for i in isolation.pair[point])
     return Verdict("fault", (int(np.argmax(chances)),) if pair[0] < 0 else pair, "")
 
 
-def why_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
-    """Why estimates of a block cannot be used at a point; empty if all can."""
+def why_blind(seen: Seen, point: int) -> str:
+    """Why estimates of a part cannot be used at a point; empty if all can."""
     reasons = [
-        reason(ruleset, seen.observed, int(i), point)
-        for i in np.flatnonzero(seen.block.observers)
-        if not seen.observed.valid[i, point]
+        reason(seen.part.ruleset, seen.observed, int(i), point)
+        for i in np.flatnonzero(~seen.observed.valid[:, point])
     ]
     return "; ".join(dict.fromkeys(reasons))
 
 
-def partly_blind(ruleset: Ruleset, seen: Seen, point: int) -> str:
+def partly_blind(seen: Seen, point: int) -> str:
     """What a judged point could not see, and why; empty if it saw everything."""
     if not seen.isolation.judged[point]:
         return ""
-    because = why_blind(ruleset, seen, point)
+    because = why_blind(seen, point)
     unseen = [
         fault.id
-        for fault, floor in zip(ruleset.faults, seen.isolation.floor[:, point], strict=True)
-        if seen.block.holds(ruleset, fault) and not threshold_of(floor) < fault.highest
+        for fault, floor in zip(
+            seen.part.ruleset.faults, seen.isolation.floor[:, point], strict=True
+        )
+        if not threshold_of(floor) < fault.highest
     ]
     if not because or not unseen:
         return ""
@@ -80,13 +82,10 @@ def _outside(ruleset: Ruleset, name: str) -> str:
     )
 
 
-def _unexplained(ruleset: Ruleset, seen: Seen, point: int) -> str:
-    observed = seen.observed
+def _unexplained(seen: Seen, point: int) -> str:
+    observed, residuals = seen.observed, seen.part.ruleset.residuals
     ratio = np.abs(observed.residuals[:, point]) / observed.residual_u[:, point]
-    own = [seen.block.holds(ruleset, residual) for residual in ruleset.residuals]
-    ratio[~(np.isfinite(ratio) & np.array(own, dtype=bool))] = 0.0
-    fired = [ruleset.residuals[i].id for i in np.argsort(-ratio) if ratio[i] > threshold_of(1.0)][
-        :3
-    ]
+    ratio[~np.isfinite(ratio)] = 0.0
+    fired = [residuals[i].id for i in np.argsort(-ratio) if ratio[i] > threshold_of(1.0)][:3]
     names = ", ".join(fired) or "the residuals together"
     return f"nothing known fits: {names} deviate in a way that neither one fault nor two explain"

@@ -1,0 +1,147 @@
+"""Learn the baseline: go through the points in order of time, and take up what they say.
+
+Source: own derivation, docs/method.md; the recursion is a Kalman filter of an Ornstein-Uhlenbeck
+process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.steady.baseline import (
+    Baseline,
+    Baselines,
+    nothing_learned,
+    remembered,
+    times_of,
+)
+from rulec_runtime.diagnosis.steady.observe import Observed
+from rulec_runtime.diagnosis.steady.redundancy import (
+    chi_square_limit,
+    covariance_of,
+    patterns_of,
+    residual_basis,
+)
+
+
+def learn(ruleset: Ruleset, observed: Observed, known: Baselines | None = None) -> Baselines:
+    """Go through the points in order of time and learn from those that nothing contradicts.
+
+    `known` is what was learned from the first of them, where they have been gone through before.
+    """
+    known = known or Baselines((nothing_learned(observed),), np.zeros(0, dtype=int))
+    latest, done = known.states[-1], len(known.at)
+    # The list belongs to those who went through the points before.
+    states = [*known.states[:-1], replace(latest, points=list(latest.learned))]
+    at = np.concatenate([known.at, np.zeros(len(observed) - done, dtype=int)])
+    every, at_once = [*_said_by(ruleset, observed)], 1
+    while done < len(observed):
+        # Most points add nothing to what is known: these are passed over together.
+        until = min(done + at_once, len(observed))
+        worth = [said.worth_learning(states[-1], done, until) for said in every]
+        found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
+        last = until if found is None else found[0] + 1
+        for said in every:
+            at[said.between(done, last)] = len(states) - 1
+        taken = None if found is None else every[found[1]].taken_up(states[-1], found[0])
+        states += [] if taken is None else [taken]
+        at_once = min(2 * at_once, limits.LEARNED_AT_ONCE) if taken is None else 1
+        done = last
+    return Baselines(tuple(states), np.maximum.accumulate(at))
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What judgeable points say that share their valid observers, in order of time, m of them.
+
+    Residuals (m, rank), their gradients by the lasting errors (m, rank, errors), covariance of the
+    noise (m, rank, rank) and the logarithm of its determinant (m,); `sound` points, (m,), are all
+    numbers and none outside the calibrated range.
+    """
+
+    points: np.ndarray
+    time: Array
+    residuals: Array
+    shared: Array
+    noise: Array
+    log_determinant: Array
+    sound: np.ndarray
+
+    def between(self, first: int, last: int) -> np.ndarray:
+        """Those of the points ``first : last`` of the recording."""
+        low, high = np.searchsorted(self.points, [first, last])
+        found: np.ndarray = self.points[low:high]
+        return found
+
+    def worth_learning(self, before: Baseline, first: int, last: int) -> np.ndarray:
+        """Those among points that may be taken up, with what is known before them."""
+        low, high = np.searchsorted(self.points, [first, last])
+        here = np.arange(low, high)[self.sound[low:high]]
+        if not len(here):
+            return np.zeros(0, dtype=int)
+        kept = remembered(self.time[here] - before.time)[:, None, None]
+        shared, rank = self.shared[here], self.residuals.shape[1]
+        across = shared.transpose(0, 2, 1)
+        lasting = kept**2 * (shared @ before.covariance @ across)
+        total = self.noise[here] + lasting + (1.0 - kept**2) * (shared @ across)
+        off = self.residuals[here] - kept[:, 0] * (shared @ before.mean)
+        try:
+            distance = np.einsum("nr,nr->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])
+        except np.linalg.LinAlgError:  # one of them: each is looked at on its own
+            return np.asarray(self.points[here])
+        gain = np.linalg.slogdet(total)[1] - self.log_determinant[here]
+        calm = distance <= limits.ROUNDED_OTHERWISE * chi_square_limit(rank, limits.CALM)
+        found: np.ndarray = self.points[
+            here[calm & (limits.ROUNDED_OTHERWISE * gain >= limits.WORTH_LEARNING * rank)]
+        ]
+        return found
+
+    def taken_up(self, before: Baseline, point: int) -> Baseline | None:
+        """Condition on a point; None if it deviates, or adds next to nothing."""
+        place = int(np.searchsorted(self.points, point))
+        before = before.later(float(self.time[place]))
+        residuals, shared = self.residuals[place], self.shared[place]
+        crossed = before.covariance @ shared.T
+        total = self.noise[place] + shared @ crossed
+        off = residuals - shared @ before.mean
+        try:
+            solved = np.linalg.solve(total, np.column_stack([off, crossed.T]))
+        except np.linalg.LinAlgError:  # readings so far off that their errors drown in rounding
+            return None
+        if off @ solved[:, 0] > chi_square_limit(len(off), limits.CALM):
+            return None
+        gain = np.linalg.slogdet(total)[1] - self.log_determinant[place]
+        if gain < limits.WORTH_LEARNING * len(off):
+            return None
+        covariance = before.covariance - crossed @ solved[:, 1:]
+        before.points.append(point)
+        return replace(
+            before,
+            mean=before.mean + crossed @ solved[:, 0],
+            covariance=0.5 * (covariance + covariance.T),
+            count=before.count + 1,
+        )
+
+
+def _said_by(ruleset: Ruleset, observed: Observed) -> Iterator[_Said]:
+    """What the judgeable points say."""
+    time = times_of(observed)
+    outside = np.any([*observed.extrapolated.values(), np.zeros(len(observed), bool)], axis=0)
+    for valid, members in patterns_of(observed.valid):
+        basis = residual_basis(ruleset, valid)
+        if not len(basis):
+            continue
+        noise = np.ascontiguousarray(covariance_of(basis, observed.noise, valid, members))
+        residuals = (basis @ observed.flows[valid][:, members]).T
+        shared = np.tensordot(basis, observed.shared[valid][:, :, members], axes=1)
+        shared = np.ascontiguousarray(np.moveaxis(shared, -1, 0))
+        sound = np.isfinite(residuals).all(axis=1) & np.isfinite(shared).all(axis=(1, 2))
+        size = np.linalg.slogdet(noise)[1]
+        calm = sound & ~outside[members]
+        yield _Said(members, time[members], residuals, shared, noise, size, calm)

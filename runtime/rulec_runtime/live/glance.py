@@ -1,0 +1,122 @@
+"""A glance: only the parts of a plant whose readings moved are judged, by their latest rows.
+
+What the other parts said stands, and so do the noise of readings and what was found of sensors. The
+next look at everything sets right what a glance leaves open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import assembled, joined
+from rulec_runtime.diagnosis.steady.evidence import Latest, latest_of
+from rulec_runtime.diagnosis.steady.findings import Found, findings_of
+from rulec_runtime.diagnosis.steady.seen import see_points
+from rulec_runtime.live.history import History, history_of
+from rulec_runtime.live.history import joined as joined_history
+from rulec_runtime.live.known import Known, PartKnown
+from rulec_runtime.live.look import unsettled
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.slow_motion import settle_or_slow_by
+
+
+def glance(
+    ruleset: Ruleset, recent: Recording, known: Known, moved: Collection[int], count: int
+) -> Known:
+    """What is known when some parts, by their places, have been judged anew after so many rows."""
+    parts, levels = list(known.parts), known.levels
+    latest = known.diagnosis.latest
+    settled = _settled(parts)
+    for place in moved:
+        parts[place], whole, residuals = _judged(ruleset, recent, known, parts[place], count)
+        if len(whole):
+            latest = _replaced(ruleset, latest, residuals)
+            values = whole.points.values
+            level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
+            rested = np.full(len(level), float(whole.timeline.samples[-1]))
+            levels = levels.judged(np.isfinite(level), level, rested)
+    now = _settled(parts)
+    each = [
+        one.found if place in moved else _going_on(one.found, settled, now)
+        for place, one in enumerate(parts)
+    ]
+    parts = [replace(one, found=found) for one, found in zip(parts, each, strict=True)]
+    diagnosis = assembled(
+        known.judged.health,
+        ruleset,
+        "default",
+        judged=known.diagnosis.judged,
+        found=joined(each, latest),
+    )
+    return replace(known, diagnosis=diagnosis, parts=tuple(parts), levels=levels)
+
+
+def settled_until(known: Known) -> float:
+    """Time of the last settled row of any part, s."""
+    return _settled(known.parts)
+
+
+def _settled(parts: Sequence[PartKnown]) -> float:
+    return max(one.settled for one in parts)
+
+
+def _judged(
+    ruleset: Ruleset, recent: Recording, known: Known, one: PartKnown, count: int
+) -> tuple[PartKnown, History, Latest | None]:
+    """A part by its latest rows, its operating points, and its residuals at the last of them."""
+    own = one.part.ruleset
+    tail = _latest_rows(recent, known, own, count)
+    noise = {name: known.judged.noise[name] for name in tail.values}
+    stretches = settle_or_slow_by(tail, own, noise)
+    points = history_of(tail, own, stretches, noise)
+    whole = joined_history(one.closed, tail, points)
+    if not len(whole):
+        return one.seen_again(whole, Found([], [], []), count), whole, None
+    seen = see_points(own, whole.points, whole.halves, "default")
+    found = joined((findings_of(whole.timeline, own, part) for part in seen), None)
+    found.not_judged.extend(unsettled(tail, whole))
+    return one.seen_again(whole, found, count), whole, latest_of(own, whole.timeline, seen)
+
+
+def _latest_rows(recent: Recording, known: Known, own: Ruleset, count: int) -> Recording:
+    """Rows from the last stretch on of the signals of a part, without what was found unfit."""
+    first = max(len(recent) - (count - known.cut), 0)
+    clean = known.judged.health.recording
+    unfit = {f.signal for f in known.judged.health.findings if f.active}
+    before = known.count - known.cut
+    values = {}
+    for name in sorted(own.observed & recent.values.keys() & clean.values.keys()):
+        column = recent.values[name][first:].copy()
+        column[:before] = clean.values[name][len(clean) - before :][-len(column) :][:before]
+        if name in unfit:
+            column[before:] = np.nan
+        values[name] = column
+    return replace(
+        recent,
+        time=recent.time[first:],
+        values=values,
+        segment=recent.segment[first:],
+        unfit=clean.unfit,
+    )
+
+
+def _going_on(found: Found, settled: float, now: float) -> Found:
+    """What a part says that nobody looked at: what went on to the last settled row does so."""
+    unknown, blind = (
+        [replace(p, until=now) if p.until >= settled else p for p in periods]
+        for periods in (found.unknown, found.not_judged)
+    )
+    return Found(found.findings, unknown, blind)
+
+
+def _replaced(ruleset: Ruleset, before: Latest | None, new: Latest | None) -> Latest | None:
+    """The latest residuals, some of which are new."""
+    if before is None or new is None:
+        return new or before
+    found = {e.residual: e for e in (*before.residuals, *new.residuals)}
+    ordered = tuple(found[r.id] for r in ruleset.residuals if r.id in found)
+    return Latest(new.since, new.until, ordered)

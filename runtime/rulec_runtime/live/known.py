@@ -1,0 +1,109 @@
+"""What the last look at everything found, and what has been seen at a glance since."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime import limits as common
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.steady.findings import Found
+from rulec_runtime.diagnosis.steady.parts import Part, parts_of
+from rulec_runtime.live.history import History, only
+from rulec_runtime.live.levels import Levels, levels_of
+from rulec_runtime.live.look import Judged
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartKnown:
+    """What is known of a part of a plant.
+
+    Attributes
+    ----------
+    part : the part.
+    closed : its operating points of rows before those that a glance judges anew.
+    found : what it says.
+    settled : time of its last settled row, s.
+    due : number of the row with which it is looked at again, whatever its readings do.
+    """
+
+    part: Part
+    closed: History
+    found: Found
+    settled: float
+    due: float
+
+    def seen_again(self, whole: History, found: Found, count: int) -> PartKnown:
+        """After a glance, with so many rows: the next one is due when what was judged has twice as
+        many rows, or with the next row while the part does not stand still."""
+        timeline = whole.timeline
+        return replace(
+            self,
+            found=found,
+            settled=float(timeline.until[-1]) if len(timeline) else self.settled,
+            due=due_after(whole, count),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is known of a plant.
+
+    Attributes
+    ----------
+    diagnosis : as it was told last.
+    judged : of the last look at everything; `noise` of readings at work, SI.
+    count : rows that had come then; those from number `cut` on are judged anew at a glance.
+    parts : of each part.
+    levels : the readings.
+    """
+
+    diagnosis: Diagnosis
+    judged: Judged
+    count: int
+    cut: int
+    parts: tuple[PartKnown, ...]
+    levels: Levels
+
+
+def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: int) -> Known:
+    """What is known after a look at everything that had come, so many rows."""
+    recording, whole = judged.health.recording, judged.whole
+    firsts, rows = judged.stretches.first, len(recording)
+    open_points = min(1, len(firsts))
+    behind = rows - int(firsts[-1]) if open_points else rows
+    chosen = np.arange(len(whole)) < len(whole) - open_points
+    settled = float(whole.timeline.until[-1])
+    parts = tuple(
+        PartKnown(
+            part=part,
+            closed=only(whole, part, chosen, behind),
+            found=found,
+            settled=settled,
+            due=due_after(whole, count),
+        )
+        for part, found in zip(parts_of(ruleset), judged.found, strict=True)
+    )
+    levels = levels_of(ruleset, recording, dict(judged.noise))
+    values = whole.points.values
+    level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
+    rested = np.full(len(level), float(whole.timeline.samples[-1]))
+    return Known(
+        diagnosis=diagnosis,
+        judged=judged,
+        count=count,
+        cut=count - behind,
+        parts=parts,
+        levels=levels.judged(np.ones(len(level), dtype=bool), level, rested),
+    )
+
+
+def due_after(whole: History, count: int) -> float:
+    """Number of the row with which to look again, whatever readings do."""
+    timeline = whole.timeline
+    if not len(timeline) or timeline.later[-1] > 0:
+        return count + 1.0
+    samples = int(timeline.samples[-1])
+    return np.inf if samples >= common.LONGEST_STRETCH // 2 else float(count + samples)

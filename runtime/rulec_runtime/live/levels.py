@@ -1,0 +1,117 @@
+"""What readings are known to be: a row that says nothing new needs no look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rulec_runtime import limits as common
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.live import limits
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import systematic_u
+
+
+@dataclass(frozen=True, kw_only=True)
+class Levels:
+    """Readings as they were judged last, per signal, all of shape (signals,), SI.
+
+    Attributes
+    ----------
+    names : the signals.
+    low, high : the ends of what their sensors can show.
+    noise, least : noise of a reading, and a change that is none, however small the noise.
+    level, rested : mean of a reading when it was judged last, and of how many rows.
+    total, rows : sum and number of the rows since.
+    before : the last two rows, shape (2, signals).
+    same, lost : for how many rows it has shown the very same, and nothing of use.
+    """
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    noise: Array
+    least: Array
+    level: Array
+    rested: Array
+    total: Array
+    rows: Array
+    before: Array
+    same: Array
+    lost: Array
+
+    def after(self, row: Array) -> tuple[Levels, np.ndarray, bool]:
+        """Readings after one more row, shape (signals,): which have moved, and whether a sensor is
+        to be looked at, as its reading stands still, is gone, or is back."""
+        with np.errstate(invalid="ignore"):
+            sound = (row >= self.low) & (row <= self.high)
+            total, rows = np.where(sound, self.total + row, self.total), self.rows + sound
+            moved = self._off(row, 1.0) | self._off((row + self.before.sum(axis=0)) / 3.0, 3.0)
+            moved |= self._off(total / np.maximum(rows, 1.0), np.maximum(rows, 1.0))
+        moved &= sound
+        moved |= sound != (self.lost == 0.0)
+        same = np.where(row == self.before[-1], self.same + 1.0, 0.0)
+        lost = np.where(sound, 0.0, self.lost + 1.0)
+        odd = _turns(self.same, same, limits.STANDS_STILL)
+        odd |= _turns(self.lost, lost, float(common.PERSISTENCE))
+        long = rows >= common.LONGEST_STRETCH
+        now = replace(
+            self,
+            total=np.where(long, 0.0, total),
+            rows=np.where(long, 0.0, rows),
+            before=np.stack([self.before[-1], row]),
+            same=same,
+            lost=lost,
+        )
+        return now, moved, bool(odd.any())
+
+    def judged(self, chosen: np.ndarray, level: Array, rested: Array) -> Levels:
+        """Some of the signals, by flags, as they have been judged now."""
+        known = chosen & np.isfinite(level)
+        return replace(
+            self,
+            level=np.where(known, level, self.level),
+            rested=np.where(known, rested, self.rested),
+            total=np.where(known, 0.0, self.total),
+            rows=np.where(known, 0.0, self.rows),
+        )
+
+    def _off(self, mean: Array, rows: Array | float) -> np.ndarray:
+        """Is the mean of some rows another than that which was judged?"""
+        spread = limits.MOVED * self.noise * np.sqrt(1.0 / rows + 1.0 / self.rested)
+        off: np.ndarray = np.abs(mean - self.level) > np.maximum(spread, self.least)
+        return off
+
+
+def _turns(before: Array, now: Array, enough: float) -> np.ndarray:
+    """Has something lasted long enough with this row, or ended that had?"""
+    turns: np.ndarray = (now == enough) | ((before >= enough) & (now == 0.0))
+    return turns
+
+
+def levels_of(ruleset: Ruleset, recording: Recording, noise: dict[str, float]) -> Levels:
+    """Readings as the last rows of a recording have them."""
+    signals = [s for s in ruleset.signals if s.id in recording.values]
+    recent = np.array([recording.values[s.id][-common.SHORTEST_STRETCH :] for s in signals])
+    with np.errstate(invalid="ignore"):
+        level = np.nan_to_num(recent.mean(axis=1))
+    slack = [common.BEYOND_RANGE * (s.ends[1] - s.ends[0]) for s in signals]
+    wide = [extra if np.isfinite(extra) else 0.0 for extra in slack]
+    least = [systematic_u(s, value) for s, value in zip(signals, level, strict=True)]
+    none = np.zeros(len(signals))
+    return Levels(
+        names=tuple(s.id for s in signals),
+        low=np.array([s.ends[0] - extra for s, extra in zip(signals, wide, strict=True)]),
+        high=np.array([s.ends[1] + extra for s, extra in zip(signals, wide, strict=True)]),
+        noise=np.array([noise[s.id] for s in signals]),
+        least=common.NO_CHANGE * np.array(least),
+        level=level,
+        rested=none + recent.shape[1],
+        total=none,
+        rows=none,
+        before=recent[:, -2:].T if recent.shape[1] > 1 else np.tile(recent, 2).T,
+        same=none,
+        lost=np.where(np.isfinite(recent[:, -1]), 0.0, 1.0),
+    )

@@ -1,0 +1,93 @@
+"""A look at all that is remembered: the passes of a recording, over what came before as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rulec_runtime import limits as common
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, assembled, restless, together
+from rulec_runtime.diagnosis.sensors.judge import Health, examine
+from rulec_runtime.diagnosis.steady.findings import Found, Period, findings_of
+from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_points
+from rulec_runtime.live import limits
+from rulec_runtime.live.history import History, history_of, joined
+from rulec_runtime.live.sight import Sight
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import Stretches
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What a look at everything found.
+
+    Attributes
+    ----------
+    whole, own : operating points of all that is remembered, and those of the latest rows.
+    stretches : the stretches of the latest rows; `noise` of readings within them, SI.
+    health : the sensors.
+    seen, found : what each part of the plant says of the points, and what of the plant.
+    """
+
+    whole: History
+    own: History
+    stretches: Stretches
+    noise: Mapping[str, float]
+    health: Health
+    seen: tuple[Seen, ...]
+    found: tuple[Found, ...]
+
+
+def look(
+    ruleset: Ruleset, recent: Recording, before: History | None
+) -> tuple[Diagnosis, Judged | None]:
+    """Judge a plant that settles by all that is remembered; None where nothing settled."""
+    health = examine(recent, ruleset)
+    recording = health.recording
+    stretches, noise = judgeable(recording, ruleset, "default")
+    own = history_of(recording, ruleset, stretches, noise)
+    whole = own if before is None else joined(before, recording, own)
+    if not len(whole):
+        since, until = float(recording.time[0]), float(recording.time[-1])
+        found = Found([], [], [Period(since, until, restless(len(recording)))])
+        return assembled(health, ruleset, "default", judged=0, found=found), None
+    seen = see_points(ruleset, whole.points, whole.halves, "default")
+    each = tuple(findings_of(whole.timeline, ruleset, part) for part in seen)
+    samples, found = together(ruleset, whole.timeline, seen, each)
+    found.not_judged.extend(unsettled(recording, whole))
+    diagnosis = assembled(health, ruleset, "default", judged=samples, found=found)
+    return diagnosis, Judged(
+        whole=whole,
+        own=own,
+        stretches=stretches,
+        noise=noise,
+        health=health,
+        seen=tuple(seen),
+        found=each,
+    )
+
+
+def unsettled(recording: Recording, whole: History) -> Iterator[Period]:
+    """Rows behind the last stretch, if they are too many for the way to an operating point."""
+    rows = int(whole.timeline.later[-1])
+    if rows >= limits.BLIND_ROWS:
+        text = "the plant does not settle: readings jump or move too fast"
+        first = max(len(recording) - rows, 0)
+        yield Period(float(recording.time[first]), float(recording.time[-1]), text)
+
+
+def sight_of(recent: Recording, settled: float | None) -> Sight:
+    """How far a diagnosis looks; `settled` is the time of the last settled row, if there is any."""
+    time = recent.time
+    interval = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    return Sight(
+        since=float(time[0]),
+        until=float(time[-1]),
+        settled=float(time[-1]) if settled is None else settled,
+        usual=limits.BLIND_ROWS * interval,
+        time=time,
+        pause=common.SETTLING,
+    )

@@ -1,0 +1,119 @@
+"""What a watch told when its source ended, beside the diagnosis of the whole recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.live.episode import Event
+from rulec_runtime.live.follower import Memory, concluded, follow, nothing_yet
+from rulec_runtime.recordings.recording import Recording, read_recording
+
+from tests.conftest import ROOT, compiled, recordings_folder
+from tests.figures.share import Share
+from tests.rig.follower.plants import part_of
+
+SAME_DEGREE = 1e-6
+"""By how much a degree may differ."""
+
+EXAMPLES = (
+    ("abc", "healthy.csv"),
+    ("abc", "leakage_A.csv"),
+    ("abc", "shaking_B.csv"),
+    ("abc", "step_B.csv"),
+    ("abc", "swapped.csv"),
+    ("abc", "warm_A.csv"),
+    ("abc", "calibration.csv"),
+    ("mixing-rig", "clogging_D.csv"),
+    ("mixing-rig", "calibration.csv"),
+)
+SHARED = (
+    ("hsy-pumping", "hsy-wastewater-pumping/hsy_15min.csv", 1536),
+    ("zema-hydraulic", "zema-hydraulic/recording.csv.gz", 1980),
+    ("cascaded-tanks", "cascaded-tanks/estimation.csv", 1024),
+)
+"""Plant, file, and rows from its beginning: as many as are remembered."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A recording, row by row or in blocks: all that was told, and the diagnosis in the end."""
+
+    memory: Memory
+    events: tuple[Event, ...]
+    diagnosis: Diagnosis
+
+
+def followed(ruleset: Ruleset, recording: Recording, step: int) -> Followed:
+    """Follow a recording until it ends."""
+    memory, events = nothing_yet(ruleset, False), list[Event]()
+    for first in range(0, len(recording), step):
+        for told in follow(ruleset, memory, part_of(recording, first, first + step)):
+            memory = told.memory
+            events += told.events
+    if (last := concluded(ruleset, memory)) is not None:
+        told, memory = last, last.memory
+        events += last.events
+    return Followed(memory, tuple(events), told.diagnosis)
+
+
+def differences(ruleset: Ruleset, recording: Recording, step: int) -> list[str]:
+    """Where a watch and the diagnosis of the whole recording disagree, in words."""
+    whole, found = diagnose(recording, ruleset), followed(ruleset, recording, step)
+    said = []
+    pairs = list(zip(whole.findings, found.diagnosis.findings, strict=False))
+    if len(whole.findings) != len(found.diagnosis.findings):
+        said.append(f"{len(whole.findings)} findings, followed {len(found.diagnosis.findings)}")
+    said += [
+        f"{one.fault.id} {one.degree}, followed {other.fault.id} {other.degree}"
+        for one, other in pairs
+        if one.fault.id != other.fault.id or abs(one.degree - other.degree) > SAME_DEGREE
+    ]
+    return [*said, *_untold(whole, found, float(np.median(np.diff(recording.time))))]
+
+
+def _untold(whole: Diagnosis, found: Followed, interval: float) -> Iterator[str]:
+    """Faults of the diagnosis that nobody was told of in time, and told ones that are none."""
+    told = {e.episode.id: e.episode for e in found.events if e.episode.kind == "fault"}
+    withdrawn = {e.episode.id for e in found.events if e.what == "withdrawn"}
+    lasting = [one for name, one in told.items() if name not in withdrawn]
+    for finding in whole.findings:
+        mine = [one for one in lasting if one.subject == finding.fault.id]
+        late = limits.PERSISTENCE * interval
+        if not any(one.since - late <= finding.since <= one.until + late for one in mine):
+            yield f"{finding.fault.id} at {finding.since} was not told"
+    subjects = {finding.fault.id for finding in whole.findings}
+    yield from (f"{one.subject} was told" for one in lasting if one.subject not in subjects)
+
+
+def measure() -> dict[str, Any]:
+    """How many of the recordings agree."""
+    found: dict[str, list[str]] = {}
+    for plant, name, rows in [*_examples(), *SHARED]:
+        ruleset = compiled(plant)
+        recording = read_recording(recordings_folder() / name, ruleset)
+        some = first_rows(recording, rows)
+        found[f"{plant} {Path(name).name}"] = differences(ruleset, some, max(rows // 100, 1))
+    agree = sum(not said for said in found.values())
+    return {"recordings": found, "agree": Share(agree, len(found)).form()}
+
+
+def _examples() -> Iterator[tuple[str, str, int]]:
+    for plant, name in EXAMPLES:
+        yield plant, str(ROOT / "plants" / plant / "examples" / name), 600
+
+
+def first_rows(recording: Recording, rows: int) -> Recording:
+    """The beginning of a recording."""
+    return replace(
+        recording,
+        time=recording.time[:rows],
+        values={name: column[:rows] for name, column in recording.values.items()},
+        segment=recording.segment[:rows],
+    )
