@@ -11,7 +11,9 @@ import numpy as np
 from rulec_runtime.commands.destinations import console
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.terminal import say_aside, styled
-from rulec_runtime.output.write_file import written
+from rulec_runtime.output.write_file import STANDARD_OUTPUT, written
+from rulec_runtime.recordings.formats import BINARY
+from rulec_runtime.recordings.given import is_there, place_of
 from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
 
 from rulec.commands.diagnose import load
@@ -22,6 +24,9 @@ from rulec.simulation.prediction import Injected
 from rulec.simulation.rewrite import rewrite
 
 SHOWN = 6
+
+OTHERS = frozenset(suffix for kind in BINARY for suffix in kind.suffixes)
+"""Endings of recordings that are read, and not written."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     starts = _starts(ruleset, source, options.start, notes)
     prediction = predict(ruleset, files, injected, options.noise, [s.values for s in starts])
     notes += (note for start in starts for note in start.notes)
-    _write(ruleset, files, prediction, target, source.is_dir())
+    _write(ruleset, files, prediction, target, place_of(source)[0].is_dir())
     for note in dict.fromkeys([*notes, *prediction.notes]):
         say_aside(f"note: {note}")
     out = console(options)
@@ -57,7 +62,7 @@ def _starts(
         return []
     told, wanted = Path(recording), files_of(source)
     paths = [told / path.name for path in wanted] if source.is_dir() else [told]
-    absent = [path for path in paths if not path.is_file()]
+    absent = [path for path in paths if not is_there(path)]
     if absent:
         what = "the inputs are a folder, so give a folder with a file of each name"
         raise SimulationRefused(
@@ -85,6 +90,11 @@ def parse_fault(text: str) -> Injected:
 
 def _refuse_target(source: Path, target: Path) -> None:
     """What was measured is not overwritten; a folder goes to a folder, a file to a file."""
+    if place_of(target)[0].suffix.lower() in OTHERS:
+        raise ValueError(f"-o {target}: recordings are written as CSV; name it .csv or .csv.gz")
+    source = place_of(source)[0]
+    if source.is_dir() and target == STANDARD_OUTPUT:
+        raise ValueError("-o -: the inputs are a folder; give the name of a folder")
     if source.exists() and target.exists() and source.resolve() == target.resolve():
         raise ValueError(f"-o {target}: this would overwrite the inputs; give another name")
     if source.is_dir() and target.is_file():
@@ -107,16 +117,27 @@ def _write(
     for file in files:
         last = first + len(file.time)
         values = {name: v[first:last] for name, v in prediction.values.items()}
-        with written(target / file.path.name if is_folder else target) as out:
+        with written(target / csv_name(file.path) if is_folder else target) as out:
             rewrite(file, ruleset, values, out)
         first = last
+
+
+def csv_name(path: Path) -> str:
+    """Name of the CSV file that is made of a recording of any format.
+
+    >>> csv_name(Path("run.parquet")), csv_name(Path("run.csv.gz")), csv_name(Path("a.h5#slow"))
+    ('run.csv', 'run.csv.gz', 'a.csv')
+    """
+    file = path.with_name(path.name.partition("#")[0])
+    return f"{file.stem}.csv" if file.suffix.lower() in OTHERS else path.name
 
 
 def _summary(prediction: Prediction, target: Path) -> str:
     rows, whole = len(prediction.whole), int(np.count_nonzero(prediction.whole))
     count = f"{rows} rows" if rows == whole else f"{rows} rows, {whole} of them predicted in full"
     found, given = _few(prediction.values), _few(prediction.given)
-    return f"{target}: {count}; predicted {found} from {given or 'nothing'}"
+    where = "standard output" if target == STANDARD_OUTPUT else target
+    return f"{where}: {count}; predicted {found} from {given or 'nothing'}"
 
 
 def _few(names: Iterable[str]) -> str:

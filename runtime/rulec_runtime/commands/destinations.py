@@ -12,10 +12,14 @@ from rich.console import Console
 from rulec_runtime.output.terminal import machine_text, terminal, write_machine_text
 from rulec_runtime.output.write_file import write_text
 
+FILES = ("json", "output", "trace", "series")
+"""Options that name a file to write, where ``-`` is standard output."""
+
 
 def console(options: argparse.Namespace) -> Console:
-    """Console of a command: standard output, or standard error while JSON goes to the former."""
-    return terminal(aside=getattr(options, "json", None) == "-")
+    """Console of a command: standard output, or standard error while a result goes to the
+    former."""
+    return terminal(aside=any(getattr(options, name, None) == "-" for name in FILES))
 
 
 def without_folder(options: argparse.Namespace, *names: str) -> str | None:

@@ -23,6 +23,13 @@ REFUSALS = (
 """Exceptions of the runtime whose message is for the user."""
 
 
+RECORDING = (
+    "file (CSV, Parquet, Excel, MAT, MDF, TDMS, HDF5), FILE#TABLE for one table of it, a folder of "
+    "files, or - for standard input"
+)
+"""What a recording is, in the help of a command."""
+
+
 class Parser(argparse.ArgumentParser):
     """Quotes wrong arguments as text: a script may have handed over anything."""
 
@@ -86,14 +93,16 @@ def message_of(error: Exception, refusals: tuple[str, ...] = REFUSALS) -> str | 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
     """Options of `diagnose`; `plant` names what it takes."""
     diagnose.add_argument("plant", metavar=plant)
-    diagnose.add_argument("recording", metavar="RECORDING", help="CSV file, or a folder of them")
+    diagnose.add_argument("recording", metavar="RECORDING", help=RECORDING)
     diagnose.add_argument(
         "--mode",
         choices=("default", "paper"),
         default="default",
         help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
     )
-    diagnose.add_argument("--trace", metavar="FILE.csv", help="one row per sample")
+    diagnose.add_argument(
+        "--trace", metavar="FILE.csv", help="one row per sample; - for standard output"
+    )
     diagnose.add_argument(
         "--report", metavar="FILE.html", help="one page with pictures, to hand on"
     )

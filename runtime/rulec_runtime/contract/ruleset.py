@@ -304,6 +304,7 @@ class Ruleset:
     plan: Plan
     undo: Plan
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
+    time_zone: str = field(default="", metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:

@@ -102,3 +102,8 @@ def _escaped(character: str) -> str:
 def write_machine_text(text: str) -> None:
     """Put a machine form on standard output."""
     sys.stdout.write(machine_text(text))
+
+
+def write_table_text(text: str) -> None:
+    """Put a file on standard output: as it is for a program, harmless for a terminal."""
+    sys.stdout.write(shown(text) if sys.stdout.isatty() else text)
