@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -126,12 +128,14 @@ def _reader(kind: Format, path: Path) -> Reader:
 def _careful(read: Callable[[], Any], kind: Format, path: Path) -> Any:
     """What a function of a reader gives; a file that its library cannot read is the file's fault.
 
-    Libraries raise whatever comes to them on a damaged file, and the file may be anything.
+    Libraries raise whatever comes to them on a damaged file, and the file may be anything. What
+    they would write to the terminal about it is left out.
     """
     if kind is CSV:
         return read()
     try:
-        return read()
+        with _quiet():
+            return read()
     except RecordingRefused:
         raise
     except MemoryError:
@@ -141,3 +145,16 @@ def _careful(read: Callable[[], Any], kind: Format, path: Path) -> Any:
             f"{path}: cannot be read as {kind.name} file ({type(error).__name__}: "
             f"{str(error)[:200]}); is it whole? Copy it again, or export it anew"
         ) from None
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without warnings and log of libraries."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)

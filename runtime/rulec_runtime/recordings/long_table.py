@@ -179,7 +179,9 @@ def _units(
 ) -> list[str]:
     """The unit of each tag, empty where none is told."""
     found = [""] * len(tags)
-    for k, text in {(int(k), unit_in(text)) for k, text in zip(number, units, strict=bool(units))}:
+    pairs = dict.fromkeys(zip(number.tolist(), units, strict=True)) if units else {}
+    for k, cell in pairs:
+        text = unit_in(cell)
         if text and found[k] and found[k] != text:
             raise RecordingRefused(
                 f"{path}: readings of '{tags[k]}' are in '{found[k]}' and in '{text}'; write them "

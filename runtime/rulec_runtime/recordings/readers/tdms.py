@@ -79,7 +79,8 @@ def _values(channel: Any) -> Any:
 
 def _track(channel: Any) -> Any:
     """Times of a waveform: dates in UTC where it states its start, else seconds."""
-    seconds = channel.time_track()
+    step = float(channel.properties[STEP])
+    seconds = float(channel.properties.get(OFFSET, 0.0)) + step * np.arange(len(channel))
     start = channel.properties.get(START)
     if start is None:
         return seconds
