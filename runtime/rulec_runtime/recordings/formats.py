@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import logging
+import sys
+import traceback
 import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
@@ -133,28 +136,33 @@ def _careful(read: Callable[[], Any], kind: Format, path: Path) -> Any:
     """
     if kind is CSV:
         return read()
-    try:
-        with _quiet():
+    with _quiet():
+        try:
             return read()
-    except RecordingRefused:
-        raise
-    except MemoryError:
-        raise RecordingRefused(f"{path}: it needs more memory than this machine has") from None
-    except Exception as error:
-        raise RecordingRefused(
-            f"{path}: cannot be read as {kind.name} file ({type(error).__name__}: "
-            f"{str(error)[:200]}); is it whole? Copy it again, or export it anew"
-        ) from None
+        except RecordingRefused:
+            raise
+        except MemoryError:
+            text = "it needs more memory than this machine has"
+        except Exception as error:
+            text = (
+                f"cannot be read as {kind.name} file ({type(error).__name__}: "
+                f"{str(error)[:200]}); is it whole? Copy it again, or export it anew"
+            )
+            traceback.clear_frames(error.__traceback__)
+            gc.collect()  # what is half made ends here, quietly
+    raise RecordingRefused(f"{path}: {text}")
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without warnings and log of libraries."""
-    before = logging.root.manager.disable
+    """Without warnings and log of libraries, and without what goes wrong when they tidy up."""
+    before, hook = logging.root.manager.disable, sys.unraisablehook
     logging.disable(logging.CRITICAL)
+    sys.unraisablehook = lambda _: None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
         logging.disable(before)
+        sys.unraisablehook = hook
