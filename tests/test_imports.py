@@ -65,6 +65,7 @@ ROOMS = (
     "rulec.mismatch.answer",
     "rulec.mismatch",
     "rulec.demo",
+    "rulec.mtp",
     "rulec.commands",
     "rulec",
     "rulec.prove",

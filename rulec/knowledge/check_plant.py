@@ -17,7 +17,7 @@ from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ModuleType, Parameter
 from rulec.knowledge.plant import Block, Column, Module, Plant
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.reader import Reader
@@ -57,6 +57,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         knowledge=knowledge,
         digest=sources.digest(),
         place=document.place("plant"),
+        layers=sources.made_from(),
     )
 
 
@@ -266,7 +267,7 @@ class _PlantReader(Reader):
         if document is not None and known and zone not in known:
             reader, path = self._reader_of(document), ("columns", "time", "zone")
             hint = did_you_mean(zone, known)
-            reader.report(path, "KB123", f"there is no time zone '{zone[:40]}'", hint)
+            reader.report(path, "KB124", f"there is no time zone '{zone[:40]}'", hint)
         return zone
 
 

@@ -110,7 +110,7 @@ def format_of(file: BinaryIO, path: Path) -> Format:
     return CSV
 
 
-def is_recording(path: Path) -> bool:
+def is_called_recording(path: Path) -> bool:
     """Whether a file is called as a recording is."""
     return any(path.name.lower().endswith(s) for kind in FORMATS for s in kind.suffixes)
 

@@ -14,7 +14,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.csv_table import Column, RecordingRefused
-from rulec_runtime.recordings.formats import CSV, is_recording, opened_sheet
+from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
 from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.header import Header, Target, assign
 from rulec_runtime.recordings.time_column import NAMES, read_times
@@ -60,7 +60,7 @@ def files_of(path: Path) -> list[Path]:
         if not place.is_file():
             raise RecordingRefused(f"{path}: there is no such file")
         return [path]
-    files = sorted(f for f in place.iterdir() if is_recording(f))
+    files = sorted(f for f in place.iterdir() if is_called_recording(f))
     csv = [f for f in files if f.name.lower().endswith(CSV.suffixes)]
     if not files:
         raise RecordingRefused(

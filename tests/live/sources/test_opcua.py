@@ -91,6 +91,16 @@ def test_rows_come_each_interval_and_nothing_is_written(
     assert seen == READING
 
 
+def test_a_namespace_may_be_named_by_its_uri(
+    plant: PlantServer, abc: Ruleset, tmp_path: Path
+) -> None:
+    """Its number may change when a server starts; what the URI leads to is read."""
+    text = MAP.replace("ns=2;s=A.dp", "nsu=urn:plant;s=A.dp")
+    taken = opened(plant.url, abc, tmp_path, text).until(lambda t: len(t.times) >= 2)
+    taken.source.close()
+    assert set(taken.of("A.dp")) == {1.8e5}
+
+
 def test_a_server_that_is_killed_is_read_again(abc: Ruleset, tmp_path: Path) -> None:
     """Lost, stale, connected and the gap are told once each time, and rows go on; a plant that is
     off at the start is waited for."""
@@ -136,6 +146,7 @@ def test_what_is_not_as_the_map_says_is_refused(
     cases = (
         (plant.url, "A.dp: ns=2;s=none", r"map.yaml, line 2: A.dp \(ns=2;s=none\): .*BadNodeIdUnk"),
         (plant.url, "A.dp: parrot", "no node id"),
+        (plant.url, "A.dp: nsu=urn:other;s=A.dp", "no namespace 'urn:other'; it has .*urn:plant"),
         (plant.url, "A.dp: ns=2;s=text", "holds String; a number is needed"),
         (plant.url, "A.dp: {node: ns=2;s=A.dp, unit: mbar}", "map says mbar, .* server says bar"),
         (other.url, "A.n: ns=2;s=A.dp", "A.n is measured in rpm, but this is in mbar"),

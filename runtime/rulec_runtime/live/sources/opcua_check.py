@@ -10,7 +10,7 @@ from asyncua import Client, ua
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.map import Channel, conversion
-from rulec_runtime.live.sources.opcua_message import node_of
+from rulec_runtime.live.sources.opcua_nodes import nodes_of
 from rulec_runtime.output.terminal import one_line
 from rulec_runtime.recordings.reading_unit import parse_unit
 
@@ -32,7 +32,7 @@ async def scales_of(
 
     Raises `SourceRefused` where a node is missing, no number, or in a unit of another kind.
     """
-    nodes = [node_of(channel) for channel in channels]
+    nodes = await nodes_of(client, channels)
     types = await _read(client, nodes, ua.AttributeIds.DataType)
     ranks = await _read(client, nodes, ua.AttributeIds.ValueRank)
     units = await _units(client, nodes)

@@ -18,7 +18,8 @@ from asyncua.crypto import security_policies, uacrypto
 from rulec_runtime.live.sources import limits
 from rulec_runtime.live.sources.abandon import abandon, bounded
 from rulec_runtime.live.sources.map import Channel, Server
-from rulec_runtime.live.sources.opcua_message import Message, node_of
+from rulec_runtime.live.sources.opcua_message import Message
+from rulec_runtime.live.sources.opcua_nodes import nodes_of
 
 
 async def connected(server: Server) -> Client:
@@ -66,7 +67,7 @@ async def subscribed(
 
     Where nothing changes, the server says that it is alive once per publishing interval.
     """
-    nodes = [node_of(channel) for channel in channels]
+    nodes = await nodes_of(client, channels)
     parameters = ua.CreateSubscriptionParameters()
     parameters.RequestedPublishingInterval = interval * 1000
     parameters.RequestedLifetimeCount = 10_000

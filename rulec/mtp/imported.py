@@ -1,0 +1,197 @@
+"""From files to modules: what was found, what is odd, and the files that are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rulec.knowledge.knowledge import Knowledge
+from rulec.mtp.online import read_online
+from rulec.mtp.package import Attribute, Package
+from rulec.mtp.read_package import read_packages
+from rulec.mtp.readings import Reading, module_name, readings_of
+from rulec.mtp.refused import MtpRefused, Oddity
+from rulec.mtp.skeleton import skeleton
+from rulec.mtp.source_map import instance_name, source_map
+from rulec.mtp.units import unit_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    """Found and present: `online` units can be read from the controller alone."""
+
+    tags: int
+    tags_present: int
+    units: int
+    units_present: int
+    online: int
+    nodes: int
+    nodes_present: int
+    services: int
+    signals: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imported:
+    """A module: `name` is that of its type."""
+
+    name: str
+    package: Package
+    readings: Sequence[Reading]
+    odd: Sequence[Oddity]
+    counts: Counts
+
+
+def import_files(
+    paths: Iterable[Path], knowledge: Knowledge, online: str | None = None
+) -> tuple[list[Imported], list[tuple[Path, str]]]:
+    """Modules of all files, with names of their own, and the files that are refused, with why.
+
+    `online` says where units and ranges are read that the files leave to controllers: at an
+    endpoint, at those that the files name (empty), or nowhere (None).
+    """
+    found: list[Imported] = []
+    refused: list[tuple[Path, str]] = []
+    for path in paths:
+        try:
+            packages = read_packages(path)
+        except MtpRefused as error:
+            refused.append((path, str(error)))
+        except OSError as error:
+            refused.append((path, f"{path}: cannot be read ({error.strerror})"))
+        else:
+            for package in packages:
+                taken = {instance_name(one.name).lower() for one in found}
+                whole = package if online is None else read_online(package, online)
+                found.append(_imported(whole, knowledge, taken))
+    return found, refused
+
+
+def _imported(package: Package, knowledge: Knowledge, taken: set[str]) -> Imported:
+    readings, odd = readings_of(package, knowledge.units, knowledge.sensors)
+    name = base = module_name(package.name)
+    count = 1
+    while instance_name(name).lower() in taken:
+        count += 1
+        name = f"{base}-{count}"
+    return Imported(
+        name=name,
+        package=package,
+        readings=readings,
+        odd=(*package.odd, *odd),
+        counts=_counts(package, readings, knowledge),
+    )
+
+
+def _counts(package: Package, readings: Sequence[Reading], knowledge: Knowledge) -> Counts:
+    """A tag is found if its class is known, a unit if its code is, a node if its id is."""
+    attributes = [(n, a) for tag in package.tags for n, a in tag.attributes.items()]
+    units = [a for n, a in attributes if n.endswith("Unit") and (a.known or a.refers)]
+    known = [bool(unit_of(a, knowledge.units).text) for a in units]
+    refers = [a for _, a in attributes if a.refers]
+    return Counts(
+        tags=sum(bool(tag.kind) for tag in package.tags),
+        tags_present=len(package.tags),
+        units=sum(known),
+        units_present=len(units),
+        online=sum(
+            a.node is not None for a, is_known in zip(units, known, strict=True) if not is_known
+        ),
+        nodes=sum(a.node is not None for a in refers),
+        nodes_present=len(refers),
+        services=len(package.services),
+        signals=sum(not r.lacks and not r.repeats for r in readings),
+    )
+
+
+def files_of(modules: Sequence[Imported]) -> Mapping[str, str]:
+    """Text of each file to be written, by its path below the folder."""
+    files = {f"modules/{m.name}.yaml": skeleton(m.package, m.name, m.readings) for m in modules}
+    files["map.yaml"] = source_map({m.name: (m.package, m.readings) for m in modules})
+    return files
+
+
+def machine_form(modules: Sequence[Imported], refused: Sequence[tuple[Path, str]]) -> Any:
+    """All that was found, for programs."""
+    return {
+        "modules": [_module(m) for m in modules],
+        "refused": [{"file": str(path), "why": why} for path, why in refused],
+    }
+
+
+def _module(one: Imported) -> dict[str, Any]:
+    package = one.package
+    return {
+        "module": one.name,
+        "file": package.file,
+        "name": package.name,
+        "version": package.version,
+        "writer": package.writer,
+        "counts": vars(one.counts),
+        "servers": [vars(server) for server in package.servers],
+        "tags": [
+            {
+                "name": tag.name,
+                "tag_name": tag.given,
+                "title": tag.title,
+                "class": tag.kind or tag.path,
+                "place": tag.place,
+                "attributes": {n: _attribute(a) for n, a in tag.attributes.items()},
+            }
+            for tag in package.tags
+        ],
+        "signals": [_signal(reading) for reading in one.readings],
+        "services": [
+            {
+                "name": service.name,
+                "procedures": [
+                    {
+                        "name": p.name,
+                        "number": p.number,
+                        "default": p.default,
+                        "completes": p.completes,
+                        "parameters": [q.name for q in p.parameters],
+                    }
+                    for p in service.procedures
+                ],
+                "parameters": [
+                    {"name": p.name, "kind": p.kind, "tag": p.tag.name if p.tag else None}
+                    for p in service.parameters
+                ],
+            }
+            for service in package.services
+        ],
+        "connections": [
+            {"ends": list(c.ends), "linked": c.linked, "pipe": c.pipe} for c in package.connections
+        ],
+        "odd": [vars(oddity) for oddity in one.odd],
+    }
+
+
+def _attribute(attribute: Attribute) -> dict[str, str]:
+    node = attribute.node
+    found = {"value": attribute.text, "default": attribute.default}
+    if node is not None:
+        found |= {"node": node.id, "access": node.access, "server": node.server}
+    return {key: text for key, text in found.items() if text}
+
+
+def _signal(reading: Reading) -> dict[str, Any]:
+    return {
+        "signal": reading.signal,
+        "tag": reading.tag.name,
+        "attribute": reading.attribute,
+        "node": reading.node.id if reading.node else None,
+        "unit": reading.unit.text or None,
+        "unit_as_written": reading.unit.raw or None,
+        "range": list(reading.range) if reading.range else None,
+        "quantity": reading.proposal.quantity or None,
+        "confidence": reading.proposal.confidence,
+        "because": reading.proposal.because,
+        "sensor": reading.sensor or None,
+        "input": reading.is_input,
+        "repeats": reading.repeats,
+        "lacks": reading.lacks or None,
+    }

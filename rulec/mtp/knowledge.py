@@ -1,0 +1,43 @@
+"""Units and sensor classes of the layers of knowledge; the rest of them is not read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from rulec.knowledge.check_knowledge import check_knowledge
+from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.layers import Layer
+from rulec.knowledge.sources import Sources
+from rulec.language.diagnostics import Refused
+from rulec.language.document import Document, read_document
+from rulec.language.schema import kind_of
+
+_ASKED = re.compile(rb"^(sensor|units):", re.MULTILINE)
+_HEAD = 4096
+"""Bytes at the beginning of a file in which its first key stands."""
+
+
+def read_units_and_sensors(layers: Iterable[Layer]) -> Knowledge:
+    """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in its files."""
+    stack = tuple(layers)
+    files = dict.fromkeys(file for layer in reversed(stack) for file in layer.files)
+    documents = [_document(file) for file in files if _ASKED.search(_head(file))]
+    by_kind = {
+        kind: tuple(document for document in documents if kind_of(document) == kind)
+        for kind in ("sensor", "units")
+    }
+    return check_knowledge(Sources(layers=stack, by_kind=by_kind))
+
+
+def _head(file: Path) -> bytes:
+    with file.open("rb") as stream:
+        return stream.read(_HEAD)
+
+
+def _document(file: Path) -> Document:
+    document, mistakes = read_document(file)
+    if document is None:
+        raise Refused(mistakes)
+    return document

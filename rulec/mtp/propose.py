@@ -1,0 +1,75 @@
+"""What a tag seems to measure, concluded from its unit, its name and its description."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rulec.language.units import NONE, Unit, UnitTable
+from rulec.mtp.tables import tables
+
+LIKELY, POSSIBLE, GUESS = "likely", "possible", "guess"
+
+_LETTERS = re.compile(r"(?:^|[^A-Za-z])([A-Z]{1,4})[-_ ]?\d")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """A quantity, empty where nothing says one, and why. `against` is what contradicts it."""
+
+    quantity: str
+    confidence: str
+    because: str
+    against: str
+
+
+def propose(name: str, title: str, unit: Unit | None, usual: str, units: UnitTable) -> Proposal:
+    """The quantity of a reading.
+
+    Parameters
+    ----------
+    name, title : of the tag.
+    unit : of the reading, None where it is not known.
+    usual : what a tag of this role measures as a rule, empty where it may be anything.
+    units : quantities of the knowledge base.
+    """
+    named = _named(name, title)
+    said = [*([(usual, "its class")] if usual else []), *named]
+    if unit is None:
+        for quantity, why in said:
+            return Proposal(quantity=quantity, confidence=GUESS, because=why, against="")
+        return Proposal(quantity="", confidence=GUESS, because="", against="")
+    fitting = [q for q, d in units.quantities.items() if d == unit.dimension]
+    for quantity, why in said:
+        if quantity in fitting:
+            because = f"unit and {why}"
+            return Proposal(quantity=quantity, confidence=LIKELY, because=because, against="")
+    quantity = _first(fitting)
+    against = ""
+    if named and fitting and unit.dimension != NONE:
+        against = f"{named[0][1]} speaks of {named[0][0]}, the unit {unit.text} does not"
+    confidence = GUESS if against or unit.dimension == NONE else POSSIBLE
+    return Proposal(quantity=quantity, confidence=confidence, because="unit", against=against)
+
+
+def _first(fitting: Sequence[str]) -> str:
+    return next((q for q in tables().first if q in fitting), fitting[0] if fitting else "")
+
+
+def _named(name: str, title: str) -> list[tuple[str, str]]:
+    """Quantities that words and letters speak of, each with what says so.
+
+    >>> _named("Sensoren.FI2012", "Durchfluss am Eingang")[0]
+    ('volume flow', "'durchfluss'")
+    """
+    found = []
+    for text in (title.lower(), name.lower()):
+        for quantity, words in tables().words.items():
+            found += [(quantity, f"'{word}'") for word in words if word in text]
+    for letters in _LETTERS.findall(name.rpartition(".")[2]):
+        for key in (letters[:2], letters[:1]):
+            if key in tables().letters:
+                found.append((tables().letters[key], f"the letter {key}"))
+                break
+    return found

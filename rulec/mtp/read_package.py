@@ -1,0 +1,156 @@
+"""From the AutomationML files of one container to the modules that they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rulec.mtp import limits
+from rulec.mtp.caex import Caex, Element, read_caex
+from rulec.mtp.container import read_members
+from rulec.mtp.package import Package, Server
+from rulec.mtp.read_nodes import is_item, read_items, read_servers
+from rulec.mtp.read_pictures import read_pictures
+from rulec.mtp.read_services import read_services
+from rulec.mtp.read_tags import read_tags
+from rulec.mtp.refused import MtpRefused, Oddity
+from rulec.mtp.space import Space
+
+_PACKAGE = "ModuleTypePackage"
+
+
+def read_packages(path: Path) -> list[Package]:
+    """Modules of a .mtp, .zip or .aml file. Raises `MtpRefused`, and OSError where it is not there.
+
+    All files of a container are one space of ids: a manifest may leave services and pictures to
+    others.
+    """
+    files: list[Caex] = []
+    for member in read_members(path):
+        files.append(read_caex(member, limits.MOST_KEPT - sum(file.kept for file in files)))
+    space = Space([file.root for file in files], {k: v for f in files for k, v in f.bases.items()})
+    found = list(_packages(space))
+    if not found:
+        raise MtpRefused(
+            f"{path.name}: no list of instances in it, and so no tag; give the manifest of a "
+            "module (a file with CommunicationSet and InstanceList)"
+        )
+    whole = space.roots if len(found) == 1 else None
+    return [_package(path, space, element, whole or _parts(space, element)) for element in found]
+
+
+def _packages(space: Space) -> Iterator[Element]:
+    """The elements that stand for a module each: packages, or what holds a list of instances."""
+    elements = [e for root in space.roots for e in root.walk() if e.tag == "InternalElement"]
+    lists = [e for e in elements if space.is_named(e, ("InstanceList",))]
+    seen: set[int] = set()
+    for one in lists:
+        holder = one.parent or one
+        while holder.parent is not None and holder.parent.tag == "InternalElement":
+            if holder.get("RefBaseSystemUnitPath").endswith(_PACKAGE):
+                break
+            holder = holder.parent
+        if id(holder) not in seen:
+            seen.add(id(holder))
+            yield holder
+
+
+def _parts(space: Space, package: Element) -> list[Element]:
+    """A package and what it refers to, where a container holds several."""
+    referred = [
+        space.find(text, element)
+        for element in package.walk()
+        if element.tag == "Attribute" and element.get("Name").lower() == "refuri"
+        for text in element.texts.values()
+    ]
+    return [package, *(e for e in referred if e is not None)]
+
+
+def _package(path: Path, space: Space, element: Element, parts: Sequence[Element]) -> Package:
+    odd = list(_twice(space))
+    servers = tuple(read_servers(space, element, odd))
+    items = read_items(space, element, odd)
+    odd += _missing(space, element)
+    if not items:
+        odd.append(
+            Oddity(
+                kind="no nodes",
+                place=element.place,
+                text="the list of sources holds no node",
+                remedy="write node ids into the map, or export the module with its server",
+            )
+        )
+    tags = tuple(read_tags(space, element, items, odd))
+    if not tags:
+        raise MtpRefused(
+            f"{element.place}: the list of instances is empty; export the module with its tags"
+        )
+    if len(tags) > limits.MOST_TAGS:
+        raise MtpRefused(
+            f"{element.place}: {len(tags)} tags, more than {limits.MOST_TAGS}; is it one module?"
+            " Export each alone"
+        )
+    symbols, connections = read_pictures(space, parts)
+    return Package(
+        file=path.name,
+        name=space.name(element),
+        title=element.texts.get("Description", ""),
+        version=element.texts.get("Version") or _text(element, "Version"),
+        writer=_writer(space.roots),
+        tags=tags,
+        servers=servers or (Server(name="", endpoint=""),),
+        services=tuple(read_services(space, parts, tags, odd)),
+        symbols=symbols,
+        connections=connections,
+        odd=tuple(odd),
+    )
+
+
+def _missing(space: Space, package: Element) -> Iterator[Oddity]:
+    """Services and pictures that a manifest leaves to files, or elements, which are not there."""
+    files = [root.place.rpartition(":")[0] for root in space.roots]
+    for element in package.walk():
+        if element.tag != "Attribute" or element.get("Name").lower() != "refuri":
+            continue
+        text = element.texts.get("Value", "")
+        path = text.replace("\\", "/").lstrip("/")
+        if text and space.find(text, element) is None and not any(f.endswith(path) for f in files):
+            yield Oddity(
+                kind="parts that are missing",
+                place=element.place,
+                text=f"it refers to '{text[:80]}', which is not there",
+                remedy="give the whole container; without it services or pictures are lacking",
+            )
+
+
+def _twice(space: Space) -> Iterator[Oddity]:
+    """Ids that stand twice in a file. Raises `MtpRefused` where one of them is a node's: a reading
+    might silently come from another place."""
+    for key, elements in space.twice():
+        text = f"the id '{key[:60]}' stands at {elements[0].place} already"
+        if any(is_item(space, element) for element in elements):
+            raise MtpRefused(
+                f"{elements[1].place}: {text}, and which node is meant is open; export the module "
+                "again with an id of its own for each item"
+            )
+        yield Oddity(
+            kind="ids that stand twice",
+            place=elements[1].place,
+            text=text,
+            remedy="what refers to it is left out; give each element an id of its own",
+        )
+
+
+def _text(element: Element, name: str) -> str:
+    return next(
+        (a.texts.get("Value", "") for a in element.of("Attribute") if a.get("Name") == name), ""
+    )
+
+
+def _writer(roots: Sequence[Element]) -> str:
+    """Vendor or name of the program that wrote the file."""
+    for root in roots:
+        for element in root.walk():
+            if element.tag == "WriterHeader":
+                return element.texts.get("WriterVendor") or element.texts.get("WriterName", "")
+    return ""

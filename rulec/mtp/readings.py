@@ -1,0 +1,236 @@
+"""Readings of a package: which tag is a signal, in which unit and range, and at which node."""
+
+from __future__ import annotations
+
+import keyword
+import math
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rulec.knowledge.knowledge import SensorClass
+from rulec.language.units import UnitTable
+from rulec.mtp import limits
+from rulec.mtp.package import Attribute, Node, Package, Tag
+from rulec.mtp.propose import Proposal, propose
+from rulec.mtp.refused import Oddity
+from rulec.mtp.tables import tables
+from rulec.mtp.units import FoundUnit, unit_of
+
+_UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"}
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """A number that a tag gives. `range` is None where it is not known; `lacks` says what a person
+    must fill in before it is a signal, and is empty where it is one."""
+
+    signal: str
+    tag: Tag
+    attribute: str
+    node: Node | None
+    unit: FoundUnit
+    range: tuple[float, float] | None
+    range_is_default: bool
+    limits: Mapping[str, str]
+    proposal: Proposal
+    sensor: str
+    is_input: bool
+    repeats: bool
+    lacks: str
+
+
+def readings_of(
+    package: Package,
+    units: UnitTable,
+    sensors: Mapping[str, SensorClass],
+) -> tuple[list[Reading], list[Oddity]]:
+    """Readings of all tags, with names of their own, and what is odd about them."""
+    odd: list[Oddity] = []
+    found = []
+    for tag in package.tags:
+        role = tables().classes.get(tag.kind, "")
+        for where in tables().values.get(role, ()):
+            reading = _reading(tag, where, units, sensors, odd)
+            if reading is not None:
+                found.append(reading)
+    return list(_named(found)), odd
+
+
+def _reading(
+    tag: Tag,
+    where: Mapping[str, Any],
+    units: UnitTable,
+    sensors: Mapping[str, SensorClass],
+    odd: list[Oddity],
+) -> Reading | None:
+    present = [name for name in where["value"] if name in tag.attributes]
+    if not present:
+        return None
+    bound = [name for name in present if tag.attributes[name].node is not None]
+    attribute = (bound or present)[0]
+    scale = where["scale"]
+    unit = unit_of(tag.attributes.get(f"{scale}Unit"), units)
+    span, default = _range(tag, scale, odd)
+    proposal = propose(tag.name, tag.title, unit.unit, where.get("usual", ""), units)
+    sensor, range_is_needed = _sensor(proposal.quantity, span, unit, sensors)
+    reading = Reading(
+        signal="",
+        tag=tag,
+        attribute=attribute,
+        node=tag.attributes[attribute].node,
+        unit=unit,
+        range=span,
+        range_is_default=default,
+        limits=_limits(tag),
+        proposal=proposal,
+        sensor=sensor,
+        is_input=bool(where.get("input")),
+        repeats=bool(where.get("repeats")),
+        lacks="",
+    )
+    _tell(reading, tag.attributes.get(f"{scale}Unit"), odd)
+    return replace(reading, lacks=_lacks(reading, range_is_needed))
+
+
+def _limits(tag: Tag) -> Mapping[str, str]:
+    known = {name: attribute.known for name, attribute in tag.attributes.items()}
+    return {name: known[name] for name in tables().limits if known.get(name)}
+
+
+def _lacks(reading: Reading, range_is_needed: bool) -> str:
+    """What keeps a reading from being a signal."""
+    if reading.unit.online and not reading.unit.text:
+        return "the unit: the controller holds it"
+    if not reading.unit.raw:
+        return "the unit: the data sheet says it"
+    if not reading.unit.text:
+        return f"the unit: '{reading.unit.raw[:20]}' is no unit code that is known"
+    if reading.unit.unit is None:
+        return f"the unit {reading.unit.text}: it is not in units.yaml; add it, or another"
+    if not reading.proposal.quantity:
+        return f"a quantity for {reading.unit.text}: units.yaml has none"
+    if not reading.sensor:
+        return "a sensor class for this quantity"
+    if range_is_needed:
+        return "the range, which the sensor class needs"
+    return ""
+
+
+def _tell(reading: Reading, unit: Attribute | None, odd: list[Oddity]) -> None:
+    tag, found = reading.tag, reading.unit
+    place = unit.place if unit is not None else tag.place
+    if found.raw.strip("0.") and not found.text:
+        text = f"{tag.name} has the unit '{found.raw[:40]}', which is no unit code that is known"
+        remedy = "write the unit into the skeleton" + ", or import with --online" * found.online
+        odd.append(Oddity(kind="unknown units", place=place, text=text, remedy=remedy))
+    elif found.doubt.startswith("code"):
+        text = f"{tag.name} is taken to be in {found.text}, but {found.doubt}"
+        remedy = "compare with the display of the device"
+        odd.append(Oddity(kind="doubtful units", place=place, text=text, remedy=remedy))
+    if reading.proposal.against and not reading.repeats:
+        odd.append(
+            Oddity(
+                kind="names against units",
+                place=tag.place,
+                text=f"{tag.name}: {reading.proposal.against}",
+                remedy="find out what it measures, and correct the quantity",
+            )
+        )
+
+
+def _range(tag: Tag, scale: str, odd: list[Oddity]) -> tuple[tuple[float, float] | None, bool]:
+    """The range that the file gives, and whether it is a default that may be replaced."""
+    low, high = (tag.attributes.get(f"{scale}Scl{end}") for end in ("Min", "Max"))
+    if low is None or high is None or not low.known or not high.known:
+        return None, False
+    ends = _number(low.known), _number(high.known)
+    first, last = ends
+    if first is None or last is None:
+        text = f"{tag.name} ranges from '{low.known[:30]}' to '{high.known[:30]}'"
+        remedy = "take the range from the data sheet"
+        odd.append(Oddity(kind="ranges that are none", place=low.place, text=text, remedy=remedy))
+        return None, False
+    if first >= last:
+        text = f"{tag.name} ranges from {first:g} to {last:g}"
+        remedy = "the lower end comes first; take the range from the data sheet"
+        odd.append(Oddity(kind="ranges that are none", place=low.place, text=text, remedy=remedy))
+        return None, False
+    return (first, last), low.is_default or high.is_default
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and abs(value) < 1e30 else None
+
+
+def _sensor(
+    quantity: str,
+    span: tuple[float, float] | None,
+    unit: FoundUnit,
+    sensors: Mapping[str, SensorClass],
+) -> tuple[str, bool]:
+    """A sensor class of the knowledge base, and whether it needs a range that is lacking."""
+    needing = ""
+    for name in tables().sensors.get(quantity, ()):
+        one = sensors.get(name)
+        if one is None or (
+            one.kind == "value" and unit.unit and one.unit.dimension != unit.unit.dimension
+        ):
+            continue
+        if one.kind != "full scale" or span is not None:
+            return name, False
+        needing = needing or name
+    return needing, bool(needing)
+
+
+def _named(found: list[Reading]) -> Iterator[Reading]:
+    """Readings with names of signals: the last part of the tag's name where that is enough."""
+    short = [signal_name(r.tag.name.rpartition(".")[2], r.tag.kind) for r in found]
+    borne = Counter(short)
+    taken: Counter[str] = Counter()
+    for reading, name in zip(found, short, strict=True):
+        if borne[name] > 1:
+            name = signal_name(reading.tag.name, reading.tag.kind)
+        name = f"{name}_" if keyword.iskeyword(name) else name
+        while name in taken:
+            taken[name] += 1
+            name = f"{name[: limits.LONGEST_SIGNAL - 6]}_{taken[name]}"
+        taken[name] = 1
+        yield replace(reading, signal=name)
+
+
+def signal_name(text: str, kind: str = "") -> str:
+    """A name that equations can use.
+
+    >>> signal_name("Füllstand L-001"), signal_name("3021"), signal_name("L1_MonAnaVlv", "AnaVlv")
+    ('Fuellstand_L_001', 'x3021', 'L1')
+    """
+    short = re.sub(rf"[_.](Mon|Lock)*{kind}$", "", text) if kind else text
+    name = re.sub(r"[^A-Za-z0-9]+", "_", _plain(short)).strip("_")
+    name = name if name[:1].isalpha() else f"x{name}"
+    return name[: limits.LONGEST_SIGNAL].rstrip("_")
+
+
+def module_name(text: str) -> str:
+    """A name for a module type.
+
+    >>> module_name("PiMAd-core:0.0.1"), module_name("(1)")
+    ('PiMAd-core-0-0-1', 'module-1')
+    """
+    name = re.sub(r"_*[^A-Za-z0-9_]+_*", "-", _plain(text)).strip("-_")
+    name = name if name[:1].isalpha() else f"module-{name}".rstrip("-")
+    return name[: limits.LONGEST_MODULE].rstrip("-_")
+
+
+def _plain(text: str) -> str:
+    spelled = unicodedata.normalize("NFKD", text.translate(_UMLAUTS))
+    return spelled.encode("ascii", "ignore").decode()

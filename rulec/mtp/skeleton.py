@@ -1,0 +1,190 @@
+"""A module type in YAML, as far as a package says; what it does not say stands as TODO."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from rulec_runtime.output.terminal import one_line
+
+from rulec.language.written import rounded
+from rulec.language.yaml_text import flow
+from rulec.mtp import limits
+from rulec.mtp.package import Package, Parameter, Service, Symbol, Tag
+from rulec.mtp.readings import Reading
+from rulec.mtp.tables import tables
+
+
+def skeleton(package: Package, name: str, readings: Sequence[Reading]) -> str:
+    """Text of the file of a module type; it passes `rulec check`, and holds no observer yet."""
+    lines = [
+        *_head(package),
+        f"module: {name}",
+        "version: 1",
+        f"title: {flow(_said(package.title or package.name) or name)}",
+        *_signals([r for r in readings if not r.repeats]),
+        *_repeated([r for r in readings if r.repeats]),
+        *_todo(),
+        *_others(package.tags),
+        *_services(package.services),
+        *_equipment(package),
+        *_connections(package),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _head(package: Package) -> Iterator[str]:
+    version = f", version {_said(package.version)}" if package.version else ""
+    writer = f", written by {_said(package.writer)}" if package.writer else ""
+    what = f"{_said(package.file)}: {_said(package.name)}"
+    yield f"# From the Module Type Package {what}{version}{writer}."
+    yield "# 'proposal' marks what was concluded from units, names and classes: confirm or"
+    yield "# correct it, and delete the remark. 'TODO' marks what the package does not say."
+
+
+def _signals(readings: Sequence[Reading]) -> Iterator[str]:
+    if not readings:
+        yield "# TODO no tag of the package is a measured number; declare what the module measures"
+        return
+    whole = any(not r.lacks for r in readings)
+    yield "signals:" if whole else "# TODO signals; each lacks something:\n# signals:"
+    for reading in readings:
+        yield from (f"  # {line}" for line in _remarks(reading))
+        entry = f"{reading.signal}: {flow(_entry(reading))}"
+        if not reading.lacks:
+            yield f"  {entry}  # proposal ({reading.proposal.confidence}): {_because(reading)}"
+        else:
+            yield f"  # TODO lacks {_said(reading.lacks)}"
+            yield f"  # {entry}"
+
+
+def _entry(reading: Reading) -> dict[str, object]:
+    unit = reading.unit
+    entry: dict[str, object] = {
+        "quantity": reading.proposal.quantity or "TODO",
+        "unit": unit.text or "TODO",
+        "sensor": reading.sensor or "TODO",
+    }
+    if reading.range is not None:
+        entry["range"] = [_plain(end) for end in reading.range]
+    if reading.is_input:
+        entry["input"] = True
+    return entry
+
+
+def _plain(number: float) -> float | int:
+    short = rounded(number, 9)
+    return int(short) if short.is_integer() and abs(short) < 1e15 else short
+
+
+def _because(reading: Reading) -> str:
+    parts = [f"quantity by {reading.proposal.because}; sensor class by quantity"]
+    whose = ["unit"] * reading.unit.is_default + ["range"] * reading.range_is_default
+    if whose:
+        parts.append(f"{' and '.join(whose)} by default, the controller may hold another")
+    parts += [f"unit: {reading.unit.doubt}"] if reading.unit.doubt else []
+    parts += ["set by the operator"] if reading.is_input else []
+    return _said("; ".join(parts))
+
+
+def _remarks(reading: Reading) -> Iterator[str]:
+    tag = reading.tag
+    title = f": {tag.title}" if tag.title and tag.title != tag.name else ""
+    also = f" '{tag.given}'" if tag.given not in ("", tag.name) else ""
+    yield _said(f"{tag.name}{also} ({tag.kind}.{reading.attribute}){title}")
+    if reading.node is None:
+        yield "no node: it cannot be read over OPC UA"
+    if reading.limits:
+        yield _said("limits: " + ", ".join(f"{n} {text}" for n, text in reading.limits.items()))
+    if reading.proposal.against:
+        yield _said(f"contradiction: {reading.proposal.against}")
+
+
+def _repeated(readings: Sequence[Reading]) -> Iterator[str]:
+    """Values of controllers, set points and parameters: signals only if no tag of their own is."""
+    if readings:
+        yield ""
+        yield "# Values of controllers, set points and parameters: they repeat what is measured or"
+        yield "# asked for. Make one a signal where an equation needs it."
+    for reading in readings[: limits.MOST_LISTED]:
+        span = f", {reading.range[0]:g} to {reading.range[1]:g}" if reading.range else ""
+        unit = reading.unit.text or "unit not said"
+        name = f"{reading.tag.name} ({reading.tag.kind}.{reading.attribute})"
+        yield f"#   {_said(f'{name}: {unit}{span}')}"
+
+
+def _todo() -> Iterator[str]:
+    yield ""
+    yield "# TODO uncertainty: that of the sensor classes, unless a data sheet says another"
+    yield "# TODO parameters: constants of the equations, each with value, unit, u and source"
+    yield "# parameters:"
+    yield '#   k2: {value: 1, unit: bar/(l/h)**2, u: 0.1, source: "data sheet"}'
+    yield "# TODO observers: equations that estimate the flow Q from the signals above"
+    yield "# observers:"
+    yield '#   line: {component: line, Q: sqrt(SIGNAL/k2), source: "..."}'
+    yield "# TODO faults: what can happen to it, each with what it acts on; kb/faults holds them"
+    yield "# faults: []"
+
+
+def _others(tags: Sequence[Tag]) -> Iterator[str]:
+    for role, title in tables().listed.items():
+        found = [t for t in tags if tables().classes.get(t.kind, "unknown") == role]
+        if found:
+            yield ""
+            yield f"# {title}; equations read numbers alone."
+        for tag in found[: limits.MOST_LISTED]:
+            kind = tag.kind or tag.path.rpartition("/")[2] or "no class"
+            title_of = f": {tag.title}" if tag.title else ""
+            yield f"#   {_said(f'{tag.name} ({kind}){title_of}')}"
+
+
+def _services(services: Sequence[Service]) -> Iterator[str]:
+    if services:
+        yield ""
+        yield "# Services:"
+    for service in services[: limits.MOST_LISTED]:
+        yield f"#   {_said(service.name)}"
+        for procedure in service.procedures:
+            marks = ["default"] * procedure.default + ["ends by itself"] * procedure.completes
+            more = f" ({', '.join(marks)})" if marks else ""
+            asked = f": {_names(procedure.parameters)}" if procedure.parameters else ""
+            name = _said(f"{procedure.number} {procedure.name}")
+            yield f"#     procedure {name}{more}{asked}"
+        asked_for = {id(p) for procedure in service.procedures for p in procedure.parameters}
+        common = [p for p in service.parameters if id(p) not in asked_for]
+        if common:
+            yield f"#     parameters: {_names(common)}"
+
+
+def _names(parameters: Iterable[Parameter]) -> str:
+    return _said(", ".join(parameter.name for parameter in parameters))
+
+
+def _equipment(package: Package) -> Iterator[str]:
+    """What symbols stand for, by their ECLASS codes."""
+    found = [(symbol, kind) for symbol in package.symbols if (kind := equipment(symbol))]
+    if found:
+        yield ""
+        yield "# Equipment, proposal by ECLASS codes of the picture:"
+    for symbol, kind in found[: limits.MOST_LISTED]:
+        yield f"#   {_said(f'{symbol.name}: {kind} ({symbol.code})')}"
+
+
+def equipment(symbol: Symbol) -> str:
+    """What a symbol seems to be; empty where its code says nothing."""
+    code = "".join(c for c in symbol.code if c.isdigit())
+    kind = next((kind for begin, kind in tables().equipment.items() if code.startswith(begin)), "")
+    return f"{kind}, of an unnamed kind" if kind and code.endswith("90") else kind
+
+
+def _connections(package: Package) -> Iterator[str]:
+    if package.connections:
+        yield ""
+        yield "# Pipes, proposal by the picture (which way it flows is not said):"
+    for one in package.connections[: limits.MOST_LISTED]:
+        how = "likely, linked in the file" if one.linked else "possible, by where they are drawn"
+        yield f"#   {_said(f'{one.ends[0]} -- {one.ends[1]}')}  ({how})"
+
+
+def _said(text: str) -> str:
+    """A text of the package for a comment or a title: on one line, without steering characters."""
+    return one_line(" ".join(text.split()))[:200]

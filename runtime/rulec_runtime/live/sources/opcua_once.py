@@ -1,0 +1,62 @@
+"""Values of some nodes of an OPC UA server, read once; nothing is subscribed, written or called."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Sequence
+
+from asyncua import Client, ua
+
+from rulec_runtime.live.sources import limits
+from rulec_runtime.live.sources.abandon import bounded
+from rulec_runtime.live.sources.map import Server
+from rulec_runtime.live.sources.opcua_nodes import numbered
+from rulec_runtime.live.sources.opcua_session import connected, discard
+
+
+def read_once(server: Server, ids: Sequence[str], seconds: float) -> list[str]:
+    """The value of each node as text, empty where it has none that is good.
+
+    Raises ConnectionError where the server does not answer in time.
+    """
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # it logs what servers send
+    try:
+        return asyncio.run(bounded(_read(server, ids), seconds))
+    except Exception as error:  # asyncua raises errors of every kind
+        text = str(error).strip() or type(error).__name__
+        raise ConnectionError(text) from None
+
+
+async def _read(server: Server, ids: Sequence[str]) -> list[str]:
+    client = await connected(server)
+    try:
+        known = [str(uri) for uri in await client.get_namespace_array()]
+        nodes = [_node(text, known) for text in ids]
+        asked = [node for node in nodes if node is not None]
+        values = iter(await _values(client, asked))
+        return [_text(next(values)) if node is not None else "" for node in nodes]
+    finally:
+        await discard(client)
+
+
+def _node(text: str, known: Sequence[str]) -> ua.NodeId | None:
+    try:
+        return numbered(ua.NodeId.from_string(text), known)
+    except (ua.UaError, ValueError, TypeError):
+        return None
+
+
+async def _values(client: Client, nodes: Sequence[ua.NodeId]) -> list[ua.DataValue]:
+    found: list[ua.DataValue] = []
+    for i in range(0, len(nodes), limits.NODES_PER_CALL):
+        part = list(nodes[i : i + limits.NODES_PER_CALL])
+        found += await client.uaclient.read_attributes(part, ua.AttributeIds.Value)
+    return found
+
+
+def _text(value: ua.DataValue) -> str:
+    good = value.StatusCode is not None and value.StatusCode.is_good()
+    if not good or value.Value is None or value.Value.Value is None:
+        return ""
+    return str(value.Value.Value).strip()

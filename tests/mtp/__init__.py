@@ -1,0 +1,1 @@
+"""Module Type Packages: read, imported, refused."""
