@@ -223,11 +223,15 @@ def _simulate(simulate: argparse.ArgumentParser) -> None:
     simulate.add_argument(
         "inputs",
         metavar="INPUTS",
-        help="recording (CSV file, or a folder of them); of it the readings are used that no "
-        "equation determines, such as speeds",
+        help="recording, as for diagnose; of it the readings are used that no equation "
+        "determines, such as speeds",
     )
     simulate.add_argument(
-        "-o", "--output", metavar="RECORDING", required=True, help="file; for a folder a folder"
+        "-o",
+        "--output",
+        metavar="RECORDING",
+        required=True,
+        help="CSV file, - for standard output; for a folder a folder",
     )
     simulate.add_argument(
         "--fault",
@@ -253,7 +257,7 @@ def _mismatch(mismatch: argparse.ArgumentParser) -> None:
         "recording",
         metavar="RECORDING",
         nargs="+",
-        help="CSV file, or a folder of them; several of one plant are judged together, and count "
+        help="as for diagnose; several of one plant are judged together, and count "
         "in the order given where their files have no dates",
     )
     mismatch.add_argument(
@@ -268,7 +272,9 @@ def _mismatch(mismatch: argparse.ArgumentParser) -> None:
         "--report", metavar="FILE.html", help="one page with pictures, to hand on"
     )
     mismatch.add_argument(
-        "--series", metavar="FILE.csv", help="measured and predicted courses, sample by sample"
+        "--series",
+        metavar="FILE.csv",
+        help="measured and predicted courses, sample by sample; - for standard output",
     )
     json_option(mismatch)
 

@@ -15,6 +15,9 @@ HEAVY = {"sympy", "yaml", "scipy", "networkx", "jsonschema", "numba"}
 OPERATOR_STATION = {"numpy", "rich"}
 EXTRAS = {"asyncua", "cryptography", "paho", "yaml", "starlette", "uvicorn", "sqlalchemy"}
 """Of the runtime: for sources, journal and page, loaded where they are asked for."""
+FORMATS = {"pyarrow", "openpyxl", "scipy", "h5py", "asammdf", "nptdms"}
+"""Of its readers, each loaded when a file of its format comes."""
+READERS = "rulec_runtime.recordings.readers"
 """All that the runtime needs."""
 
 INTEGRATOR = "rulec_runtime.simulation.integrator"
@@ -25,6 +28,7 @@ ROOMS = (
     "rulec_runtime.output",
     "rulec_runtime.contract",
     "rulec_runtime.recordings",
+    "rulec_runtime.recordings.readers",
     "rulec_runtime.simulation",
     "rulec_runtime.diagnosis.steady",
     "rulec_runtime.diagnosis.stores",
@@ -161,7 +165,15 @@ def test_runtime_needs_numpy_and_rich_alone() -> None:
         for found, here in imports(module):
             assert not (here and found == INTEGRATOR), module
             known = top(found) in allowed or (live and top(found) in EXTRAS)
+            known |= room_of(module) == READERS and top(found) in FORMATS
             assert known or (module, found) == (INTEGRATOR, "numba"), module
+
+
+def test_readers_are_loaded_by_name_alone() -> None:
+    """Nobody imports one: the registry of formats loads it when a file asks for it."""
+    for module in MODULES:
+        if room_of(module) != READERS:
+            assert not [found for found, _ in imports(module) if found.startswith(READERS)], module
 
 
 def test_compiler_knows_the_contract_alone() -> None:
@@ -214,7 +226,7 @@ def test_diagnosing_with_a_ruleset_loads_no_compiler(tmp_path: Path) -> None:
     asked = ("diagnose", str(file), str(recording), "--trace", str(tmp_path / "t.csv"))
     for package in ("rulec", "rulec_runtime"):
         found = loaded(*asked, package=package)
-        assert not found & HEAVY
+        assert not found & (HEAVY | FORMATS)
         assert {package, "rulec_runtime", "numpy", "rich"} <= found
     assert "rulec" not in found
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from rich.console import Console
 from rulec_runtime.commands.destinations import console, write_json
 from rulec_runtime.output.terminal import say_aside, styled
+from rulec_runtime.recordings.formats import is_called_recording
+from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 
 from rulec.commands.check_formats import json_form, sarif_form
 from rulec.commands.recording_facts import Facts, facts_of
@@ -58,11 +60,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def is_recording(path: Path) -> bool:
-    """Is it none of the files that are checked, or a folder with tables and without YAML?"""
-    if path.is_dir():
-        tables = any(f.name.lower().endswith((".csv", ".csv.gz")) for f in path.iterdir())
-        return tables and not yaml_files_in(path)
-    return path.is_file() and path.suffix not in (".yaml", ".yml")
+    """Is it none of the files that are checked, or a folder with recordings and without YAML?"""
+    place = place_of(path)[0]
+    if place.is_dir():
+        return any(is_called_recording(f) for f in place.iterdir()) and not yaml_files_in(place)
+    return place == STANDARD_INPUT or (place.is_file() and place.suffix not in (".yaml", ".yml"))
 
 
 def _tell(

@@ -10,10 +10,10 @@ import numpy as np
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.diagnosis.sensors.judge import Health, examine
 from rulec_runtime.diagnosis.steady.seen import judgeable
-from rulec_runtime.recordings.csv_table import whole_rows
+from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import Header, assign
 from rulec_runtime.recordings.recording import Recording, read_recording
-from rulec_runtime.recordings.recording_file import files_of
+from rulec_runtime.recordings.recording_file import files_of, times_of
 
 from rulec.effects.candidate import Candidate
 from rulec.effects.match_effects import Matches
@@ -206,9 +206,10 @@ def _headers(path: Path, ruleset: Ruleset) -> tuple[dict[str, str], tuple[str, .
     titles: dict[str, str] = {}
     strangers: dict[str, None] = {}
     for file in files_of(path):
-        names, _, _ = whole_rows(file)
         header = Header()
-        assign(file, names, ruleset, header, [])
+        with opened_sheet(file, times_of(ruleset)) as sheet:
+            names = sheet.titles
+            assign(file, names, ruleset, header, [], sheet.units)
         titles |= {target.signal: names[target.index].strip() for target in header.targets}
         strangers |= dict.fromkeys(header.strangers)
     return titles, tuple(strangers)

@@ -13,8 +13,9 @@ from rulec_runtime.commands.destinations import (
     write_to,
 )
 from rulec_runtime.output.refusal import Misused
+from rulec_runtime.recordings.given import place_of
 
-from rulec.api.simulate import parse_fault, simulate
+from rulec.api.simulate import OTHERS, parse_fault, simulate
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,7 +42,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _check_target(inputs: str, output: str) -> None:
     """What was measured is not overwritten; a folder goes to a folder, a file to a file."""
-    source, target = Path(inputs), Path(output)
+    source, target = place_of(Path(inputs))[0], Path(output)
+    if place_of(target)[0].suffix.lower() in OTHERS:
+        raise Misused(f"-o {target}: recordings are written as CSV; name it .csv or .csv.gz")
     if output == STANDARD_OUTPUT:
         if source.is_dir():
             raise Misused("-o -: the inputs are a folder; give the name of a folder")

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rulec_runtime.recordings.given import STANDARD_INPUT, bytes_of, is_there
 from rulec_runtime.recordings.recording_file import files_of
 
 from rulec.effects.model_builder import ModelBuilder
@@ -44,7 +45,12 @@ def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
     check_plant_unchanged(basis, sources)
     recordings = [Path(recording) for recording in basis.given]
     for recording in recordings:
-        if not recording.exists():
+        if recording.name == STANDARD_INPUT.name:
+            raise AdoptRefused(
+                "the recording came from standard input, and it must be read again; keep it in a "
+                "file, and run rulec mismatch with that"
+            )
+        if not is_there(recording):
             raise AdoptRefused(
                 f"the recording '{recording}' is not there any more, and it must be read again; "
                 f"put it back, or {AGAIN}"
@@ -87,6 +93,4 @@ def _plant_files(sources: Sources) -> Iterator[Path]:
 
 
 def _hashes(files: Iterator[Path] | list[Path]) -> dict[str, str]:
-    return {
-        file.resolve().as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in files
-    }
+    return {file.resolve().as_posix(): hashlib.sha256(bytes_of(file)).hexdigest() for file in files}

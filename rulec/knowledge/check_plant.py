@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from zoneinfo import available_timezones
 
 import numpy as np
 
@@ -42,6 +43,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
     modules = reader.fill(modules)
     connections = reader.connections(sources.adjacency)
     columns, time_column = reader.columns(modules, sources.columns)
+    time_zone = reader.time_zone(sources.columns)
     if reader.found:
         raise Refused(reader.found)
     return Plant(
@@ -51,6 +53,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         connections=connections,
         columns=columns,
         time_column=time_column,
+        time_zone=time_zone,
         knowledge=knowledge,
         digest=sources.digest(),
         place=document.place("plant"),
@@ -255,6 +258,17 @@ class _PlantReader(Reader):
             offset = shift * unit.factor + unit.offset
             result.append(Column(key, part["from"], scale * unit.factor, offset))
         return tuple(result), time_column
+
+    def time_zone(self, document: Document | None) -> str:
+        """Zone of dates that name none; one that exists, or empty."""
+        time = {} if document is None else document.data["columns"].get("time", {})
+        zone = str(time.get("zone", ""))
+        known = available_timezones() if zone else ()
+        if document is not None and known and zone not in known:
+            reader, path = self._reader_of(document), ("columns", "time", "zone")
+            hint = did_you_mean(zone, known)
+            reader.report(path, "KB124", f"there is no time zone '{zone[:40]}'", hint)
+        return zone
 
 
 def _values(

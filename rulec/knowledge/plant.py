@@ -65,6 +65,7 @@ class Plant:
     connections: tuple[tuple[str, str], ...]
     columns: tuple[Column, ...]
     time_column: str
+    time_zone: str
     knowledge: Knowledge
     digest: str
     place: Place

@@ -53,6 +53,7 @@ def emit(
             contract.ColumnMap(c.signal, c.column, c.factor, c.offset) for c in plant.columns
         ),
         time_column=plant.time_column,
+        time_zone=plant.time_zone,
         units={
             name: contract.UnitSpec(u.factor, u.offset, tuple(map(float, u.dimension.exponents)))
             for name, u in plant.knowledge.units.units.items()

@@ -10,8 +10,10 @@ from typing import TextIO
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.output.csv_cell import as_meant, defused, row_of
-from rulec_runtime.recordings.csv_table import whole_rows
-from rulec_runtime.recordings.recording_file import RecordingFile
+from rulec_runtime.recordings.formats import opened_sheet
+from rulec_runtime.recordings.header import parts_of
+from rulec_runtime.recordings.recording_file import RecordingFile, times_of
+from rulec_runtime.recordings.table import Sheet
 
 DIGITS = 10
 """Significant digits of a number: more than any sensor has, fewer than rounding spoils."""
@@ -27,8 +29,19 @@ def rewrite(
     values : per signal an array, shape (rows of the file,), SI. A signal without a column gets
         one behind the others, under its foreign name if the plant knows one.
     """
-    header, rows, separator = whole_rows(file.path)
-    writer = csv.writer(target, delimiter=separator, lineterminator="\n")
+    with opened_sheet(file.path, times_of(ruleset)) as sheet:
+        _rewrite(sheet, file, ruleset, values, target)
+
+
+def _rewrite(
+    sheet: Sheet,
+    file: RecordingFile,
+    ruleset: Ruleset,
+    values: Mapping[str, Array],
+    target: TextIO,
+) -> None:
+    writer = csv.writer(target, delimiter=sheet.separator, lineterminator="\n")
+    header = [with_unit(t, u) for t, u in zip(sheet.titles, sheet.units, strict=True)]
     replaced: dict[int, Iterable[str]] = {}
     for place in file.header.targets:
         if place.signal in values and place.index not in replaced:
@@ -41,7 +54,7 @@ def rewrite(
     writer.writerow(defused(as_meant(title)) for title in header)
     room = [""] * len(added(file, values))
     columns = zip(*replaced.values(), strict=True) if replaced else None
-    for row in rows:
+    for row in sheet.lines():
         row += room
         for index, cell in zip(replaced, next(columns) if columns else (), strict=True):
             row[index] = cell
@@ -53,6 +66,15 @@ def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
     target.write(f"{row_of(columns)}\n")
     for row in zip(*(cells(values) for values in columns.values()), strict=True):
         target.write(",".join(row) + "\n")
+
+
+def with_unit(title: str, unit: str) -> str:
+    """A title with the unit that the file holds beside it.
+
+    >>> with_unit("A.dp", "bar"), with_unit("A.dp [bar]", "mbar")
+    ('A.dp [bar]', 'A.dp [bar]')
+    """
+    return f"{title} [{unit}]" if unit and not parts_of(title.strip())[1] else title
 
 
 def added(file: RecordingFile, values: Iterable[str]) -> list[str]:

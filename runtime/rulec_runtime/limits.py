@@ -54,6 +54,20 @@ DENSEST = 100
 """Times its own size that a packed recording may unpack to. Origin: assumed; recordings pack to
 between a third and a twentieth."""
 
+LINES_ABOVE_TITLES = 60
+"""Lines above the titles of a table at most: what a logger tells of itself. Origin: assumed."""
+
+MOST_PLACES = 10_000
+"""Groups and data sets of a file at most that are looked at. Origin: assumed; loggers write some
+thousand channels."""
+
+MOST_IN_TREE = 20
+"""Levels of groups or structures in a file at most. Origin: assumed."""
+
+GOOD_QUALITY = 192
+"""Quality of a reading in a historian from which on it is good. Origin: standard, OPC Data Access:
+the upper two of its eight bits are set."""
+
 MOST_DIGITS = 20
 """Digits of a whole number in JSON at most. Origin: numerical, a double holds 17."""
 

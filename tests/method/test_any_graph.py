@@ -85,6 +85,7 @@ def plant(
         connections=connected,
         columns=(),
         time_column="",
+        time_zone="",
         knowledge=cast(Knowledge, None),
         digest="",
         place=Place("p"),

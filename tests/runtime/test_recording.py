@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rulec_runtime.contract.ruleset import ColumnMap, Ruleset
-from rulec_runtime.recordings import csv_table
+from rulec_runtime.recordings import text_table
 from rulec_runtime.recordings.reading_unit import parse_unit
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
 from rulec_runtime.recordings.stationary import find_stretches, noise_of
@@ -173,7 +173,9 @@ REFUSED = {
     "blank": ("\n \n\n", "the file is empty"),
     "header only": (SHEET.text().split("\n")[0], "a header but no rows"),
     "binary": (bytes(range(256)) * 20, "binary file; export the recording as CSV"),
-    "spreadsheet": (b"PK\x03\x04\x14\x00\x06\x00" + bytes(100), "binary file"),
+    "spreadsheet": (b"PK\x03\x04\x14\x00\x06\x00" + bytes(100), "cannot be read as Excel file"),
+    "old spreadsheet": (b"\xd0\xcf\x11\xe0" + bytes(100), "an old Excel; save it as .xlsx"),
+    "pickle": (b"\x80\x04cposix\nsystem\n.", "a pickle of Python, which may run anything"),
     "damaged gz": (gzip.compress(SHEET.text().encode())[:500], "cannot be read"),
     "damaged inside gz": (
         (lambda z: z[:200] + bytes(50) + z[250:])(gzip.compress(SHEET.text().encode())),
@@ -184,9 +186,16 @@ REFUSED = {
     "American dates": (SHEET.filled("time", "3/30/2025 1:05").text(), "or dates such as"),
     "time in bar": (SHEET.renamed("time", "time [bar]").text(), "is in 'bar'; expected s, ms, min"),
     "all times empty": (SHEET.filled("time", "").text(), "time"),
-    "line of units": (
-        dataclasses.replace(SHEET, rows=(("s", *["rpm"] * 13), *SHEET.rows)).text(),
+    "two lines of words": (
+        dataclasses.replace(SHEET, rows=(("s", *["rpm"] * 13),) * 2 + SHEET.rows).text(),
         "line below the header holds words",
+    ),
+    "line of words": (
+        Sheet(
+            tuple(title.partition(" [")[0] for title in SHEET.header),
+            (("s", *["furlong"] * 13), *SHEET.rows),
+        ).text(),
+        "unknown unit 'furlong'",
     ),
     "decimal commas between commas": (
         SHEET.german().replace(";", ","),
@@ -361,7 +370,7 @@ def test_batches_leave_no_trace(
     tmp_path: Path, abc: Ruleset, expected: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rows are read in batches; where one ends shows nowhere, also not in words and row numbers."""
-    monkeypatch.setattr(csv_table, "BATCH", 7)
+    monkeypatch.setattr(text_table, "BATCH", 7)
     same(expected, read(SHEET.text(), tmp_path, abc))
     found = read(SHEET.filled("A.dp", "Bad", 30, 32).text(), tmp_path, abc)
     assert "2 cells of A.dp are words (the first, in data row 31: 'Bad')" in found.notes[0]

@@ -13,6 +13,12 @@ from argparse import SUPPRESS
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+RECORDING = (
+    "file (CSV, Parquet, Excel, MAT, MDF, TDMS, HDF5), FILE#TABLE for one table of it, a folder of "
+    "files, or - for standard input"
+)
+"""What a recording is, in the help of a command."""
+
 
 class Parser(argparse.ArgumentParser):
     """Quotes wrong arguments as text: a script may have handed over anything."""
@@ -119,7 +125,7 @@ def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
     diagnose.add_argument(
         "recording",
         metavar="RECORDING",
-        help="CSV file, or a folder of them; or results of observers in the modules' controllers",
+        help=f"{RECORDING}; or results of observers in the modules' controllers",
     )
     diagnose.add_argument(
         "--mode",
@@ -127,7 +133,9 @@ def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
         default="default",
         help="default: whole signature with uncertainties; paper: Eqs. 17-19 as printed",
     )
-    diagnose.add_argument("--trace", metavar="FILE.csv", help="one row per sample")
+    diagnose.add_argument(
+        "--trace", metavar="FILE.csv", help="one row per sample; - for standard output"
+    )
     diagnose.add_argument(
         "--report", metavar="FILE.html", help="one page with pictures, to hand on"
     )

@@ -321,6 +321,7 @@ class Ruleset:
     plan: Plan
     undo: Plan
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
+    time_zone: str = field(default="", metadata=SELDOM)
     knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
+import numpy as np
+
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.csv_cell import as_meant
 from rulec_runtime.recordings.csv_table import RecordingRefused
@@ -36,9 +38,18 @@ class Header:
 
 
 def assign(
-    path: Path, titles: Sequence[str], ruleset: Ruleset, header: Header, notes: list[str]
+    path: Path,
+    titles: Sequence[str],
+    ruleset: Ruleset,
+    header: Header,
+    notes: list[str],
+    units: Sequence[str] = (),
 ) -> None:
-    """Find out which column is which signal."""
+    """Find out which column is which signal.
+
+    `units` are those that the file holds beside the titles, empty where it holds none: they count
+    where title and column map name none.
+    """
     foreign: dict[str, list[tuple[str, float, float]]] = {}
     for c in ruleset.columns:
         foreign.setdefault(c.column.strip(), []).append((c.signal, c.factor, c.offset))
@@ -46,14 +57,19 @@ def assign(
     source: dict[str, str] = {}
     for index, title in enumerate(as_meant(t.strip()) for t in titles):
         name, unit = parts_of(title)
+        beside = units[index].strip() if units else ""
         named = title != "" and title == ruleset.time_column
         if named or (header.time < 0 and name.lower() in NAMES):
-            header.time, header.time_title, header.time_unit = index, title, unit.strip()
+            header.time, header.time_title, header.time_unit = index, title, unit.strip() or beside
             continue
-        if title in foreign:
-            meant = foreign[title]
+        if title in foreign or name in foreign:
+            meant = foreign.get(title) or foreign[name]
+            inside = beside or ("" if title in foreign else unit)
+            _tell_other(path, title, inside, "the column map", meant[0][1:], ruleset, notes)
         elif name in signals:
+            unit = unit.strip() or beside
             meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, notes))]
+            _tell_other(path, title, beside, "its title", meant[0][1:], ruleset, notes)
         elif result_of(name, ruleset):
             raise RecordingRefused(
                 f"{path}: '{title}' is a result of a module's observer; only rulec diagnose takes "
@@ -96,6 +112,26 @@ def parts_of(title: str) -> tuple[str, str]:
     if not (name and bracket and closed) or behind.strip() or set("[]") & {*name, *unit}:
         return title, ""
     return name, unit
+
+
+def _tell_other(
+    path: Path,
+    title: str,
+    beside: str,
+    counts: str,
+    conversion: tuple[float, float],
+    ruleset: Ruleset,
+    notes: list[str],
+) -> None:
+    """Tell a unit in the file that is another than the one that counts."""
+    if not beside:
+        return
+    found = parse_unit(beside, ruleset.units)
+    if found is None or not np.allclose((found.factor, found.offset), conversion, rtol=1e-9):
+        notes.append(
+            f"{path.name}: the file says that '{title}' is in '{beside[:40]}', and {counts} says "
+            f"otherwise; {counts} counts"
+        )
 
 
 def _conversion(

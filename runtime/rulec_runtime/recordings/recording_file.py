@@ -14,9 +14,13 @@ from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 from rulec_runtime.output.plural import plural
-from rulec_runtime.recordings.csv_table import Column, RecordingRefused, read_table
+from rulec_runtime.recordings.csv_table import Column, RecordingRefused
+from rulec_runtime.recordings.formats import CSV, is_called_recording, opened_sheet
+from rulec_runtime.recordings.given import STANDARD_INPUT, place_of
 from rulec_runtime.recordings.header import Header, Target, assign
-from rulec_runtime.recordings.time_column import read_times
+from rulec_runtime.recordings.time_column import NAMES, read_times
+
+SHOWN = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,26 +52,36 @@ class RecordingFile:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The file, or all CSV files of a folder in order of their names."""
-    if path.is_dir():
-        files = sorted(f for f in path.iterdir() if f.name.lower().endswith((".csv", ".csv.gz")))
-        if not files:
-            raise RecordingRefused(f"{path}: this folder holds no .csv or .csv.gz file")
-        return files
-    if not path.is_file():
-        raise RecordingRefused(f"{path}: there is no such file")
-    return [path]
+    """The file, or all recordings of a folder in order of their names: its CSV files, and where it
+    has none, those of other formats. A table named behind a folder is that of each file."""
+    place, table = place_of(path)
+    if place == STANDARD_INPUT:
+        return [path]
+    if not place.is_dir():
+        if not place.is_file():
+            raise RecordingRefused(f"{path}: there is no such file")
+        return [path]
+    files = sorted(f for f in place.iterdir() if is_called_recording(f))
+    csv = [f for f in files if f.name.lower().endswith(CSV.suffixes)]
+    if not files:
+        raise RecordingRefused(
+            f"{path}: this folder holds no .csv or .csv.gz file, nor a recording of another format"
+        )
+    return [f.with_name(f"{f.name}#{table}") if table else f for f in csv or files]
+
+
+def times_of(ruleset: Ruleset) -> frozenset[str]:
+    """Names of columns of times, in lower case but the plant's own one."""
+    return frozenset(filter(None, (*NAMES, ruleset.time_column)))
 
 
 def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
     """Read all columns that belong to signals; what is odd about them is added to `notes`."""
     header = Header()
-
-    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
-        assign(path, titles, ruleset, header, notes)
-        return header.time, [target.index for target in header.targets]
-
-    table = read_table(path, choose)
+    with opened_sheet(path, times_of(ruleset)) as sheet:
+        assign(path, sheet.titles, ruleset, header, notes, sheet.units)
+        table = sheet.read([header.time], [target.index for target in header.targets])
+    notes += (f"{path.name}: {remark}" for remark in (*sheet.remarks, *table.remarks))
     if table.left_out:
         other = "another number of cells than the header and"
         one, many = f"row has {other} is", f"rows have {other} are"
@@ -75,7 +89,8 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
             f"{path.name}: {plural(table.left_out, one, many)} left out (the first is data row "
             f"{table.first_left_out})"
         )
-    time, zones = read_times(path, table.text, header.time_title, header.time_unit, ruleset.units)
+    title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
+    time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes)
     return RecordingFile(
         path=path,
         header=header,
@@ -123,7 +138,7 @@ def _readings(path: Path, column: Column, target: Target, most: float, notes: li
         row, word = column.first
         notes.append(
             f"{path.name}: {plural(column.words, f'{cell} is a word', f'{cells} are words')} (the "
-            f"first, in data row {row}: '{word}'); there it has no reading"
+            f"first, in data row {row}: '{word}'{_others(column)}); there it has no reading"
         )
     values, absurd = in_si(column.numbers(), target, most)
     if absurd.any():
@@ -135,3 +150,12 @@ def _readings(path: Path, column: Column, target: Target, most: float, notes: li
     if not np.isfinite(values).any():
         notes.append(f"{path.name}: {target.signal} has not one reading")
     return values
+
+
+def _others(column: Column) -> str:
+    """How often each word stands in a column that holds several."""
+    if len(column.states) < 2:
+        return ""
+    counts = [f"'{word}' {times}" for word, times in column.states.most_common(SHOWN)]
+    more = len(column.states) - SHOWN
+    return f"; {', '.join(counts)}" + (f" and {more} others" if more > 0 else "")

@@ -13,6 +13,8 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import UnitSpec
 from rulec_runtime.recordings.csv_table import RecordingRefused
 from rulec_runtime.recordings.reading_unit import fitting, parse_unit
+from rulec_runtime.recordings.table import Cells, Dates, texts_of
+from rulec_runtime.recordings.zone import in_zone
 
 NAMES = ("time", "datetime", "timestamp", "date", "t", "zeit")
 """Names of the time column, in lower case."""
@@ -21,19 +23,36 @@ _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
 
 
 def read_times(
-    path: Path, cells: Sequence[str], title: str, unit: str, units: Mapping[str, UnitSpec]
+    path: Path,
+    cells: Cells,
+    title: str,
+    unit: str,
+    units: Mapping[str, UnitSpec],
+    zone: str = "",
+    notes: list[str] | None = None,
 ) -> tuple[Array, Array | None]:
     """Seconds, NaN where there is no time; second, where they are dates (since 1970): their zones
-    as seconds ahead of UTC, NaN where a date names none."""
-    numbers = plain_times(cells)
-    if np.isfinite(numbers).any():
-        return numbers * factor_of_time(path, title, unit, units), None
-    dates, zones = dates_of(cells)
+    as seconds ahead of UTC, NaN where a date names none.
+
+    `zone` is the name of the zone of dates that name none; what is odd in it goes to `notes`.
+    """
+    if not isinstance(cells, Dates):
+        numbers = cells if isinstance(cells, np.ndarray) else plain_times(cells)
+        if np.isfinite(numbers).any():
+            return numbers * factor_of_time(path, title, unit, units), None
+        texts = texts_of(cells)
+        cells = Dates(*dates_of(texts))
+    else:
+        texts = []
+    dates, zones = cells.seconds, cells.zones
     if not np.isfinite(dates).any():
+        shown = f"'{texts[0].strip()[:30]}'" if texts else "no date"
         raise RecordingRefused(
-            f"{path}: the time column '{title}' holds '{cells[0].strip()[:30]}'; expected seconds, "
+            f"{path}: the time column '{title}' holds {shown}; expected seconds, "
             "or dates such as 2025-03-31 14:05:00 or 31.03.2025 14:05:00"
         )
+    if zone and np.isnan(zones).any():
+        return in_zone(path, dates, zones, zone, [] if notes is None else notes)
     return dates, zones
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.given import bytes_of, place_of
 from rulec_runtime.recordings.point_table import is_point_table
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.recording_file import files_of
@@ -46,7 +47,7 @@ def check_different(paths: Sequence[Path]) -> None:
     known: dict[str, Path] = {}
     for path in paths:
         for file in files_of(path):
-            digest = hashlib.sha256(file.read_bytes()).hexdigest()
+            digest = hashlib.sha256(bytes_of(file)).hexdigest() + place_of(file)[1]
             if digest in known:
                 other = known[digest]
                 what = "the same file" if file == other else f"a copy of {other}"

@@ -12,7 +12,8 @@ import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import FaultSpec, Ruleset
 from rulec_runtime.diagnosis.steady.traced import Trace
-from rulec_runtime.recordings.csv_table import RecordingRefused, read_table
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.time_column import NAMES, read_times
 from rulec_runtime.report.series import NOT_JUDGED
@@ -72,8 +73,10 @@ def read_truth(path: Path, ruleset: Ruleset, recording: Recording) -> Truth:
     Raises `RecordingRefused` where nothing in the file can be held against the recording.
     """
     header = _Header()
-    table = read_table(path, lambda titles: header.assign(path, titles, ruleset))
-    time, zones = read_times(path, table.text, *header.time, ruleset.units)
+    with opened_sheet(path, frozenset(NAMES)) as sheet:
+        time_index, chosen = header.assign(path, sheet.titles, ruleset)
+        table = sheet.read([time_index], chosen)
+    time, zones = read_times(path, table.kept[0], *header.time, ruleset.units)
     if zones is not None:
         raise RecordingRefused(
             f"{path}: the times are dates; write seconds since the first sample of the recording"

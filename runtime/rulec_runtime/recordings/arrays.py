@@ -1,0 +1,123 @@
+"""A table whose columns are arrays, from files of measurement systems and data frames."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.csv_table import Column, read_cells
+from rulec_runtime.recordings.table import Cells, Dates, Sheet, Table, texts_of
+
+Pieces = Callable[[Sequence[int]], Iterable[Sequence[Any]]]
+"""From indexes of columns to pieces of the table: per column an array, or `Dates`."""
+
+
+@dataclass(frozen=True)
+class ArrayTable:
+    """Titles, and what gives the columns piece by piece."""
+
+    titles: tuple[str, ...]
+    pieces: Pieces
+
+    def read(self, kept: Sequence[int], numbers: Sequence[int]) -> Table:
+        wanted = list(dict.fromkeys([*kept, *numbers]))
+        place = {index: k for k, index in enumerate(wanted)}
+        columns = tuple(Column(self.titles[i].strip()) for i in numbers)
+        parts: list[list[Cells]] = [[] for _ in kept]
+        rows = 0
+        for piece in self.pieces(wanted):
+            cells = [cells_of(part) for part in piece]
+            for column, index in zip(columns, numbers, strict=True):
+                _add(column, cells[place[index]], rows)
+            for part, index in zip(parts, kept, strict=True):
+                part.append(cells[place[index]])
+            rows += len(cells[0]) if cells else 0
+        for column in columns:
+            column.parts = column.parts or [np.zeros(0)]
+        return Table(kept=tuple(_joined(part) for part in parts), columns=columns)
+
+    def lines(self) -> Iterator[list[str]]:
+        for piece in self.pieces(range(len(self.titles))):
+            columns = [texts_of(cells_of(part)) for part in piece]
+            yield from (list(row) for row in zip(*columns, strict=True))
+
+
+def array_sheet(
+    name: str,
+    titles: Sequence[str],
+    units: Sequence[str],
+    rows: int,
+    pieces: Pieces,
+    remarks: tuple[str, ...] = (),
+) -> Sheet:
+    """A table of `rows` rows whose columns are arrays."""
+    table = ArrayTable(tuple(titles), pieces)
+    return Sheet(
+        name=name,
+        titles=table.titles,
+        units=tuple(units),
+        read=table.read,
+        lines=table.lines,
+        rows=rows,
+        remarks=remarks,
+    )
+
+
+def cells_of(part: Any) -> Cells:
+    """A column as it is kept: numbers, dates without a zone, or text."""
+    if isinstance(part, Dates):
+        return part
+    values = np.ma.filled(part, np.nan) if isinstance(part, np.ma.MaskedArray) else np.asarray(part)
+    values = values.reshape(-1)
+    kind = values.dtype.kind
+    if kind == "M":
+        seconds = seconds_of(values)
+        return Dates(seconds, np.full(len(seconds), np.nan))
+    if kind == "m":
+        return seconds_of(values)
+    if kind in "biuf":
+        return values.astype(float)
+    return [_text(value) for value in values.tolist()]
+
+
+def seconds_of(values: np.ndarray) -> Array:
+    """Seconds of dates (since 1970) or of durations, NaN where there is none; rounded to
+    microseconds, so that the same date is the same number whatever wrote it."""
+    known = ~np.isnat(values)
+    kind = values.dtype.kind
+    whole = values.astype(f"{kind}8[ns]").astype(np.int64)
+    return np.where(known, (whole + 500) // 1000 / 1e6, np.nan)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace").rstrip("\0")
+    return "" if value is None else str(value)
+
+
+def _add(column: Column, cells: Cells, before: int) -> None:
+    """Append cells to a column as numbers; a date is none."""
+    if isinstance(cells, np.ndarray):
+        column.parts.append(cells)
+    elif isinstance(cells, Dates):
+        column.parts.append(np.full(len(cells), np.nan))
+        column.states += Counter({"a date": int(np.isfinite(cells.seconds).sum())})
+        column.first = column.first or (before + 1, "a date")
+    else:
+        read_cells(column, list(cells), before, comma=True)
+
+
+def _joined(parts: Sequence[Cells]) -> Cells:
+    if parts and all(isinstance(part, Dates) for part in parts):
+        dates = [part for part in parts if isinstance(part, Dates)]
+        seconds = np.concatenate([part.seconds for part in dates])
+        return Dates(seconds, np.concatenate([part.zones for part in dates]))
+    if all(isinstance(part, np.ndarray) for part in parts):
+        arrays = [part for part in parts if isinstance(part, np.ndarray)]
+        return np.concatenate(arrays) if arrays else np.zeros(0)
+    return [text for part in parts for text in texts_of(part)]

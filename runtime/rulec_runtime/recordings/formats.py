@@ -1,0 +1,168 @@
+"""Which reader a file needs, by how it begins and by its name; readers are loaded when needed."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO, Protocol
+
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.given import opened, place_of
+from rulec_runtime.recordings.long_table import wide
+from rulec_runtime.recordings.table import Sheet
+from rulec_runtime.recordings.which_sheet import which
+
+
+class Reader(Protocol):
+    """Tables of an open file; `path` names it in messages, `times` are names of time columns."""
+
+    def __call__(self, file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]: ...
+
+
+@dataclass(frozen=True)
+class Format:
+    """A kind of file: `begins` are bytes at places by which it is known, `module` holds its reader,
+    a function `sheets` (see `Reader`), `extra` brings the packages that it needs."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    begins: tuple[tuple[int, bytes], ...]
+    module: str
+    extra: str = ""
+
+
+_READERS = "rulec_runtime.recordings.readers"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+CSV = Format("CSV", (".csv", ".csv.gz"), (), "rulec_runtime.recordings.csv_file")
+
+BINARY = (
+    Format("Parquet", (".parquet",), ((0, b"PAR1"),), f"{_READERS}.parquet", "parquet"),
+    Format(
+        "Arrow", (".arrow", ".feather"), ((0, b"ARROW1"),), f"{_READERS}.arrow_file", "parquet"
+    ),
+    Format("Excel", (".xlsx", ".xlsm"), ((0, b"PK\x03\x04"),), f"{_READERS}.excel", "excel"),
+    Format("MAT 7.3", (), ((0, b"MATLAB 7.3 MAT-file"),), f"{_READERS}.hdf5", "mat"),
+    Format("MAT", (".mat",), ((0, b"MATLAB 5.0 MAT-file"),), f"{_READERS}.mat", "mat"),
+    Format("MDF", (".mf4", ".mdf", ".dat"), ((0, b"MDF "), (0, b"UnFinMF")), f"{_READERS}.mdf",
+           "mdf"),
+    Format("TDMS", (".tdms",), ((0, b"TDSm"),), f"{_READERS}.tdms", "tdms"),
+    Format("HDF5", (".h5", ".hdf5", ".hdf"), tuple((at, _HDF5) for at in (0, 512, 1024, 2048)),
+           f"{_READERS}.hdf5", "hdf5"),
+)  # fmt: skip
+"""The first that fits counts: a MAT file of version 7.3 is an HDF5 file behind its head."""
+
+FORMATS = (CSV, *BINARY)
+
+_NO_RECORDING = (
+    (b"\xd0\xcf\x11\xe0", "a workbook of an old Excel; save it as .xlsx"),
+    (b"\x80\x04", "a pickle of Python, which may run anything when read; save it as Parquet"),
+    (b"\x80\x05", "a pickle of Python, which may run anything when read; save it as Parquet"),
+    (b"\x93NUMPY", "an array of NumPy without titles; save it as CSV or Parquet"),
+)
+
+
+@contextmanager
+def opened_sheet(path: Path, times: Collection[str]) -> Iterator[Sheet]:
+    """The table that a path names, readable while the context lasts.
+
+    Raises `RecordingRefused` where it cannot be read, or where nothing says which one is meant.
+    """
+    place, name = place_of(path)
+    with opened(path) as file:
+        kind = format_of(file, place)
+        reader = _reader(kind, place)
+        found = _careful(lambda: reader(file, place, times), kind, place)
+        sheet = which(path, [wide(path, one, times) for one in found], name, times)
+        read, lines = sheet.read, sheet.lines
+        yield replace(
+            sheet,
+            read=lambda kept, numbers: _careful(lambda: read(kept, numbers), kind, place),
+            lines=partial(_careful, lines, kind, place),
+        )
+
+
+def format_of(file: BinaryIO, path: Path) -> Format:
+    """What a file is, by how it begins; CSV where it begins like none of the others."""
+    head = file.read(4096)
+    file.seek(0)
+    for kind in BINARY:
+        if any(head[at:].startswith(mark) for at, mark in kind.begins):
+            return kind
+    for mark, text in _NO_RECORDING:
+        if head.startswith(mark):
+            raise RecordingRefused(f"{path}: this is {text}")
+    for kind in BINARY:
+        if path.suffix.lower() in kind.suffixes:
+            raise RecordingRefused(
+                f"{path}: this is no {kind.name} file, though it is called so: it does not begin "
+                "like one. Copy it again, or export it anew"
+            )
+    return CSV
+
+
+def is_called_recording(path: Path) -> bool:
+    """Whether a file is called as a recording is."""
+    return any(path.name.lower().endswith(s) for kind in FORMATS for s in kind.suffixes)
+
+
+def _reader(kind: Format, path: Path) -> Reader:
+    try:
+        reader: Reader = import_module(kind.module).sheets
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] == "rulec_runtime":
+            raise
+        raise RecordingRefused(
+            f"{path}: to read {kind.name} files, install what they need: "
+            f"pip install 'rulec-runtime[{kind.extra}]'"
+        ) from None
+    return reader
+
+
+def _careful(read: Callable[[], Any], kind: Format, path: Path) -> Any:
+    """What a function of a reader gives; a file that its library cannot read is the file's fault.
+
+    Libraries raise whatever comes to them on a damaged file, and the file may be anything. What
+    they would write to the terminal about it is left out.
+    """
+    if kind is CSV:
+        return read()
+    with _quiet():
+        try:
+            return read()
+        except RecordingRefused:
+            raise
+        except MemoryError:
+            text = "it needs more memory than this machine has"
+        except Exception as error:
+            text = (
+                f"cannot be read as {kind.name} file ({type(error).__name__}: "
+                f"{str(error)[:200]}); is it whole? Copy it again, or export it anew"
+            )
+            traceback.clear_frames(error.__traceback__)
+            gc.collect()  # what is half made ends here, quietly
+    raise RecordingRefused(f"{path}: {text}")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without warnings and log of libraries, and without what goes wrong when they tidy up."""
+    before, hook = logging.root.manager.disable, sys.unraisablehook
+    logging.disable(logging.CRITICAL)
+    sys.unraisablehook = lambda _: None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+        sys.unraisablehook = hook

@@ -1,0 +1,56 @@
+"""What a path names: a file, one table of it (FILE#TABLE), or standard input (-)."""
+
+from __future__ import annotations
+
+import functools
+import io
+import os
+import sys
+from pathlib import Path
+from typing import BinaryIO
+
+STANDARD_INPUT = Path("-")
+
+
+def place_of(path: Path) -> tuple[Path, str]:
+    """File or folder, and the name of a table in it, empty where none is named.
+
+    A file that is called so, with # in its name, is that file.
+
+    >>> place_of(Path("-#slow"))
+    (PosixPath('-'), 'slow')
+    """
+    text = str(path)
+    if "#" not in text or path.exists():
+        return path, ""
+    for at in (i for i, sign in enumerate(text) if sign == "#"):
+        file = Path(text[:at])
+        if file == STANDARD_INPUT or file.exists():
+            return file, text[at + 1 :].replace(os.sep, "/").strip("/")
+    return path, ""
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is such a recording: a file, a folder, or standard input."""
+    place = place_of(path)[0]
+    return place == STANDARD_INPUT or place.exists()
+
+
+def opened(path: Path) -> BinaryIO:
+    """The bytes of a recording; standard input may be opened again and again."""
+    place = place_of(path)[0]
+    if place == STANDARD_INPUT:
+        return io.BytesIO(_whole(sys.stdin.buffer))
+    return place.open("rb")
+
+
+def bytes_of(path: Path) -> bytes:
+    """All bytes of a recording as it is stored."""
+    with opened(path) as file:
+        return file.read()
+
+
+@functools.lru_cache(maxsize=1)
+def _whole(stream: BinaryIO) -> bytes:
+    """What a stream gives until its end, kept: nobody can read it twice."""
+    return stream.read()

@@ -1,0 +1,117 @@
+"""Columns of Arrow tables: titles, units, and what their values are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pyarrow
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.arrays import array_sheet, seconds_of
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.table import Dates, Sheet
+from rulec_runtime.recordings.titles import is_time
+from rulec_runtime.recordings.unpacking import refuse_bomb
+from rulec_runtime.recordings.zone import offset_of
+
+ArrowPiece = list[Any]
+"""Per column an array or `Dates`."""
+
+UNITS = (b"unit", b"units", b"Unit", b"Units")
+"""Keys of a field's metadata below which its unit stands."""
+
+_INDEX = "__index_level_0__"
+"""What pandas calls an index without a name."""
+
+_QUARTER = 900.0
+
+
+def arrow_sheet(
+    path: Path,
+    file: BinaryIO,
+    schema: Any,
+    rows: int,
+    pieces: Callable[[Sequence[str]], Iterable[ArrowPiece]],
+    times: Collection[str],
+) -> Sheet:
+    """The table of a schema. Fields that hold lists or structures are no columns."""
+    fields = [field for field in schema if not pyarrow.types.is_nested(field.type)]
+    names = [field.name for field in fields]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise RecordingRefused(f"{path}: two columns are called '{twice}'; take one of them out")
+    size = file.seek(0, os.SEEK_END)
+
+    def wanted(indexes: Sequence[int]) -> Iterable[ArrowPiece]:
+        refuse_bomb(path, rows * len(indexes) * np.dtype(float).itemsize, size)
+        return pieces([names[i] for i in indexes])
+
+    return array_sheet("", _titles(fields, times), [_unit(f) for f in fields], rows, wanted)
+
+
+def _titles(fields: Sequence[Any], times: Collection[str]) -> list[str]:
+    """Names of the fields; the index of pandas is the time, if it holds dates and nothing else is
+    called so."""
+    titles = [field.name for field in fields]
+    if not any(is_time(title, times) for title in titles):
+        for k, field in enumerate(fields):
+            if field.name == _INDEX and pyarrow.types.is_temporal(field.type):
+                titles[k] = "time"
+    return titles
+
+
+def _unit(field: Any) -> str:
+    if pyarrow.types.is_duration(field.type):
+        return "s"
+    metadata = field.metadata or {}
+    found = next((metadata[key] for key in UNITS if key in metadata), b"")
+    return str(found.decode("utf-8", "replace"))
+
+
+def pieces_of(table: Any, names: Sequence[str]) -> Iterator[ArrowPiece]:
+    """Columns of a part of the table, by name."""
+    yield [_values(table.column(name)) for name in names]
+
+
+def _values(column: Any) -> Any:
+    """Values of a column: numbers (NaN where null), dates, or text."""
+    kind = column.type
+    if pyarrow.types.is_dictionary(kind):
+        column = pyarrow.chunked_array([c.dictionary_decode() for c in column.chunks])
+        kind = column.type
+    if pyarrow.types.is_date(kind):
+        column = column.cast(pyarrow.timestamp("us"))
+        kind = column.type
+    if pyarrow.types.is_timestamp(kind):
+        seconds = seconds_of(column.to_numpy().astype("M8[ns]"))
+        return Dates(seconds, _zones(seconds, kind.tz))
+    if pyarrow.types.is_duration(kind):
+        return column.to_numpy().astype("m8[ns]")
+    if pyarrow.types.is_boolean(kind) or pyarrow.types.is_decimal(kind):
+        column = column.cast(pyarrow.float64())
+    if pyarrow.types.is_null(kind):
+        return np.full(len(column), np.nan)
+    if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(column.type):
+        return column.cast(pyarrow.float64(), safe=False).to_numpy()
+    return np.array(column.to_pylist(), dtype=object)
+
+
+def _zones(seconds: Array, zone: str | None) -> Array:
+    """Seconds ahead of UTC of dates in UTC, NaN where they are in no zone."""
+    if zone is None:
+        return np.full(len(seconds), np.nan)
+    if zone[:1] in "+-":
+        hours, minutes = zone[1:].split(":")
+        ahead = 3600.0 * int(hours) + 60.0 * int(minutes)
+        return np.full(len(seconds), -ahead if zone[0] == "-" else ahead)
+    quarters, which = np.unique(np.floor(seconds / _QUARTER), return_inverse=True)
+    clock = ZoneInfo(zone)
+    offsets = [
+        offset_of(clock, q * _QUARTER) if np.isfinite(q) else np.nan for q in quarters.tolist()
+    ]
+    return np.array(offsets)[which]

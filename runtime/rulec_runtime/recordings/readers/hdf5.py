@@ -1,0 +1,162 @@
+"""HDF5 files, and MAT files of version 7.3: groups of arrays, and arrays of records.
+
+Links and data that lead out of the file are not followed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import h5py
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.readers.tree import Group, Leaf, tables
+from rulec_runtime.recordings.table import Sheet
+from rulec_runtime.recordings.unpacking import refuse_bomb
+
+UNITS = ("units", "unit", "Units", "Unit", "unit_string")
+"""Attributes of an array that hold its unit."""
+
+MATLAB = "MATLAB_class"
+OPAQUE = "MATLAB_object_decode"
+
+
+@dataclass(frozen=True)
+class _Series:
+    """An array of the file, or one field of its records."""
+
+    path: Path
+    size: int
+    data: Any
+    column: str = ""
+
+    @property
+    def rows(self) -> int:
+        return int(self.data.size)
+
+    @property
+    def unit(self) -> str:
+        attributes = self.data.attrs
+        keys = (f"{self.column}_{UNITS[0]}", f"{self.column}_{UNITS[1]}") if self.column else UNITS
+        found = next((attributes[key] for key in keys if key in attributes), "")
+        return found.decode("utf-8", "replace") if isinstance(found, bytes) else str(found)
+
+    def load(self) -> Any:
+        refuse_bomb(self.path, self.data.size * self.data.dtype.itemsize, self.size)
+        values = self.data.fields(self.column)[()] if self.column else self.data[()]
+        values = np.asarray(values).reshape(-1)
+        if h5py.check_string_dtype(values.dtype) is not None:
+            return np.array([v.decode("utf-8", "replace") for v in values.tolist()], dtype=object)
+        return values
+
+
+def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
+    """Tables of an HDF5 file: arrays of one length in a group, and arrays of records."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    source = h5py.File(file, "r")
+    walk = _Walk(path, size)
+    groups = list(walk.groups("", source, 0))
+    found = tables(groups, times)
+    if not found:
+        raise RecordingRefused(
+            f"{path}: it holds no columns of numbers{walk.hint()}"
+        )  # fmt: skip
+    if walk.outside:
+        found = [_told(sheet, walk.outside) for sheet in found]
+    return found
+
+
+def _told(sheet: Sheet, outside: list[str]) -> Sheet:
+    text = f"'{outside[0]}' leads out of the file and is not followed"
+    return replace(sheet, remarks=(*sheet.remarks, text))
+
+
+class _Walk:
+    """Looks at each group of a file once."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self._path, self._size = path, size
+        self._seen: set[Any] = set()
+        self._places = 0
+        self.outside: list[str] = []
+        self._opaque: list[str] = []
+
+    def hint(self) -> str:
+        """Why there may be nothing to read."""
+        if self.outside:
+            return (
+                f"; '{self.outside[0]}' leads out of the file and is not followed: copy what it "
+                "leads to into the file"
+            )
+        if self._opaque:
+            return (
+                f"; '{self._opaque[0]}' is an object of MATLAB, which only MATLAB can read: "
+                "write a timetable as a structure of columns (table2struct with ToScalar)"
+            )
+        return ""
+
+    def groups(self, name: str, group: Any, depth: int) -> Iterator[Group]:
+        """Arrays of a group, and those of the groups in it."""
+        address = h5py.h5o.get_info(group.id).addr
+        if address in self._seen or depth > limits.MOST_IN_TREE:
+            return
+        self._seen.add(address)
+        leaves: dict[str, Leaf] = {}
+        inner = []
+        for key in group:
+            self._count()
+            full = f"{name}/{key}".strip("/")
+            if key.startswith("#"):  # MATLAB keeps there what its objects refer to
+                continue
+            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                self.outside.append(full)
+                continue
+            item = group[key]
+            if isinstance(item, h5py.Group):
+                inner.append((full, item))
+            elif isinstance(item, h5py.Dataset) and self._is_here(full, item):
+                if item.dtype.names:
+                    yield Group(full, self._records(item))
+                elif _is_series(item):
+                    leaves[key] = _Series(self._path, self._size, item)
+        yield Group(name, leaves)
+        for full, item in inner:
+            yield from self.groups(full, item, depth + 1)
+
+    def _records(self, data: Any) -> dict[str, Leaf]:
+        names = [n for n in data.dtype.names if not data.dtype[n].names and not data.dtype[n].shape]
+        return {n: _Series(self._path, self._size, data, n) for n in names}
+
+    def _is_here(self, name: str, data: Any) -> bool:
+        """Whether the values of an array stand in this file."""
+        if data.attrs.get(OPAQUE) is not None:
+            self._opaque.append(name)
+            return False
+        if data.external or data.is_virtual:
+            self.outside.append(name)
+            return False
+        return True
+
+    def _count(self) -> None:
+        self._places += 1
+        if self._places > limits.MOST_PLACES:
+            raise RecordingRefused(
+                f"{self._path}: it holds more than {limits.MOST_PLACES} arrays and groups, as no "
+                "recording does; copy the recording's group into a file of its own"
+            )
+
+
+def _is_series(data: Any) -> bool:
+    """Whether an array holds one number or text a row: along one axis (MATLAB: a row or column)."""
+    if data.shape is None or max(data.shape, default=0) != data.size or data.size < 2:
+        return False
+    if data.attrs.get(MATLAB, b"") in (b"char", b"cell", b"function_handle"):
+        return False
+    return data.dtype.kind in "biuf" or h5py.check_string_dtype(data.dtype) is not None

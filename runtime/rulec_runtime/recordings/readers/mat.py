@@ -1,0 +1,132 @@
+"""MAT files up to version 7: arrays, and structures of arrays. Objects are not read."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+from rulec_runtime import limits
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.readers.tree import Group, tables
+from rulec_runtime.recordings.table import Sheet
+from rulec_runtime.recordings.unpacking import refuse_bomb
+
+PIECE = 1 << 20
+HEAD = 128
+COMPRESSED = 15
+OBJECTS = (MatlabObject, MatlabOpaque, MatlabFunction)
+REMEDY = (
+    "a timetable T is kept readable by S = table2struct(timetable2table(T), 'ToScalar', true); "
+    "S.Time = seconds(S.Time - S.Time(1)); save('x.mat', '-struct', 'S', '-v7')"
+)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """An array in memory; `unit` stands beside it in a structure."""
+
+    values: Any
+    unit: str = ""
+
+    @property
+    def rows(self) -> int:
+        return int(np.size(self.values)) if _is_series(self.values) else 0
+
+    def load(self) -> Any:
+        """Its values, one a row; the rows of a table of characters are texts."""
+        return np.asarray(self.values).reshape(-1)
+
+
+def sheets(file: BinaryIO, path: Path, times: Collection[str]) -> list[Sheet]:
+    """Tables of a MAT file: its variables, and the fields of each structure."""
+    _check(file, path)
+    data = scipy.io.loadmat(file, chars_as_strings=True, squeeze_me=True)
+    content = {k: v for k, v in data.items() if not k.startswith("__") and k}
+    groups = list(_groups("", content, 0))
+    found = tables(groups, times)
+    # An opaque object of MATLAB may be listed without a name of its own.
+    objects = [k for k, v in data.items() if isinstance(v, OBJECTS)]
+    if objects and not any(group.leaves for group in groups):
+        raise RecordingRefused(
+            f"{path}: '{objects[0].strip('_')[:40] or 'what it holds'}' is an object of MATLAB, "
+            f"which only MATLAB can read; {REMEDY}"
+        )
+    if not found:
+        raise RecordingRefused(f"{path}: it holds no columns of numbers")
+    return found
+
+
+def _groups(name: str, content: Mapping[str, Any], depth: int) -> Iterator[Group]:
+    """Variables or fields side by side, then those of the structures among them."""
+    yield Group(name, {k: _Values(v) for k, v in content.items() if _is_series(v)})
+    if depth >= limits.MOST_IN_TREE:
+        return
+    for key, value in content.items():
+        inner = _fields(value)
+        if inner is not None:
+            yield from _groups(f"{name}/{key}".strip("/"), inner, depth + 1)
+
+
+def _fields(value: Any) -> Mapping[str, Any] | None:
+    """Fields of a structure; of an array of structures, one per row, columns of its fields."""
+    if isinstance(value, OBJECTS) or not isinstance(value, np.ndarray | np.void):
+        return None
+    names = value.dtype.names
+    if not names:
+        return None
+    if value.ndim == 0:
+        return {name: np.asarray(value[name][()]) if isinstance(value[name], np.ndarray)
+                and value[name].dtype == object and value[name].ndim == 0 else value[name]
+                for name in names}  # fmt: skip
+    return {name: _column(value[name]) for name in names}
+
+
+def _column(values: Any) -> Any:
+    """A field of all rows, as numbers where each row holds one."""
+    try:
+        return np.array(values.tolist(), dtype=float)
+    except (TypeError, ValueError):
+        return np.array([str(v) for v in values.ravel().tolist()])
+
+
+def _is_series(value: Any) -> bool:
+    """Whether an array is one value a row: numbers or texts along one axis."""
+    if isinstance(value, OBJECTS) or not isinstance(value, np.ndarray):
+        return False
+    if value.dtype.kind == "O":
+        return value.ndim == 1 and all(isinstance(v, str) for v in value.tolist())
+    return value.ndim == 1 and value.dtype.kind in "biufU"
+
+
+def _check(file: BinaryIO, path: Path) -> None:
+    """Refuse a file whose parts unpack to far more than it is."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(HEAD - 2)
+    order = "<" if file.read(2) == b"IM" else ">"
+    total = 0
+    while len(tag := file.read(8)) == 8:
+        kind, count = struct.unpack(f"{order}II", tag)
+        if kind == COMPRESSED:
+            total += _unpacked(path, file.read(count), total, size)
+        else:
+            file.seek(count, os.SEEK_CUR)
+    file.seek(0)
+
+
+def _unpacked(path: Path, packed: bytes, before: int, size: int) -> int:
+    """Bytes of a part when it is unpacked."""
+    unpacker, total = zlib.decompressobj(), 0
+    while packed:
+        total += len(unpacker.decompress(packed, PIECE))
+        packed = unpacker.unconsumed_tail
+        refuse_bomb(path, before + total, size)
+    return total

@@ -1,0 +1,82 @@
+"""Tables in a tree of named arrays: arrays of one length in one group, with a time among them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from rulec_runtime.recordings.arrays import array_sheet
+from rulec_runtime.recordings.table import Sheet
+from rulec_runtime.recordings.titles import is_time
+
+
+class Leaf(Protocol):
+    """An array of a file: its length, its unit where the file tells it, and what loads it."""
+
+    @property
+    def rows(self) -> int: ...
+    @property
+    def unit(self) -> str: ...
+    def load(self) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Group:
+    """Arrays that stand side by side under a name."""
+
+    name: str
+    leaves: Mapping[str, Leaf]
+
+
+def tables(groups: Sequence[Group], times: Collection[str]) -> list[Sheet]:
+    """A table for each time column of a group, with what is as long as it; where a group has none,
+    one for each length.
+
+    A group without a time belongs to the nearest one around it that has one: its array `dp` is
+    there `A.dp`, if the group is called `A`.
+    """
+    timed = {g.name: g for g in groups if any(_is_time(name, times) for name in g.leaves)}
+    whole: dict[str, dict[str, Leaf]] = {g.name: {} for g in groups}
+    for group in groups:
+        owner = group.name if group.name in timed else _around(group.name, timed)
+        below = group.name[len(owner) :].strip("/").replace("/", ".") if owner is not None else ""
+        target = whole[group.name if owner is None else owner]
+        for name, leaf in group.leaves.items():
+            target[f"{below}.{name}" if below else name] = leaf
+    return [
+        sheet for group in groups for sheet in _tables(Group(group.name, whole[group.name]), times)
+    ]
+
+
+def _is_time(name: str, times: Collection[str]) -> bool:
+    """Whether an array holds times; `T` is mostly a temperature."""
+    return name != "T" and is_time(name, times)
+
+
+def _around(name: str, timed: Collection[str]) -> str | None:
+    """The nearest group around one that has a time."""
+    while name:
+        name = name.rpartition("/")[0]
+        if name in timed:
+            return name
+    return None
+
+
+def _tables(group: Group, times: Collection[str]) -> Iterator[Sheet]:
+    by_length: dict[int, list[str]] = {}
+    for name, leaf in group.leaves.items():
+        if leaf.rows > 1:
+            by_length.setdefault(leaf.rows, []).append(name)
+    several = sum(any(_is_time(n, times) for n in names) for names in by_length.values()) > 1
+    for rows, names in by_length.items():
+        name = f"{group.name}/{rows} rows".strip("/") if several else group.name
+        leaves = [group.leaves[n] for n in names]
+        yield _sheet(name, names, leaves, rows)
+
+
+def _sheet(name: str, titles: Sequence[str], leaves: Sequence[Leaf], rows: int) -> Sheet:
+    def pieces(indexes: Sequence[int]) -> Iterator[list[Any]]:
+        yield [leaves[i].load() for i in indexes]
+
+    return array_sheet(name, titles, [leaf.unit for leaf in leaves], rows, pieces)

@@ -1,0 +1,90 @@
+"""What every reader gives: the tables of a file, each read when and as far as it is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.recordings.csv_table import Column
+
+
+@dataclass(frozen=True)
+class Dates:
+    """Dates, shape (n,): `seconds` since 1970, NaN where there is none; `zones` are seconds ahead
+    of UTC, NaN where a date names no zone and counts as it is written."""
+
+    seconds: Array
+    zones: Array
+
+    def __len__(self) -> int:
+        return len(self.seconds)
+
+
+Cells = Sequence[str] | Array | Dates
+"""A column as the file holds it: text, numbers or dates."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """The wanted columns of a table.
+
+    Attributes
+    ----------
+    kept : columns as the file holds them (times), in the order asked for.
+    columns : the others, as numbers.
+    left_out : rows with another number of cells than the titles; the first is `first_left_out`.
+    remarks : what was odd while reading.
+    """
+
+    kept: tuple[Cells, ...]
+    columns: tuple[Column, ...]
+    left_out: int = 0
+    first_left_out: int = 0
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """A table of a file, not read yet.
+
+    Attributes
+    ----------
+    name : of the table within its file; empty where the file is one table.
+    titles : of its columns.
+    units : that stand in the file beside the titles, empty where there is none; as many as titles.
+    rows : how many there are, where that is known before reading.
+    read : from indexes of columns to keep as they are, and of columns of numbers.
+    lines : all rows as text, as far as `read` keeps them.
+    separator : what separates its cells; a comma where it is no text.
+    """
+
+    name: str
+    titles: tuple[str, ...]
+    units: tuple[str, ...]
+    read: Callable[[Sequence[int], Sequence[int]], Table]
+    lines: Callable[[], Iterator[list[str]]]
+    rows: int | None = None
+    separator: str = ","
+    remarks: tuple[str, ...] = ()
+
+
+def texts_of(cells: Cells) -> list[str]:
+    """Cells as they are written into a CSV file; numbers keep every digit."""
+    if isinstance(cells, Dates):
+        return [_date(s, z) for s, z in zip(cells.seconds, cells.zones, strict=True)]
+    if isinstance(cells, np.ndarray):
+        return ["" if np.isnan(x) else repr(x).removesuffix(".0") for x in cells.tolist()]
+    return list(cells)
+
+
+def _date(seconds: float, zone: float) -> str:
+    if np.isnan(seconds):
+        return ""
+    date = datetime.fromtimestamp(0, UTC) + timedelta(seconds=float(seconds))
+    if np.isnan(zone):
+        return date.replace(tzinfo=None).isoformat()
+    return date.astimezone(timezone(timedelta(seconds=float(zone)))).isoformat()

@@ -1,0 +1,334 @@
+"""Damaged and hostile files: a message with place and remedy, nothing executed, nothing opened."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import pickle
+import zipfile
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import asammdf
+import h5py
+import nptdms
+import numpy as np
+import openpyxl
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+import scipy.io
+from asammdf.blocks.v4_blocks import ChannelConversion
+from rulec_runtime import limits
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+
+from tests.readers.test_formats import READINGS
+from tests.readers.writers import WRITERS, excel
+from tests.runtime.sheets import example, write
+
+
+def made(folder: Path, name: str) -> Path:
+    """The example in a format."""
+    file = folder / f"x{Path(name).suffix}"
+    WRITERS[name][0](file, READINGS, False)
+    return file
+
+
+def refusal(file: Path, ruleset: Ruleset) -> str:
+    """Why a file is not read; it begins with its path."""
+    with pytest.raises(RecordingRefused) as caught:
+        read_recording(file, ruleset)
+    assert str(caught.value).startswith(f"{file}: ")
+    return str(caught.value)
+
+
+def read_or_refused(file: Path, ruleset: Ruleset) -> Recording | None:
+    """The recording; None where there is a message that begins with the path of the file."""
+    found, text = None, f"{file}: "
+    try:
+        found = read_recording(file, ruleset)
+    except RecordingRefused as error:
+        text = str(error)
+    assert text.startswith(f"{file}: ")
+    return found
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.98])
+@pytest.mark.parametrize("name", [n for n in WRITERS if not n.endswith((".tdms", ".mf4", ".mdf"))])
+def test_truncated_files_are_refused(name: str, share: float, tmp_path: Path, abc: Ruleset) -> None:
+    """A copy that was broken off says so, and what to do."""
+    file = made(tmp_path, name)
+    data = file.read_bytes()
+    file.write_bytes(data[: int(share * len(data))])
+    text = refusal(file, abc)
+    assert "export it anew" in text or "no column" in text, text
+
+
+@pytest.mark.parametrize("name", ["nptdms.tdms", "asammdf4.mf4", "asammdf3.mdf"])
+def test_what_is_left_of_measurement_files_is_a_recording_or_refused(
+    name: str, tmp_path: Path, abc: Ruleset
+) -> None:
+    """These are written while they are measured: their readers take what is whole."""
+    file = made(tmp_path, name)
+    data = file.read_bytes()
+    for share in (0.02, 0.3, 0.6, 0.98):
+        file.write_bytes(data[: int(share * len(data))])
+        found = read_or_refused(file, abc)
+        assert found is None or 0 < len(found) <= len(READINGS.seconds)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_flipped_bytes_are_read_or_refused(name: str, tmp_path: Path, abc: Ruleset) -> None:
+    """Whatever stands in the file, there is a recording or a message, and no traceback."""
+    random = np.random.default_rng(7)
+    file = made(tmp_path, name)
+    data = np.frombuffer(file.read_bytes(), dtype=np.uint8)
+    for _ in range(3):
+        flipped = data.copy()
+        at = random.integers(64, len(data), 12)
+        flipped[at] = random.integers(0, 256, 12)
+        file.write_bytes(flipped.tobytes())
+        read_or_refused(file, abc)
+
+
+@pytest.mark.parametrize("name", ["x.parquet", "x.xlsx", "x.mat", "x.mf4", "x.tdms", "x.h5"])
+def test_other_content_than_the_name_says(name: str, tmp_path: Path, abc: Ruleset) -> None:
+    """A name alone makes no format; what CSV is called Excel is told."""
+    text = refusal(write(tmp_path, example().text(), name), abc)
+    assert "though it is called so" in text
+
+
+def test_content_counts_where_the_name_is_wrong(tmp_path: Path, abc: Ruleset) -> None:
+    """A Parquet file called .csv is read as what it is."""
+    file = made(tmp_path, "pyarrow.parquet").rename(tmp_path / "x.csv")
+    assert 80 == len(read_recording(file, abc))
+
+
+@pytest.mark.parametrize("kind", ["pickle", "numpy", "zip"])
+def test_what_may_run_or_has_no_titles(kind: str, tmp_path: Path, abc: Ruleset) -> None:
+    """Pickles are never loaded; a package of files is none."""
+    buffer = io.BytesIO()
+    if kind == "pickle":
+        pickle.dump(_Trap(tmp_path), buffer)
+    elif kind == "numpy":
+        np.save(buffer, np.zeros(3))
+    else:
+        with zipfile.ZipFile(buffer, "w") as packed:
+            packed.writestr("recording.csv", example().text())
+    text = refusal(write(tmp_path, buffer.getvalue(), "x.dat"), abc)
+    told = {"pickle": "a pickle", "numpy": "an array of NumPy", "zip": "no Excel workbook"}
+    assert told[kind] in text
+    assert not (tmp_path / "trapped").exists()
+
+
+class _Trap:
+    """Leaves a folder where it is loaded."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __reduce__(self) -> Any:
+        return Path.mkdir, (self._folder / "trapped",)
+
+
+def test_workbook_that_unpacks_to_too_much(
+    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A part of zeros packs to a thousandth of its size."""
+    monkeypatch.setattr(limits, "FREE_TO_UNPACK", 1_000_000)
+    file = tmp_path / "x.xlsx"
+    excel(file, READINGS, False)
+    with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("xl/media/image9.bin", bytes(40_000_000))
+    assert "unpacks to more than 100 times its size" in refusal(file, abc)
+
+
+def test_workbook_with_entities(tmp_path: Path, abc: Ruleset) -> None:
+    file = tmp_path / "x.xlsx"
+    excel(file, READINGS, False)
+    with zipfile.ZipFile(file, "a") as packed:
+        packed.writestr("xl/extra.xml", '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]>')
+    assert "xl/extra.xml in it declares a document type" in refusal(file, abc)
+
+
+def test_cell_far_outside_takes_no_memory(tmp_path: Path, abc: Ruleset) -> None:
+    """A sheet with one cell in its last corner is read as far as it has rows."""
+    book = openpyxl.Workbook()
+    book.active.append(example().header)
+    for row in example().rows:
+        book.active.append([float(cell) for cell in row])
+    book.active["XFD9000"] = "x"
+    book.save(tmp_path / "x.xlsx")
+    found = read_recording(tmp_path / "x.xlsx", abc)
+    assert 60 == len(found)
+
+
+@pytest.mark.parametrize("name", ["scipy.mat", "pyarrow.parquet", "h5py.h5"])
+def test_columns_that_unpack_to_too_much(
+    name: str, tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows of one number pack to nearly nothing, whatever packs them."""
+    monkeypatch.setattr(limits, "FREE_TO_UNPACK", 100_000)
+    monkeypatch.setattr(limits, "DENSEST", 20)
+    rows = 400_000
+    columns = {"time": np.zeros(rows), "A.dp": np.zeros(rows)}
+    file = tmp_path / f"x{Path(name).suffix}"
+    if name.endswith(".mat"):
+        scipy.io.savemat(file, {"x": columns}, do_compression=True)
+    elif name.endswith(".parquet"):
+        pa.parquet.write_table(pa.table(columns), file, compression="zstd")
+    else:
+        with h5py.File(file, "w") as made_file:
+            for title, values in columns.items():
+                made_file.create_dataset(title, data=values, compression="gzip")
+    assert "unpacks to more than" in refusal(file, abc)
+
+
+def outside_link(file: h5py.File, other: Path) -> None:
+    file["A.dp"] = h5py.ExternalLink(str(other), "time")
+
+
+def outside_storage(file: h5py.File, other: Path) -> None:
+    file.create_dataset("A.dp", (60,), "f8", external=[(str(other), 0, h5py.h5f.UNLIMITED)])
+
+
+def outside_view(file: h5py.File, other: Path) -> None:
+    layout = h5py.VirtualLayout((60,), "f8")
+    layout[:] = h5py.VirtualSource(str(other), "time", (60,))
+    file.create_virtual_dataset("A.dp", layout)
+
+
+@pytest.mark.parametrize("lead", [outside_link, outside_storage, outside_view])
+def test_hdf5_never_leads_out_of_its_file(
+    lead: Callable[[h5py.File, Path], None], tmp_path: Path, abc: Ruleset
+) -> None:
+    """Links, storage and views elsewhere are not followed, and that is told."""
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as file:
+        file["time"] = np.arange(60.0)
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["time"] = np.arange(60.0)
+        file["B.dp"] = np.arange(60.0)
+        lead(file, other)
+    found = read_recording(tmp_path / "x.h5", abc)
+    assert "A.dp" not in found.values
+    assert "x.h5: 'A.dp' leads out of the file and is not followed" in found.notes
+    with h5py.File(tmp_path / "y.h5", "w") as file:
+        lead(file, other)
+    assert "copy what it leads to into the file" in refusal(tmp_path / "y.h5", abc)
+
+
+def test_hdf5_that_holds_itself(tmp_path: Path, abc: Ruleset) -> None:
+    """A group that stands in itself is looked at once."""
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["time"] = np.arange(60.0)
+        file["A.dp"] = np.arange(60.0)
+        file["again"] = file["/"]
+    assert 60 == len(read_recording(tmp_path / "x.h5", abc))
+
+
+def test_hdf5_of_too_many_places(
+    tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "MOST_PLACES", 50)
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        for k in range(60):
+            file.create_group(str(k))
+    assert "more than 50 arrays and groups" in refusal(tmp_path / "x.h5", abc)
+
+
+def test_structures_in_structures(tmp_path: Path, abc: Ruleset) -> None:
+    """Some levels are looked at, and no more; without columns the file is refused."""
+    inner: dict[str, Any] = {"x": 1.0}
+    for _ in range(30):
+        inner = {"s": inner}
+    scipy.io.savemat(tmp_path / "x.mat", inner)
+    assert "holds no columns of numbers" in refusal(tmp_path / "x.mat", abc)
+
+
+def test_matlab_objects_are_not_read(tmp_path: Path, abc: Ruleset) -> None:
+    """A timetable is an object that MATLAB alone can read: what to write there instead."""
+    table = np.zeros((1, 1), dtype=[("Time", object)])
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, {"run": scipy.io.matlab.MatlabObject(table, "timetable")})
+    text = refusal(write(tmp_path, buffer.getvalue(), "x.mat"), abc)
+    assert "'run' is an object of MATLAB" in text
+    assert "table2struct(timetable2table(T), 'ToScalar', true)" in text
+
+
+def test_formulas_in_mdf_are_not_evaluated(tmp_path: Path, abc: Ruleset) -> None:
+    """A channel that a formula in the file is to calculate has no reading."""
+    time = np.arange(60.0)
+    file = asammdf.MDF(version="4.10")
+    file.header.start_time = datetime(1970, 1, 1, tzinfo=UTC)
+    conversion = ChannelConversion(conversion_type=3, formula="__import__('os').getpid()+X1")
+    file.append(
+        [
+            asammdf.Signal(time, time, unit="bar", name="A.dp", conversion=conversion),
+            asammdf.Signal(time, time, unit="bar", name="B.dp"),
+        ]
+    )
+    file.save(tmp_path / "x.mf4")
+    found = read_recording(tmp_path / "x.mf4", abc)
+    assert "A.dp" not in found.values
+    assert any("'A.dp' is to be calculated by a formula" in note for note in found.notes)
+
+
+def test_groups_of_several_rates(tmp_path: Path, abc: Ruleset) -> None:
+    """MDF and TDMS keep a clock per group: the one that is meant is named."""
+    file = asammdf.MDF(version="4.10")
+    for step in (1.0, 10.0):
+        time = np.arange(0.0, 60.0, step)
+        file.append([asammdf.Signal(time, time, unit="bar", name="A.dp")])
+    file.save(tmp_path / "x.mf4")
+    assert "'x.mf4#group 0': 'group 0' (60 rows of" in refusal(tmp_path / "x.mf4", abc)
+    assert 6 == len(read_recording(tmp_path / "x.mf4#group 1", abc))
+    with nptdms.TdmsWriter(tmp_path / "x.tdms") as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("run", name, np.arange(60.0 / step), {"wf_increment": step})
+            for name, step in (("A.dp", 1.0), ("B.dp", 10.0))
+        ])  # fmt: skip
+    assert "'run/60 rows at 1 s'" in refusal(tmp_path / "x.tdms", abc)
+    assert 6 == len(read_recording(tmp_path / "x.tdms#run/6 rows at 10 s", abc))
+
+
+def test_units_that_no_table_knows(tmp_path: Path, abc: Ruleset) -> None:
+    """As in a title: the column, the unit, and what to write."""
+    fields = [
+        pa.field("time", pa.float64()),
+        pa.field("A.dp", pa.float64(), metadata={"unit": "barr"}),
+    ]
+    table = pa.table([np.arange(3.0), np.arange(3.0)], schema=pa.schema(fields))
+    pa.parquet.write_table(table, tmp_path / "x.parquet")
+    text = refusal(tmp_path / "x.parquet", abc)
+    assert "column 'A.dp': unknown unit 'barr'; did you mean 'bar'?" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "extra"),
+    [
+        ("pyarrow.parquet", "parquet"),
+        ("pyarrow.feather", "parquet"),
+        ("openpyxl.xlsx", "excel"),
+        ("scipy.mat", "mat"),
+        ("hdf5storage.mat", "mat"),
+        ("asammdf4.mf4", "mdf"),
+        ("nptdms.tdms", "tdms"),
+        ("h5py.h5", "hdf5"),
+    ],
+)
+def test_missing_package_names_its_extra(
+    name: str, extra: str, tmp_path: Path, abc: Ruleset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An operator station has what it asked for; the message says what to install."""
+    file = made(tmp_path, name)
+
+    def lacking(module: str) -> Any:
+        raise ModuleNotFoundError(f"No module named '{module}'", name="pyarrow")
+
+    monkeypatch.setattr("rulec_runtime.recordings.formats.import_module", lacking)
+    assert f"pip install 'rulec-runtime[{extra}]'" in refusal(file, abc)
+    assert importlib.import_module("rulec_runtime.recordings.formats")
