@@ -419,8 +419,8 @@ WRONG_CALLS = [
     (("{ruleset}", "{ruleset}"), 1, "no time column"),
     (("{ruleset}", "/dev/null"), 1, "rulec: /dev/null"),
     (("{recording}", "{recording}"), 1, ""),
-    (("{ruleset}", "{recording}", "--json", "/nowhere/out.json"), 1, "rulec: /nowhere"),
-    (("{ruleset}", "{recording}", "--trace", "/nowhere/out.csv"), 1, "rulec: /nowhere"),
+    (("{ruleset}", "{recording}", "--json", "/nowhere/out.json"), 2, "--json /nowhere"),
+    (("{ruleset}", "{recording}", "--trace", "/nowhere/out.csv"), 2, "--trace /nowhere"),
     (("{ruleset}",), 2, "usage"),
     (("{ruleset}", "x.csv", "--mode", "guess"), 2, "usage"),
 ]

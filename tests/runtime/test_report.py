@@ -295,5 +295,5 @@ def test_command_writes_the_report(
     assert "only a report" in capsys.readouterr().out
     assert 1 == main([*told, "--truth", str(tmp_path / "no.csv")])
     assert "no.csv: cannot be read" in capsys.readouterr().err
-    assert 1 == main([*told, "--report", str(tmp_path / "no" / "r.html")])
-    assert "No such file or directory" in capsys.readouterr().err
+    assert 2 == main([*told, "--report", str(tmp_path / "no" / "r.html")])
+    assert "there is no such folder" in capsys.readouterr().err

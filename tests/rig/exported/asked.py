@@ -25,7 +25,7 @@ class Asked:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        return tuple(self.ruleset.undo.inputs)
+        return tuple(name for name in self.ruleset.undo.inputs if name in self.used_inputs)
 
     @property
     def used_inputs(self) -> frozenset[str]:
@@ -36,6 +36,9 @@ class Asked:
 
     def select(self, outputs: Iterable[str]) -> Asked:
         return Asked(self.ruleset, self.routines, self.execute, tuple(outputs))
+
+    def narrowed(self) -> Asked:
+        return self
 
     def run(self, values: Mapping[str, Value]) -> dict[str, Value]:
         found: dict[str, Value] = {}
