@@ -23,6 +23,8 @@ from rulec_runtime.commands.frame import (
 )
 
 _COMMANDS = {
+    "init": "write a commented skeleton: plant, module, fault, effect, or a package of knowledge",
+    "schema": "write the schemas of all files, and the line by which an editor finds them",
     "check": "validate knowledge and plant files",
     "import": "make skeletons of module types from the files of other tools",
     "compile": "derive the ruleset of a plant",
@@ -49,6 +51,7 @@ _REFUSALS = (
     "AdoptRefused",
     "MismatchRefused",
     "ExperimentRefused",
+    "InitRefused",
     "MtpRefused",
 )
 """Exceptions whose message is for the user."""
@@ -85,7 +88,22 @@ def _parser() -> argparse.ArgumentParser:
         name: commands.add_parser(name, help=text, description=text.capitalize() + ".")
         for name, text in _COMMANDS.items()
     }
-    made["check"].add_argument("paths", nargs="+", metavar="PATH", help="YAML file or folder")
+    _init(made["init"])
+    made["schema"].add_argument(
+        "folder", metavar="FOLDER", help="schemas come into FOLDER/schema, lines into YAML below it"
+    )
+    made["check"].add_argument(
+        "paths",
+        nargs="+",
+        metavar="PATH",
+        help="YAML file or folder; PLANT RECORDING tells besides what the recording is good for",
+    )
+    made["check"].add_argument(
+        "--format",
+        choices=("text", "json", "sarif"),
+        default="text",
+        help="json and sarif go to standard output, for editors and CI servers",
+    )
     _import(made["import"])
     made["compile"].add_argument("plant", metavar="PLANT")
     made["compile"].add_argument(
@@ -100,8 +118,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     _limits(made["matrix"])
     json_option(made["matrix"])
-    made["show"].add_argument("step", metavar="PASS", help="name of a pass, or 'passes' for a list")
-    made["show"].add_argument("plant", metavar="PLANT")
+    made["show"].add_argument(
+        "step",
+        metavar="PASS",
+        help="name of a pass, 'passes' for a list, or 'knowledge': what is known, and from where",
+    )
+    made["show"].add_argument("plant", metavar="PLANT", nargs="?", help="'knowledge' needs none")
     made["calibrate"].add_argument("plant", metavar="PLANT")
     made["calibrate"].add_argument("recording", metavar="RECORDING", help="fault-free recording")
     made["calibrate"].add_argument("-o", "--output", metavar="FILE", required=True)
@@ -143,6 +165,17 @@ def _export(export: argparse.ArgumentParser) -> None:
         "--play",
         metavar="RECORDING",
         help="write results.csv as well: what the code says of each settled window of a recording",
+    )
+
+
+def _init(init: argparse.ArgumentParser) -> None:
+    init.add_argument("kind", choices=("plant", "module", "fault", "effect", "kb"))
+    init.add_argument("name", metavar="NAME", help="name of what is described")
+    init.add_argument(
+        "folder",
+        metavar="FOLDER",
+        help="of the plant; of knowledge, as kb in the plant's (module, fault, effect); of the "
+        "project (kb, a package for pip); files that are there stay",
     )
 
 

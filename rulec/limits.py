@@ -89,6 +89,21 @@ LEAST_SCALE = 1e-12
 """Smallest scale of a column, the reciprocal of the largest that columns.schema.json lets pass.
 Origin: assumed."""
 
+FAR_ESTIMATES = 50.0
+"""Ratio of two estimates of one flow at the typical readings, beyond which a unit may be wrong.
+Shipped types have 1.12 at most; units that are mixed up differ by 60 at least. Origin: assumed."""
+
+FAR_READING = 50.0
+"""Ratio of the median of a recorded reading to the typical one, beyond which `rulec check` asks for
+its unit. As FAR_ESTIMATES. Origin: assumed."""
+
+ALIKE_ESTIMATES = 5.0
+"""Ratio of estimates at the typical readings that counts as agreement. Origin: assumed."""
+
+MISREAD_FACTORS = (1e-3, 1e3, 1e-6, 1e6, 1 / 60, 60.0, 1 / 3600, 3600.0)
+"""What a parameter in another unit would be off by: prefixes, minutes and hours. Origin: standard
+(SI)."""
+
 ASYMMETRY = 1e-6
 """Difference between mirrored correlations of a covariance in a file, beyond which it is refused.
 Origin: assumed, files hold ten digits."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rulec_runtime.contract.ruleset import Ruleset
 
-from rulec.knowledge import read
+from rulec.knowledge import read_layers
 from rulec.language import document, schema
 from rulec.language.diagnostics import Diagnostic
 from rulec.language.document import Document
@@ -60,7 +60,7 @@ def _each_text_read_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         once = functools.lru_cache(maxsize=400)(document.parse_document)
         patch.setattr(document, "parse_document", once)
-        patch.setattr(read, "check_schema", _checked_once(schema.check_schema))
+        patch.setattr(read_layers, "check_schema", _checked_once(schema.check_schema))
         yield
 
 

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
-from rulec_runtime.commands.destinations import console
-from rulec_runtime.output.terminal import styled
+from rich.console import Console
+from rulec_runtime.commands.destinations import console, write_json
+from rulec_runtime.output.terminal import say_aside, styled
 
+from rulec.commands.check_formats import json_form, sarif_form
+from rulec.commands.recording_facts import Facts, facts_of
+from rulec.commands.recording_story import json_form as recording_form
+from rulec.commands.recording_story import tell
+from rulec.effects.model_builder import open_builder
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.check_plant import check
+from rulec.knowledge.doubts import doubts_of_plant, doubts_of_types
+from rulec.knowledge.layers import version_of_rulec, yaml_files_in
 from rulec.knowledge.read import read_files, read_plant
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Refused, render_all
 from rulec.language.document import Document
 from rulec.passes.link import link
@@ -21,37 +31,86 @@ _LACKING = ("KB031", "KB047", "KB056", "KB065", "KB070")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check files and folders; exit code 1 if there is any mistake."""
-    found = collect([Path(p) for p in options.paths])
-    out = console(options)
+    """Check files and folders, and a recording of the plant among them.
+
+    Exit code 1 if there is any mistake, or if nothing in the recording can be judged.
+    """
+    recordings = [path for path in map(Path, options.paths) if is_recording(path)]
+    paths = [path for path in map(Path, options.paths) if path not in recordings]
+    if recordings and len(paths) != 1:
+        say_aside("rulec check: a recording is checked with its plant, as PLANT RECORDING")
+        return 2
+    found = collect(paths)
+    wrong = any(not one.doubt for one in found)
+    facts: dict[str, Facts] = {}
+    if recordings and not wrong:
+        ruleset, builder = open_builder(paths[0])
+        facts = {str(path): facts_of(path, ruleset, builder.matches) for path in recordings}
+    options.json = None if options.format == "text" else "-"
+    if options.json is None:
+        _tell(console(options), options.paths if not facts else paths, found, facts)
+    elif options.format == "sarif":
+        write_json(options, sarif_form(found, version_of_rulec()))
+    else:
+        told = {name: recording_form(part) for name, part in facts.items()}
+        write_json(options, {"found": json_form(found), "recordings": told})
+    return 1 if wrong or not all(part.judges_something for part in facts.values()) else 0
+
+
+def is_recording(path: Path) -> bool:
+    """Is it none of the files that are checked, or a folder with tables and without YAML?"""
+    if path.is_dir():
+        tables = any(f.name.lower().endswith((".csv", ".csv.gz")) for f in path.iterdir())
+        return tables and not yaml_files_in(path)
+    return path.is_file() and path.suffix not in (".yaml", ".yml")
+
+
+def _tell(
+    out: Console, paths: Sequence[object], found: Sequence[Diagnostic], facts: Mapping[str, Facts]
+) -> None:
     if found:
         out.print(render_all(found), soft_wrap=True)
-        return 1
-    out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(options.paths)))
-    return 0
+    if all(one.doubt for one in found):
+        out.print(styled("[green]✓[/] {}: no mistakes", ", ".join(map(str, paths))))
+    for name, part in facts.items():
+        tell(out, name, part)
 
 
 def collect(paths: list[Path]) -> list[Diagnostic]:
-    """All diagnostics of the given files, sorted by place."""
+    """All diagnostics of the given files, sorted by place; doubts only where nothing is wrong."""
     sources, plants, found = read_files(paths)
     # A file that cannot be read may hold what others then seem to lack.
     muted = _LACKING if found else ()
-    meaning = [*_refused_by(check_knowledge, sources)] if sources is not None else []
+    meaning: list[Diagnostic] = []
+    doubts: list[Diagnostic] = []
+    for part in sources:
+        meaning += _told_by(partial(_knowledge_doubts, part), doubts)
     for plant in plants:
-        meaning += _refused_by(_check_plant, plant)
-    return sorted({*found, *(d for d in meaning if d.code not in muted)})
+        meaning += _told_by(partial(_plant_doubts, plant), doubts)
+    mistakes = {*found, *(d for d in meaning if d.code not in muted)}
+    return sorted(mistakes or {*doubts})
 
 
-def _refused_by(step: Callable[..., object], *arguments: object) -> Sequence[Diagnostic]:
-    """Mistakes for which a step refuses its arguments."""
+def _told_by(
+    step: Callable[[], Iterable[Diagnostic]], doubts: list[Diagnostic]
+) -> Sequence[Diagnostic]:
+    """Mistakes for which a step refuses; else it adds its doubts."""
     try:
-        step(*arguments)
+        doubts += step()
     except Refused as refused:
         return refused.diagnostics
     return ()
 
 
-def _check_plant(document: Document) -> None:
-    network = link(check(read_plant(Path(document.path))))
+def _knowledge_doubts(sources: Sources) -> Iterable[Diagnostic]:
+    knowledge = check_knowledge(sources)
+    types = [document for document in sources.given if "module" in document.data]
+    return doubts_of_types(types, knowledge)
+
+
+def _plant_doubts(document: Document) -> Iterable[Diagnostic]:
+    plant = check(read_plant(Path(document.path)))
+    network = link(plant)
     if network.stores:
-        dynamics_of(network, {name: [] for name in network.plant.modules})
+        dynamics_of(network, {name: [] for name in plant.modules})
+    return doubts_of_plant(document, plant)

@@ -12,7 +12,7 @@ from rulec_runtime.report.terminal_story import explain
 
 from rulec.commands.demo_live import run_live
 from rulec.commands.matrix import show
-from rulec.knowledge.read import shipped
+from rulec.knowledge.layers import shipped
 from rulec.passes.pipeline import compile_plant
 
 

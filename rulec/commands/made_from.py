@@ -11,7 +11,7 @@ from rulec_runtime.recordings.recording_file import files_of
 
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Basis
-from rulec.knowledge.read import Sources, yaml_files_in
+from rulec.knowledge.sources import Sources
 
 AGAIN = "run rulec mismatch again"
 
@@ -68,7 +68,8 @@ def _plant_files(sources: Sources) -> Iterator[Path]:
     data = sources.plant.data
     names = [data.get("columns"), data.get("adjacency"), *data.get("calibration", ())]
     yield from (file.parent / name for name in names if name)
-    yield from yaml_files_in(sources.kb)
+    for layer in sources.layers:
+        yield from layer.files
 
 
 def _hashes(files: Iterator[Path] | list[Path]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
 
+from rulec.commands.show_knowledge import listing
 from rulec.effects.balance_text import balances_text, flow_text
 from rulec.effects.match_effects import Matches, match_effects
 from rulec.effects.model_builder import open_builder
@@ -16,10 +17,16 @@ from rulec.language.written import signed_sum
 from rulec.passes.pipeline import PASSES, run_passes
 from rulec.passes.types import Compilation
 
+KNOWLEDGE = "knowledge"
+
 
 def run(options: argparse.Namespace) -> int:
     """Run the passes up to the named one and print its result."""
     out = console(options)
+    if options.step == KNOWLEDGE:
+        for line in listing(Path(options.plant) if options.plant else None):
+            out.print(line, soft_wrap=True)
+        return 0
     fields = {step.__name__: field for field, step in PASSES.items()}
     names = [*fields, match_effects.__name__]
     short = [n for n in names if options.step in n.split("_")]
@@ -27,13 +34,14 @@ def run(options: argparse.Namespace) -> int:
         options.step = short[0]
     if options.step not in names:
         asked = options.step == "passes"
-        text = (
-            ""
-            if asked
-            else f"there is no pass '{options.step}'; {did_you_mean(options.step, names)}\n"
-        )
+        hint = did_you_mean(options.step, [*names, KNOWLEDGE])
+        text = "" if asked else f"there is no pass '{options.step}'; {hint}\n"
         out.print(text + "passes in order: " + ", ".join(names))
+        out.print(f"besides: {KNOWLEDGE}, all that is known of equipment, and where it stands")
         return 0 if asked else 2
+    if options.plant is None:
+        out.print(f"which plant? rulec show {options.step} PLANT")
+        return 2
     plant = Path(options.plant)
     if options.step == match_effects.__name__:
         lines = _matches(open_builder(plant)[1].matches)
@@ -46,7 +54,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _sources(known: Compilation) -> Iterator[str]:
-    yield f"knowledge base {known.sources.kb}"
+    for layer in known.sources.layers:
+        yield f"layer {layer.name}: {layer.folder}"
     for kind, documents in known.sources.by_kind.items():
         for document in documents:
             yield f"{kind}: {document.path}"

@@ -18,7 +18,7 @@ from rulec.effects.candidate import Unwritable
 from rulec.effects.model_builder import ModelBuilder
 from rulec.effects.repair import AdoptRefused, Joined, Repair
 from rulec.effects.write_plant import plant_files
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.passes.pipeline import compile_plant
 

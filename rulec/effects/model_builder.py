@@ -26,7 +26,8 @@ from rulec.effects.spots import shift_of, spots_of, stores_of
 from rulec.knowledge.data_sheet import Sheet
 from rulec.knowledge.module_type import ENDS, Parameter
 from rulec.knowledge.plant import Module
-from rulec.knowledge.read import Sources, read_plant
+from rulec.knowledge.read import read_plant
+from rulec.knowledge.sources import Sources
 from rulec.passes.amend import Amended, amend
 from rulec.passes.lower import Lowering, lower_module, lower_states, parameter_id
 from rulec.passes.pipeline import run_passes

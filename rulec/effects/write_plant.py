@@ -13,14 +13,14 @@ from rulec.effects.recalibrate import calibration
 from rulec.effects.repair import Repair
 from rulec.effects.write_module import write_module
 from rulec.knowledge.fluid import reading_of
-from rulec.knowledge.read import Sources, shipped, yaml_files_in
+from rulec.knowledge.layers import KB, Layer, shipped
+from rulec.knowledge.sources import Sources
 from rulec.language.document import Document, read_document
 from rulec.language.schema import kind_of
 from rulec.language.written import rounded
 from rulec.language.yaml_text import lines
 
 PLANT_HEAD = "# yaml-language-server: $schema=kb/schema/plant.schema.json"
-KB = "kb"
 CALIBRATION = "calibration.yaml"
 OF_PLANTS = ("plant", "columns", "calibration")
 
@@ -36,7 +36,7 @@ def plant_files(sources: Sources, adoption: Adoption, repair: Repair) -> Iterato
         if key in sources.plant.data:
             file = Path(sources.plant.path).parent / sources.plant.data[key]
             yield file.name, file.read_text(encoding="utf-8-sig")
-    yield from _knowledge(sources, adoption)
+    yield from knowledge_files(sources, adoption)
 
 
 def _plant(plant: Document, adoption: Adoption, repair: Repair, calibrated: bool) -> str:
@@ -90,20 +90,19 @@ def _calibration(values: Mapping[str, Any], repair: Repair) -> str:
     return head + yaml.safe_dump(dict(values), sort_keys=False, width=100)
 
 
-def _knowledge(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:
-    """The whole knowledge base, amended types in place of the old ones."""
+def knowledge_files(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]]:
+    """The knowledge of all layers, amended types in place of the old ones."""
     by_type = {d.data["module"]: d for d in sources.by_kind.get("module", ())}
     amended = {
-        Path(by_type[a.module.type.name].path): a
+        Path(by_type[a.module.type.name].path).resolve(): a
         for a in adoption.changed.values()
         if a.type.name == a.module.type.name
     }
-    for file in yaml_files_in(sources.kb):
-        if file in amended:
-            continue
-        document, _ = read_document(file)
-        if document is not None and kind_of(document) not in (None, *OF_PLANTS):
-            yield f"{KB}/{file.relative_to(sources.kb).as_posix()}", file.read_text("utf-8-sig")
+    for layer in sources.layers:
+        for file in layer.files:
+            document, _ = (None, ()) if file.resolve() in amended else read_document(file)
+            if document is not None and kind_of(document) not in (None, *OF_PLANTS):
+                yield _copied(layer, file), file.read_text("utf-8-sig")
     for file in sorted((shipped(KB) / "schema").glob("*.json")):
         yield f"{KB}/schema/{file.name}", file.read_text("utf-8")
     for own in adoption.changed.values():
@@ -112,3 +111,10 @@ def _knowledge(sources: Sources, adoption: Adoption) -> Iterator[tuple[str, str]
         comments = [f"Amended by rulec adopt: {c.title} at {c.place}." for c in taken]
         text = write_module(document, own.type, own.brought, comments)
         yield f"{KB}/modules/{own.type.name}.yaml", text
+
+
+def _copied(layer: Layer, file: Path) -> str:
+    """Where a file of a layer comes to stand: what is no whole knowledge base has a folder of its
+    own there, so that no file takes the place of another."""
+    inside = file.relative_to(layer.folder).as_posix()
+    return f"{KB}/{inside}" if layer.is_whole else f"{KB}/{layer.name.replace('/', '-')}/{inside}"

@@ -11,17 +11,18 @@ from rulec.knowledge.check_fault import check_fault
 from rulec.knowledge.check_fluid import FluidReader
 from rulec.knowledge.check_module import ModuleReader
 from rulec.knowledge.knowledge import Knowledge, SensorClass
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
+from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Diagnostic, Refused
 from rulec.language.document import Document
 from rulec.language.reader import Reader
-from rulec.language.units import NONE, unit_table
+from rulec.language.units import NONE
 
 
 def check_knowledge(sources: Sources) -> Knowledge:
     """Check the meaning of all knowledge documents; raises `Refused` with every mistake."""
     found: list[Diagnostic] = []
-    units = unit_table(sources.units.data)
+    units = table_of(sources.units, found)
     table = {
         kind: _refuse_twins(sources.by_kind.get(kind, ()), kind, found)
         for kind in ("module", "fault", "effect", "sensor", "fluid")

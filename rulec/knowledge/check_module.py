@@ -41,6 +41,7 @@ class ModuleReader(Reader):
         data = self.document.data
         signals = {n: self._signal(n, s) for n, s in data.get("signals", {}).items()}
         parameters = {n: self._parameter(n, p) for n, p in data.get("parameters", {}).items()}
+        self._check_tables()
         self._check_own_names()
         provides = self._provides(signals)
         before = len(self.found)
@@ -130,6 +131,17 @@ class ModuleReader(Reader):
             title=part.get("title", name),
             origin=self.origin(*path, source=part["source"]),
         )
+
+    def _check_tables(self) -> None:
+        """Refuse points in a unit with an offset: there a share of a value says nothing."""
+        for name, table in self.document.data.get("tables", {}).items():
+            for key in ("in", "unit"):
+                unit = self.units.units.get(table[key])
+                if unit is not None and unit.offset:
+                    other = self.units.difference(unit).text
+                    message = f"the points of a table cannot be in {unit.text}"
+                    hint = f"give them in {other}, counted from absolute zero"
+                    self.report(("tables", name, key), "KB123", message, hint)
 
     def _check_own_names(self) -> None:
         """Names that equations use: each means one thing, and the equation reader can read it."""

@@ -16,7 +16,7 @@ from rulec.knowledge.fluid import fill
 from rulec.knowledge.knowledge import Knowledge
 from rulec.knowledge.module_type import ModuleType, Parameter
 from rulec.knowledge.plant import Block, Column, Module, Plant
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Diagnostic, Place, Refused, did_you_mean
 from rulec.language.document import Document, Path_
 from rulec.language.reader import Reader
@@ -54,6 +54,7 @@ def check_plant(sources: Sources, knowledge: Knowledge) -> Plant:
         knowledge=knowledge,
         digest=sources.digest(),
         place=document.place("plant"),
+        layers=sources.made_from(),
     )
 
 

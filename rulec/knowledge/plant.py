@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.layers import Layer
 from rulec.knowledge.module_type import Fluid, ModuleType, Parameter
 from rulec.language.diagnostics import Place
 
@@ -52,7 +53,11 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Plant:
-    """Instances and directed connections, with the knowledge they rest on."""
+    """Instances and directed connections, with the knowledge they rest on.
+
+    `digest` is the hash of all that it is made from, `layers` what it takes from which folder of
+    knowledge, by hash.
+    """
 
     name: str
     title: str
@@ -63,6 +68,7 @@ class Plant:
     knowledge: Knowledge
     digest: str
     place: Place
+    layers: tuple[tuple[Layer, str], ...] = ()
 
     @property
     def signals(self) -> list[str]:

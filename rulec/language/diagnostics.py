@@ -31,7 +31,8 @@ class Diagnostic:
     """One mistake: where, which kind, what, and what to do.
 
     `code` identifies the reason (docs/errors.md); `hint` is the remedy; `second` is the other
-    place where two places contradict each other.
+    place where two places contradict each other. A `doubt` is no mistake:
+    nothing is refused for it.
     """
 
     place: Place
@@ -39,6 +40,7 @@ class Diagnostic:
     message: str
     hint: str = ""
     second: Place | None = field(default=None, compare=False)
+    doubt: bool = False
 
 
 class Refused(Exception):
@@ -91,7 +93,11 @@ def render_all(diagnostics: Iterable[Diagnostic]) -> str:
     """Write all diagnostics, sorted by place, with a closing count."""
     found = sorted(set(diagnostics))
     files = len({d.place.file for d in found})
-    count = f"{len(found)} mistake{'s' * (len(found) != 1)} in {files} file{'s' * (files != 1)}"
+    doubts = sum(d.doubt for d in found)
+    kinds = (("mistake", len(found) - doubts), ("doubt", doubts))
+    counted = [f"{count} {kind}{'s' * (count != 1)}" for kind, count in kinds if count]
+    counted = counted or ["0 mistakes"]
+    count = f"{' and '.join(counted)} in {files} file{'s' * (files != 1)}"
     if len(found) > MAX_DIAGNOSTICS:
         count += f", of which the first {MAX_DIAGNOSTICS} are shown"
     return "\n".join([*(render(d) for d in found[:MAX_DIAGNOSTICS]), count])

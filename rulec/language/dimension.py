@@ -7,10 +7,10 @@ import functools
 from collections.abc import Mapping
 from fractions import Fraction
 
+from rulec.language.exponent import exponent_of
 from rulec.language.expression import (
     GATHER,
     Expression,
-    exponent_of,
     function_of,
     rejected_at,
 )

@@ -19,11 +19,11 @@ from fractions import Fraction
 from typing import Any
 
 from rulec.language.diagnostics import did_you_mean
+from rulec.language.exponent import exponent_of
 from rulec.language.functions import FUNCTIONS
 from rulec.language.units import PROPERTIES
 from rulec.limits import (
     MAX_CONSTANT,
-    MAX_DENOMINATOR,
     MAX_EQUATION_DEPTH,
     MAX_EQUATION_LENGTH,
     MAX_EXPONENT,
@@ -234,20 +234,6 @@ def _check_call(node: ast.Call, depth: int, power: Fraction) -> None:
         raise rejected_at(node, "KB045", message, f"as in {name}({example})")
     for argument in node.args:
         _check(argument, depth + 1, power)
-
-
-def exponent_of(node: ast.expr) -> Fraction | None:
-    """Value of a numeric exponent: 2, -1, 0.5, 1/2, (7/4)."""
-    match node:
-        case ast.Constant(value=int(value) | float(value)) if abs(value) <= MAX_CONSTANT:
-            return Fraction(value).limit_denominator(MAX_DENOMINATOR)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            inner = exponent_of(operand)
-            return None if inner is None else -inner
-        case ast.BinOp(op=ast.Div(), left=left, right=right):
-            top, bottom = exponent_of(left), exponent_of(right)
-            return None if top is None or not bottom else top / bottom
-    return None
 
 
 def function_of(node: ast.Call) -> str | None:

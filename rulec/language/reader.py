@@ -14,6 +14,8 @@ from rulec.language.expression import Expression, Rejected, parse
 from rulec.language.origin import Origin
 from rulec.language.units import UNKNOWN, Dimension, Unit, UnitTable
 
+_SPELLINGS = "the spellings are in kb/units.yaml; others go into a units.yaml of your own"
+
 
 @dataclass
 class Reader:
@@ -77,7 +79,7 @@ class Reader:
         except ValueError as error:
             name = str(error)
         near = nearest(name, self.units.units)
-        hint = f"did you mean '{near}'?" if near else "the spellings are in kb/units.yaml"
+        hint = f"did you mean '{near}'?" if near else _SPELLINGS
         if "^" in name:
             hint = "write a power as in 'l/h/bar**2'"
         message = f"there is no unit '{name[:40]}'"

@@ -6,7 +6,8 @@ import ast
 import re
 from collections.abc import Mapping
 
-from rulec.language.expression import GATHER, Expression, exponent_of, function_of, parse
+from rulec.language.exponent import exponent_of
+from rulec.language.expression import GATHER, Expression, function_of, parse
 
 
 def text_of(tree: ast.expr) -> str:

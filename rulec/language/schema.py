@@ -75,7 +75,8 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
         case "additionalProperties":
             known = set(error.schema.get("properties", {})) - set(value)
             for key in _unknown(error):
-                place, hint = document.key(*path, key), did_you_mean(key, known)
+                place = document.key(*path, key)
+                hint = _comma(document, path, key) or did_you_mean(key, known)
                 yield Diagnostic(place, "KB020", f"'{_clip(key)}' is not a key of {part}", hint)
         case "required":
             yield from _missing(document, path, part, error)
@@ -105,6 +106,25 @@ def _diagnose(document: Document, kind: str, error: Any) -> Iterable[Diagnostic]
             yield from _law(document, value)
         case _:
             yield Diagnostic(where, "KB025", f"{part}: {_clip(error.message)}")
+
+
+def _comma(document: Document, path: Path_, key: str) -> str:
+    """Remedy where a key is what stands behind a comma in a value, as in {value: 20,5}."""
+    part: Any = document.data
+    for step in path:
+        part = part[step]
+    before = list(part)[: list(part).index(key)]
+    if part[key] is not None or not before:
+        return ""
+    first = before[-1]
+    if document.key(*path, first).line != document.key(*path, key).line:
+        return ""
+    value = part[first]
+    if key.isdigit() and isinstance(value, int) and not isinstance(value, bool):
+        return f"between {{ and }} a comma ends a value: write '{first}: {value}.{key}'"
+    if isinstance(value, str):
+        return f"between {{ and }} a comma ends a value: put the text of '{first}' in quotes"
+    return ""
 
 
 def _unknown(error: Any) -> list[str]:

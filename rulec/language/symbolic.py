@@ -9,7 +9,8 @@ from typing import Any
 
 import sympy
 
-from rulec.language.expression import GATHER, Expression, exponent_of, function_of
+from rulec.language.exponent import exponent_of
+from rulec.language.expression import GATHER, Expression, function_of
 from rulec.language.functions import FUNCTIONS, Absolute
 
 TEMPERATURE = sympy.Symbol("T", real=True)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rulec.limits import MAX_UNIT_LENGTH, MAX_UNIT_POWER
+from rulec.language.exponent import exponent_of
+from rulec.limits import MAX_DENOMINATOR, MAX_UNIT_LENGTH, MAX_UNIT_POWER
 
 BASES = ("m", "kg", "s", "K", "A")
 
@@ -41,7 +42,7 @@ class Dimension:
     def __str__(self) -> str:
         """Readable form, such as ``kg m^-1 s^-2``; ``1`` where there is none."""
         parts = [
-            base if e == 1 else f"{base}^{e}"
+            base if e == 1 else f"{base}^{e if e.denominator == 1 else f'({e})'}"
             for base, e in zip(BASES, self.exponents, strict=True)
             if e
         ]
@@ -50,7 +51,8 @@ class Dimension:
     @staticmethod
     def of(mapping: Mapping[str, Any]) -> Dimension:
         """From exponents by base, such as ``{"m": 3, "s": -1}``."""
-        return Dimension(tuple(Fraction(mapping.get(base, 0)) for base in BASES))
+        exponents = (Fraction(mapping.get(base, 0)) for base in BASES)
+        return Dimension(tuple(e.limit_denominator(MAX_DENOMINATOR) for e in exponents))
 
 
 NONE = Dimension()
@@ -95,7 +97,7 @@ class UnitTable:
     interval: frozenset[str] = frozenset()
 
     def parse(self, text: str) -> Unit:
-        """Read a unit, also compound ones such as ``l/h/bar**2``.
+        """Read a unit, also compound ones such as ``l/h/bar**2`` and ``m3/h/kPa**0.5``.
 
         Raises ValueError with the unknown spelling as its argument.
         """
@@ -112,15 +114,15 @@ class UnitTable:
         return Unit(text, factor, dimension)
 
     def plain(self, dimension: Dimension) -> Unit:
-        """A unit of size 1 in SI for a dimension with whole exponents."""
+        """A unit of size 1 in SI for a dimension."""
         if dimension == UNKNOWN:
             return Unit("1", 1.0, UNKNOWN)
         for unit in self.units.values():
             if unit.dimension == dimension and unit.factor == 1 and not unit.offset:
                 return unit
         powers = list(zip(BASES, dimension.exponents, strict=True))
-        above = [base if e == 1 else f"{base}**{e}" for base, e in powers if e > 0]
-        below = [f"/{base}" if e == -1 else f"/{base}**{-e}" for base, e in powers if e < 0]
+        above = [_power(base, e) for base, e in powers if e > 0]
+        below = [f"/{_power(base, -e)}" for base, e in powers if e < 0]
         return Unit("*".join(above or ["1"]) + "".join(below), 1.0, dimension)
 
     def difference(self, unit: Unit) -> Unit:
@@ -153,12 +155,20 @@ class UnitTable:
             case ast.BinOp(left=left, op=ast.Div(), right=right):
                 (f, d), (g, e) = self._walk(left, text), self._walk(right, text)
                 return f / g, d / e
-            case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=int(power))):
-                if isinstance(power, bool) or power > MAX_UNIT_POWER:
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                power = exponent_of(right)
+                if power is None or abs(power) > MAX_UNIT_POWER:
                     raise ValueError(text)
                 f, d = self._walk(left, text)
                 return f**power, d**power
         raise ValueError(text)
+
+
+def _power(base: str, exponent: Fraction) -> str:
+    """A power as it stands in a unit: ``m``, ``m**2``, ``m**(1/2)``."""
+    if exponent == 1:
+        return base
+    return f"{base}**{exponent}" if exponent.denominator == 1 else f"{base}**({exponent})"
 
 
 def unit_table(data: Mapping[str, Any]) -> UnitTable:

@@ -1,26 +1,34 @@
-"""Units and sensor classes of a knowledge base; the rest of it is not read."""
+"""Units and sensor classes of the layers of knowledge; the rest of them is not read."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from rulec.knowledge.check_knowledge import check_knowledge
 from rulec.knowledge.knowledge import Knowledge
-from rulec.knowledge.read import Sources, yaml_files_in
+from rulec.knowledge.layers import Layer
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.language.document import Document, read_document
+from rulec.language.schema import kind_of
 
-_SENSOR = re.compile(rb"^sensor:", re.MULTILINE)
+_ASKED = re.compile(rb"^(sensor|units):", re.MULTILINE)
 _HEAD = 4096
 """Bytes at the beginning of a file in which its first key stands."""
 
 
-def read_units_and_sensors(kb: Path) -> Knowledge:
+def read_units_and_sensors(layers: Iterable[Layer]) -> Knowledge:
     """Knowledge without modules, faults and effects. Raises `Refused` for mistakes in its files."""
-    sensors = [file for file in yaml_files_in(kb) if _SENSOR.search(_head(file))]
-    units, *classes = [_document(file) for file in (kb / "units.yaml", *sensors)]
-    return check_knowledge(Sources(kb=kb, units=units, by_kind={"sensor": tuple(classes)}))
+    stack = tuple(layers)
+    files = dict.fromkeys(file for layer in reversed(stack) for file in layer.files)
+    documents = [_document(file) for file in files if _ASKED.search(_head(file))]
+    by_kind = {
+        kind: tuple(document for document in documents if kind_of(document) == kind)
+        for kind in ("sensor", "units")
+    }
+    return check_knowledge(Sources(layers=stack, by_kind=by_kind))
 
 
 def _head(file: Path) -> bytes:

@@ -93,6 +93,17 @@ def emit(
         plan=assembly.graph.plan(),
         undo=assembly.undo.plan(),
         dynamics=balanced.dynamics,
+        knowledge=_knowledge(plant),
+    )
+
+
+def _knowledge(plant: Plant) -> tuple[contract.KnowledgeSpec, ...]:
+    """Folders of knowledge, where there are several."""
+    if len(plant.layers) < 2:
+        return ()
+    return tuple(
+        contract.KnowledgeSpec(name=layer.name, version=layer.version, digest=digest)
+        for layer, digest in plant.layers
     )
 
 

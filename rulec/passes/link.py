@@ -69,7 +69,8 @@ def link(plant: Plant) -> Network:
     observers = sum(len(m.type.observers) for m in plant.modules.values())
     if not observers and not stores:
         message = "no module of this plant has an observer; nothing can be compared"
-        raise Refused([Diagnostic(plant.place, "KB087", message, "give a module type an observer")])
+        hint = "give a module type an observer, or a state where it stores something"
+        raise Refused([Diagnostic(plant.place, "KB087", message, hint)])
     stopped = without_flow(graph)
     if stopped:
         names = ", ".join(f"'{name}'" for name in stopped)

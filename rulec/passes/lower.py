@@ -18,7 +18,8 @@ from rulec.algebra.graph import Graph, Node
 from rulec.knowledge.fluid import factor_name
 from rulec.knowledge.module_type import ENDS, Fluid
 from rulec.knowledge.plant import Module
-from rulec.language.expression import GATHER, Rejected, exponent_of, function_of
+from rulec.language.exponent import exponent_of
+from rulec.language.expression import GATHER, Rejected, function_of
 from rulec.language.units import PROPERTIES
 from rulec.passes.amend import Amended
 from rulec.passes.end_flows import WAY, EndFlows

@@ -19,7 +19,8 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset
 
 from rulec.knowledge.check_plant import check
-from rulec.knowledge.read import read_plant, shipped
+from rulec.knowledge.layers import shipped
+from rulec.knowledge.read import read_plant
 from rulec.passes.analyse_isolability import analyse_isolability
 from rulec.passes.assemble import assemble
 from rulec.passes.derive_residuals import derive_residuals

@@ -10,7 +10,7 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset, Simulation
 
 from rulec.knowledge.plant import Plant
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.passes.analyse_isolability import Isolability
 from rulec.passes.assemble import Assembly
 from rulec.passes.derive_residuals import Residual

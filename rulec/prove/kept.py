@@ -9,7 +9,7 @@ from pathlib import Path
 import rulec_runtime
 
 import rulec
-from rulec.knowledge.read import shipped
+from rulec.knowledge.layers import shipped
 
 SEALS, CASES = "seals.txt", "cases"
 

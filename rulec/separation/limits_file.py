@@ -10,16 +10,17 @@ from typing import Any
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
 
 from rulec.knowledge.read import read_alone
+from rulec.knowledge.unit_lists import table_of
 from rulec.language.diagnostics import Refused, did_you_mean
 from rulec.language.reader import Reader
-from rulec.language.units import UNKNOWN, Unit, unit_table
+from rulec.language.units import UNKNOWN, Unit
 from rulec.separation.allowed import InputLimits, PlantLimits
 
 
 def read_limits(path: Path, ruleset: Ruleset) -> PlantLimits:
     """Read the limits of a plant; raises `Refused` with every mistake in the file."""
     document, units = read_alone(path, "limits")
-    reader = Reader(document, unit_table(units.data), [])
+    reader = Reader(document, table_of(units, []), [])
     if document.data["limits"] != ruleset.plant:
         message = f"these are limits of '{document.data['limits']}', not of '{ruleset.plant}'"
         reader.report(("limits",), "KB130", message, "name the plant that is asked about")

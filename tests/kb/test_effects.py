@@ -53,8 +53,7 @@ Laws = dict[str, Array]
 @functools.cache
 def knowledge() -> Knowledge:
     """The shipped knowledge base."""
-    sources, _, found = read_files([ROOT / "kb"])
-    assert sources is not None
+    (sources,), _, found = read_files([ROOT / "kb"])
     assert found == []
     return check_knowledge(sources)
 

@@ -56,8 +56,7 @@ CASES = [(fluid, name) for fluid in LIQUIDS for name in LETTER]
 @functools.cache
 def fluids() -> dict[str, Fluid]:
     """All fluids of the knowledge base."""
-    sources, _, found = read_files([ROOT / "kb"])
-    assert sources is not None
+    (sources,), _, found = read_files([ROOT / "kb"])
     assert found == []
     return dict(check_knowledge(sources).fluids)
 

@@ -15,7 +15,7 @@ from rulec_runtime.diagnosis.steady.redundancy import patterns_of, residual_basi
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.language.diagnostics import Refused
 from rulec.mismatch import limits
 from rulec.mismatch.evidence.failing_sensors import impossible

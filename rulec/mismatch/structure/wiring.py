@@ -17,7 +17,7 @@ import numpy as np
 from rulec_runtime.recordings.recording import Recording
 from scipy.special import expit
 
-from rulec.knowledge.read import Sources
+from rulec.knowledge.sources import Sources
 from rulec.mismatch import limits
 from rulec.mismatch.structure.agreement import Agreement, Compared
 from rulec.mismatch.structure.connections import Rewiring

@@ -282,8 +282,23 @@ class Dynamics:
 
 
 @dataclass(frozen=True, kw_only=True)
+class KnowledgeSpec:
+    """A folder of knowledge that the ruleset is made from.
+
+    `version` is that of the installed package, or empty; `digest` the hash of what was taken.
+    """
+
+    name: str
+    version: str
+    digest: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Ruleset:
-    """Everything the runtime needs to judge recordings of one plant."""
+    """Everything the runtime needs to judge recordings of one plant.
+
+    `knowledge` is empty where it comes from one folder alone.
+    """
 
     format_version: int
     plant: str
@@ -306,6 +321,7 @@ class Ruleset:
     plan: Plan
     undo: Plan
     dynamics: Dynamics | None = field(default=None, metadata=SELDOM)
+    knowledge: tuple[KnowledgeSpec, ...] = field(default=(), metadata=SELDOM)
 
     @cached_property
     def fault_by_id(self) -> Mapping[str, FaultSpec]:

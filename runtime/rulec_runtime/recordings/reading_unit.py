@@ -57,12 +57,15 @@ def _plain(units: Mapping[str, UnitSpec]) -> np.ndarray:
     return np.zeros(max((len(u.dimension) for u in units.values()), default=0))
 
 
-def _power(node: ast.expr) -> int:
+def _power(node: ast.expr) -> float:
+    """Value of a fixed exponent: 2, -1, 0.5, (1/2)."""
     match node:
-        case ast.Constant(value=int(value)) if abs(value) <= limits.LARGEST_POWER:
+        case ast.Constant(value=int(value) | float(value)) if abs(value) <= limits.LARGEST_POWER:
             return value
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             return -_power(operand)
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            return _power(left) / _power(right)
     raise ValueError("not a power")
 
 

@@ -1,0 +1,92 @@
+"""`rulec init`: commented skeletons of a plant, a module type, a fault, an effect, a package."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
+
+from rulec.commands.editor_line import schema_near, schemas, target
+from rulec.knowledge.layers import KB
+from rulec.language.document import parse_document
+from rulec.language.schema import kind_of
+
+FOLDER = Path(__file__).resolve().parent.parent / "skeletons"
+INSIDE = {"kb": "module"}
+"""Skeletons that hold another one, in the package."""
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,60}")
+_TEXT = ".txt"
+"""Ending of a skeleton of Python code, which is no module of this package."""
+
+
+class InitRefused(Exception):
+    """Nothing was written; the message says why."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write a skeleton into a folder; no file is ever replaced."""
+    files = dict(skeleton(options.kind, options.name, Path(options.folder)))
+    for file in files:
+        if os.path.lexists(file):
+            raise InitRefused(f"'{file}' is there already, and nothing is replaced; take another")
+    out = console(options)
+    for file, text in files.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(file, text)
+    shown = [file for file in files if file.suffix != ".json"]
+    for file in shown:
+        out.print(styled("[green]✓[/] {}", file), soft_wrap=True)
+    if len(shown) < len(files):
+        out.print(styled("[dim]and schemas, by which an editor completes and checks them[/]"))
+    out.print(styled("next: rulec check {}", options.folder), soft_wrap=True)
+    return 0
+
+
+def skeleton(kind: str, name: str, folder: Path) -> Iterator[tuple[Path, str]]:
+    """Files and texts of a skeleton, with the schemas where an editor would find none.
+
+    Raises `InitRefused` where the name is not one that other files could use.
+    """
+    if not _NAME.fullmatch(name):
+        hint = "a letter, then at most 60 letters, digits, _ and -"
+        raise InitRefused(f"'{name[:70]}' is not a legal name: {hint}")
+    package = re.sub(r"[^a-z0-9]", "_", name.lower())
+    knowledge = {"plant": folder / KB, "kb": folder / package}.get(kind, folder)
+    slots = {"NAME": name, "PACKAGE": package}
+    texts = dict(_filled(kind, folder, slots))
+    if kind in INSIDE:
+        texts |= _filled(INSIDE[kind], knowledge, {**slots, "NAME": f"{name}-example"})
+    kinds = {file: _kind(text) for file, text in texts.items() if file.suffix == ".yaml"}
+    bare = False
+    for file, one in kinds.items():
+        near = schema_near(file, one)
+        bare = bare or near is None
+        to = target(file, knowledge if near is None else near.parent.parent, one)
+        texts[file] = texts[file].replace("SCHEMA", to, 1)
+    yield from texts.items()
+    if bare:
+        yield from schemas(knowledge)
+
+
+def _filled(kind: str, folder: Path, slots: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    root = FOLDER / kind
+    for file in sorted(part for part in root.rglob("*") if part.is_file()):
+        inside, text = file.relative_to(root).as_posix(), file.read_text(encoding="utf-8")
+        for slot, value in slots.items():
+            inside, text = inside.replace(slot, value), text.replace(slot, value)
+        yield folder / inside.removesuffix(_TEXT), text
+
+
+def _kind(text: str) -> str:
+    document, _ = parse_document("skeleton", text)
+    assert document is not None
+    kind = kind_of(document)
+    assert kind is not None
+    return kind

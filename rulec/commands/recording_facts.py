@@ -1,0 +1,214 @@
+"""What a recording lets the tool find in a plant, before anything is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Set
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rulec_runtime.contract.ruleset import Ruleset, SignalSpec
+from rulec_runtime.diagnosis.sensors.judge import Health, examine
+from rulec_runtime.diagnosis.steady.seen import judgeable
+from rulec_runtime.recordings.csv_table import whole_rows
+from rulec_runtime.recordings.header import Header, assign
+from rulec_runtime.recordings.recording import Recording, read_recording
+from rulec_runtime.recordings.recording_file import files_of
+
+from rulec.effects.candidate import Candidate
+from rulec.effects.match_effects import Matches
+from rulec.knowledge.fluid import reading_of
+from rulec.limits import FAR_READING
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """A signal and its column; `title` is empty where none is there.
+
+    `low`, `middle`, `high` are its smallest, median and largest reading in its own unit, NaN where
+    it has none; `odd` says what is wrong with it. `used`: some equation reads it.
+    """
+
+    signal: str
+    title: str
+    unit: str
+    low: float
+    middle: float
+    high: float
+    odd: tuple[str, ...]
+    used: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lack:
+    """A reading that is not there, or is none: what cannot run without it, by name."""
+
+    signal: str
+    why: str
+    estimates: tuple[str, ...]
+    comparisons: tuple[str, ...]
+    effects: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """What is known before anything runs.
+
+    `estimates`, `comparisons`, `faults` and `effects` are (how many can run or be found, of how
+    many); `blind` are faults that leave no trace in what is there. `settled` is the share of rows
+    in settled stretches, None where the plant stores and is judged while it moves. `unread` are
+    quantities that no sensor of the plant reads, each with the effects that follow it.
+    """
+
+    rows: int
+    seconds: float
+    readings: tuple[Reading, ...]
+    strangers: tuple[str, ...]
+    notes: tuple[str, ...]
+    estimates: tuple[int, int]
+    comparisons: tuple[int, int]
+    faults: tuple[int, int]
+    blind: tuple[str, ...]
+    settled: float | None
+    stretches: int
+    effects: tuple[int, int]
+    lacks: tuple[Lack, ...]
+    unread: Mapping[str, tuple[str, ...]]
+
+    @property
+    def judges_something(self) -> bool:
+        """Can any fault be found?"""
+        return self.faults[0] > 0
+
+
+def facts_of(path: Path, ruleset: Ruleset, matches: Matches) -> Facts:
+    """Read a recording and see what it is good for; raises `RecordingRefused`."""
+    recording = read_recording(path, ruleset)
+    health = examine(recording, ruleset)
+    usable = {name for name, v in health.recording.values.items() if np.isfinite(v).any()}
+    titles, strangers = _headers(path, ruleset)
+    running = {o.id for o in ruleset.observers if set(o.signals) <= usable}
+    compared = {r.id for r in ruleset.residuals if {t.observer for t in r.terms} <= running}
+    seen = {cell.fault for cell in ruleset.cells if cell.residual in compared}
+    balances = _followed(ruleset, usable)
+    if balances and ruleset.dynamics is not None:
+        seen |= set(ruleset.dynamics.faults)
+    faults = [f.id for f in ruleset.faults]
+    effects = [m.candidate for m in matches.candidates if m.candidate.sort != "fault"]
+    terms = {t.observer for r in ruleset.residuals if r.id in compared for t in r.terms}
+    reached = [c for c in effects if balances or terms.intersection(c.observers)]
+    found = [c for c in reached if _needs(c) <= usable]
+    settled, stretches = _settled(health.recording, ruleset)
+    unread: dict[str, list[str]] = {}
+    for missing in matches.missing:
+        unread.setdefault(missing.quantity, []).append(missing.name)
+    return Facts(
+        rows=len(recording),
+        seconds=float(recording.time[-1] - recording.time[0]),
+        readings=tuple(_reading(s, titles, recording, health, ruleset) for s in ruleset.signals),
+        strangers=strangers,
+        notes=recording.notes,
+        estimates=(len(running), len(ruleset.observers)),
+        comparisons=(len(compared), len(ruleset.residuals)),
+        faults=(len(seen), len(faults)),
+        blind=tuple(f for f in faults if f not in seen),
+        settled=settled,
+        stretches=stretches,
+        effects=(len(found), len(effects)),
+        lacks=tuple(_lacks(ruleset, usable, health, effects)),
+        unread={quantity: tuple(sorted({*names})) for quantity, names in unread.items()},
+    )
+
+
+def _followed(ruleset: Ruleset, usable: Set[str]) -> bool:
+    """Can the balances of what stores be followed, and something be compared with them?"""
+    dynamics = ruleset.dynamics
+    if dynamics is None:
+        return False
+    return usable >= {*dynamics.inputs} and any(name in usable for name in dynamics.outputs)
+
+
+def _needs(candidate: Candidate) -> set[str]:
+    """Readings that drive it."""
+    drivers = [*candidate.drivers.values(), *(u.driver for u in candidate.unknowns if u.driver)]
+    return {reading_of(driver) for driver in drivers if "." in reading_of(driver)}
+
+
+def _lacks(
+    ruleset: Ruleset, usable: Collection[str], health: Health, effects: Collection[Candidate]
+) -> Iterator[Lack]:
+    """Signals that something reads and that have no reading, with what waits for each."""
+    for signal in ruleset.signals:
+        if signal.id in usable:
+            continue
+        estimates = tuple(o.id for o in ruleset.observers if signal.id in o.signals)
+        terms = {r.id: {t.observer for t in r.terms} for r in ruleset.residuals}
+        driven = sorted({c.name for c in effects if signal.id in _needs(c)})
+        if signal.id in ruleset.read or driven:
+            yield Lack(
+                signal=signal.id,
+                why=(health.recording.unfit or {}).get(signal.id, "not in the recording"),
+                estimates=estimates,
+                comparisons=tuple(r for r, used in terms.items() if used.intersection(estimates)),
+                effects=tuple(driven),
+            )
+
+
+def _settled(recording: Recording, ruleset: Ruleset) -> tuple[float | None, int]:
+    if ruleset.dynamics is not None:
+        return None, 0
+    stretches, _ = judgeable(recording, ruleset, "default")
+    return float(stretches.lengths.sum()) / len(recording), len(stretches)
+
+
+def _reading(
+    signal: SignalSpec,
+    titles: Mapping[str, str],
+    recording: Recording,
+    health: Health,
+    ruleset: Ruleset,
+) -> Reading:
+    values = recording.values.get(signal.id)
+    values = np.array([]) if values is None else values[np.isfinite(values)]
+    ends = [float("nan")] * 3
+    if values.size:
+        ends = [signal.shown(float(f(values))) for f in (np.min, np.median, np.max)]
+    odd = [f.text for f in health.findings if f.signal == signal.id]
+    if not odd and values.size:
+        odd += _far_off(signal, float(np.median(values)))
+    return Reading(
+        signal=signal.id,
+        title=titles.get(signal.id, ""),
+        unit=signal.unit,
+        low=ends[0],
+        middle=ends[1],
+        high=ends[2],
+        odd=tuple(odd),
+        used=signal.id in ruleset.read,
+    )
+
+
+def _far_off(signal: SignalSpec, middle: float) -> Iterator[str]:
+    """A doubt about the unit of a reading, by the typical one; none where zero is arbitrary."""
+    if signal.offset or not signal.reference or not middle:
+        return
+    ratio = abs(middle / signal.reference)
+    if not 1 / FAR_READING <= ratio <= FAR_READING:
+        typical = signal.shown(signal.reference)
+        yield (
+            f"the middle reading is {ratio:.2g} times the typical {typical:.3g} {signal.unit}: "
+            "is the unit of the column right?"
+        )
+
+
+def _headers(path: Path, ruleset: Ruleset) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Title of the column of each signal, and columns that belong to none."""
+    titles: dict[str, str] = {}
+    strangers: dict[str, None] = {}
+    for file in files_of(path):
+        names, _, _ = whole_rows(file)
+        header = Header()
+        assign(file, names, ruleset, header, [])
+        titles |= {target.signal: names[target.index].strip() for target in header.targets}
+        strangers |= dict.fromkeys(header.strangers)
+    return titles, tuple(strangers)

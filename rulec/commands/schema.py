@@ -1,0 +1,56 @@
+"""`rulec schema`: schemas of all kinds of files, and the line by which an editor finds them."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_data, write_text
+
+from rulec.commands.editor_line import MARK, SCHEMA, line, schemas, target
+from rulec.knowledge.layers import yaml_files_in
+from rulec.language.document import read_document
+from rulec.language.schema import kind_of
+
+_LINE = re.compile(rf"^#\s*{MARK}\s*\$schema=(\S+)\s*$", re.MULTILINE)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the schemas below a folder, and the line into files there that lead to none."""
+    folder, out = Path(options.folder), console(options)
+    files = dict(schemas(folder))
+    (folder / SCHEMA).mkdir(parents=True, exist_ok=True)
+    for file, text in files.items():
+        write_text(file, text)
+    out.print(styled("[green]✓[/] {}: {} schemas", folder / SCHEMA, len(files)), soft_wrap=True)
+    for file in yaml_files_in(folder):
+        kind = _kind(file)
+        if kind is None:
+            continue
+        raw = file.read_bytes()
+        text = raw.decode("utf-8-sig")
+        found = _LINE.search(text)
+        if found and _leads(file, found[1]):
+            continue
+        to = line(target(file, folder, kind))
+        changed = text.replace(found[0].strip(), to, 1) if found else f"{to}{_ending(text)}{text}"
+        write_data(file, changed.encode())
+        out.print(styled("[green]✓[/] {}: {}", file, to), soft_wrap=True)
+    return 0
+
+
+def _kind(file: Path) -> str | None:
+    document, _ = read_document(file)
+    return None if document is None else kind_of(document)
+
+
+def _leads(file: Path, to: str) -> bool:
+    """Does a line lead to a schema? One elsewhere in the world is the author's business."""
+    return ":" in to or (file.parent / to).is_file()
+
+
+def _ending(text: str) -> str:
+    return "\r\n" if "\r\n" in text else "\n"

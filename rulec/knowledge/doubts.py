@@ -1,0 +1,127 @@
+"""What a file may say, but hardly means: values of a far wrong size, modules that touch nothing.
+
+Doubts are no mistakes: a plant with some compiles. `rulec check` tells them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations, product
+
+from rulec.knowledge.knowledge import Knowledge
+from rulec.knowledge.module_type import ModuleType, Parameter, Signal
+from rulec.knowledge.plant import Plant
+from rulec.language.diagnostics import Diagnostic
+from rulec.language.document import Document, Path_
+from rulec.language.expression import Rejected, constant
+from rulec.limits import ALIKE_ESTIMATES, FAR_ESTIMATES, MISREAD_FACTORS
+
+Values = Mapping[str, float]
+
+
+def doubts_of_types(documents: Iterable[Document], knowledge: Knowledge) -> Iterator[Diagnostic]:
+    """Doubts about the module types that stand in some files."""
+    for document in documents:
+        kind = knowledge.modules[document.data["module"]]
+        reference = {s.name: s.reference for s in kind.signals.values() if s.reference is not None}
+        for name in reference:
+            yield from _outside(document, ("signals", name, "reference"), kind.signals[name])
+        for name, message, hint in _far_estimates(kind, kind.parameters, reference):
+            place = document.key("parameters", name) if name else document.key("observers")
+            yield Diagnostic(place, "KB140", message, hint, doubt=True)
+
+
+def doubts_of_plant(document: Document, plant: Plant) -> Iterator[Diagnostic]:
+    """Doubts about what a plant says itself."""
+    for name, module in plant.modules.items():
+        stated = document.data["modules"][name]
+        for signal in stated.get("reference", {}):
+            path = ("modules", name, "reference", signal)
+            yield from _outside(document, path, module.type.signals[signal])
+        if not {"parameters", "reference"} & stated.keys():
+            continue  # the file of the type says it
+        for parameter, message, hint in _far_estimates(
+            module.type, module.stated, module.reference
+        ):
+            path = ("modules", name, "parameters", parameter)
+            place = document.key(*path) if path in document.keys else document.key(*path[:2])
+            yield Diagnostic(place, "KB140", message, hint, doubt=True)
+    touched = {name for connection in plant.connections for name in connection}
+    for name in plant.modules if touched else ():
+        if name not in touched:
+            message = f"'{name}' is connected to no other module, though others are"
+            hint = "add it to the connections, if it belongs there"
+            yield Diagnostic(document.key("modules", name), "KB141", message, hint, doubt=True)
+
+
+def _outside(document: Document, path: Path_, signal: Signal) -> Iterator[Diagnostic]:
+    """A typical reading, in the unit of the signal, that its sensor cannot show."""
+    part = document.data
+    for step in path:
+        part = part[step]
+    value, low, high = signal.unit.to_si(part), signal.lowest, signal.highest
+    if low is None or high is None or low <= value <= high:
+        return
+    ends = " to ".join(f"{signal.unit.from_si(end):g}" for end in (low, high))
+    message = f"the typical reading {part:g} lies outside of the range of '{signal.name}'"
+    hint = f"the range is {ends} {signal.unit.text}"
+    yield Diagnostic(document.place(*path), "KB142", message, hint, doubt=True)
+
+
+def _far_estimates(
+    kind: ModuleType, parameters: Mapping[str, Parameter], reference: Values
+) -> Iterator[tuple[str, str, str]]:
+    """Estimates of one flow that are far apart at the typical readings.
+
+    Gives the parameter that may be to blame (or none), the message, and the remedy.
+    """
+    values = {name: p.value for name, p in parameters.items()}
+    found = _far_pair(_flows(kind, values, reference))
+    if found is None:
+        return
+    first, second, times = found
+    message = (
+        f"at the typical readings '{first}' gives {times:.3g} times the flow of '{second}'; "
+        "both should be the same"
+    )
+    for name, factor in product(values, MISREAD_FACTORS):
+        changed = {**values, name: values[name] * factor}
+        flows = _flows(kind, changed, reference)
+        if values[name] and _far_pair(flows, ALIKE_ESTIMATES) is None and len(flows) > 1:
+            p = parameters[name]
+            hint = f"with {factor:g} times '{name}' they agree: is '{p.unit.text}' the right unit?"
+            yield name, message, hint
+            return
+    yield "", message, "check the units of parameters, and the references of signals"
+
+
+def _far_pair(flows: Values, far: float = FAR_ESTIMATES) -> tuple[str, str, float] | None:
+    """The larger, the smaller, and how many times, of the first pair that is too far apart."""
+    for one, other in combinations(flows, 2):
+        a, b = sorted((one, other), key=lambda name: -abs(flows[name]))
+        if flows[b] and abs(flows[a] / flows[b]) > far:
+            return a, b, abs(flows[a] / flows[b])
+    return None
+
+
+def _flows(kind: ModuleType, parameters: Values, reference: Values) -> dict[str, float]:
+    """Estimates at the typical readings, SI; without those that need more than the module."""
+    known = {**parameters}
+    for signal in kind.signals.values():
+        value = reference.get(signal.name)
+        if value is None and signal.lowest is not None and signal.highest is not None:
+            value = (signal.lowest + signal.highest) / 2
+        if value is not None:
+            known[signal.name] = value
+    flows: dict[str, float] = {}
+    laws = [(d.name, d.expression, known) for d in kind.definitions.values()]
+    laws += [(o.name, o.expression, flows) for o in kind.observers.values()]
+    for name, expression, into in laws:
+        try:
+            value = constant(expression, known)
+        except Rejected:
+            continue
+        if value is not None and math.isfinite(value):
+            into[name] = value
+    return flows

@@ -1,0 +1,227 @@
+"""Folders of knowledge, one above another: the plant's own, named ones, packages, the shipped one.
+
+The layers of a plant, in this order:
+
+1. `kb/` beside its plant.yaml,
+2. folders that `kb:` in its plant.yaml names,
+3. folders in RULEC_KB, separated as in PATH,
+4. installed packages with an entry point in the group ``rulec.kb``,
+5. the nearest whole knowledge base upwards, else the shipped one.
+
+All of them count together. A folder whose units.yaml lists the unit "1" is a whole knowledge base,
+as `rulec adopt` writes it: it stands alone, and what would come after it is left out.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from rulec.language.diagnostics import Diagnostic, Place, Refused
+from rulec.limits import MAX_FILE_BYTES
+
+OWN, NAMED, VARIABLE, PACKAGE, UPWARDS, SHIPPED = (
+    "own folder",
+    "named in plant.yaml",
+    "from RULEC_KB",
+    "installed package",
+    "in a folder above",
+    "shipped with rulec",
+)
+"""Where a layer can come from."""
+
+KB, UNITS, PLANT = "kb", "units.yaml", "plant.yaml"
+GROUP = "rulec.kb"
+"""Entry points of packages: each names an importable package that holds YAML files."""
+
+_OF_A_KIND = frozenset(("modules", "faults", "effects", "sensors", "fluids"))
+_PLAIN_UNIT = re.compile(rb"""^\s+(["'])1\1\s*:""", re.MULTILINE)
+_KNOWLEDGE = re.compile(rb"^(module|fault|effect|sensor|fluid|units):", re.MULTILINE)
+_SOURCE_MAP = re.compile(rb"^(endpoint|servers):", re.MULTILINE)
+"""A map of signals to nodes or topics, which only a watch reads."""
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A folder of knowledge: its name in messages and rulesets, where it comes from, its version.
+
+    A folder has no version of its own; a package has that of its distribution.
+    """
+
+    name: str
+    kind: str
+    folder: Path
+    version: str = ""
+
+    @property
+    def is_own(self) -> bool:
+        """Is it none of those that count for every plant, whether the plant names it or not?"""
+        return self.kind not in (PACKAGE, UPWARDS, SHIPPED)
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Does it list the unit "1", without which no knowledge base works?"""
+        return has_line(self.folder / UNITS, _PLAIN_UNIT)
+
+    @property
+    def files(self) -> list[Path]:
+        """Its YAML files, in order."""
+        return yaml_files_in(self.folder)
+
+    def inside(self, path: str) -> str:
+        """Path of one of its files, as seen from its folder."""
+        seen = os.path.relpath(os.path.realpath(path), os.path.realpath(self.folder))
+        return Path(seen).as_posix()
+
+
+def layers_of(plant: Path, named: Sequence[tuple[str, Place]] = ()) -> tuple[Layer, ...]:
+    """Layers of the plant in a folder; `named` are the folders that its file names, with places.
+
+    Raises `Refused` (KB001) where a folder or a package is not there, or holds no YAML.
+    """
+    return _stack(_layers(plant, named))
+
+
+def layers_around(near: Path, root: Path | None = None) -> tuple[Layer, ...]:
+    """Layers that count near a folder that is no plant's: `root`, and those of every plant.
+
+    Raises `Refused` as `layers_of` does.
+    """
+    first = [] if root is None else [_folder(root, OWN)]
+    return _stack([*first, *_ambient(near)])
+
+
+def root_of(file: Path) -> Path | None:
+    """The folder of knowledge that a file belongs to; None where it lies apart."""
+    folder = Path(os.path.abspath(file)).parent  # where a link stands, not where it leads
+    for part in (folder, *folder.parents):
+        if part.name == KB or (part / UNITS).is_file():
+            return part
+        if (part / PLANT).is_file():
+            return None
+        if part.name in _OF_A_KIND:
+            return part.parent
+    return None
+
+
+def yaml_files_in(folder: Path) -> list[Path]:
+    """YAML files of a folder, without those in hidden folders, and without source maps."""
+    files = (f for f in folder.rglob("*") if f.suffix in (".yaml", ".yml") and f.is_file())
+    shown = (f for f in files if not any(p[0] == "." for p in f.relative_to(folder).parts))
+    return sorted(f for f in shown if not has_line(f, _SOURCE_MAP))
+
+
+def shipped(name: str) -> Path:
+    """A folder that comes with the tool, in a checkout or in an installed package."""
+    inside = _PACKAGE / name
+    return inside if inside.is_dir() else _PACKAGE.parent / name
+
+
+def _stack(layers: Iterable[Layer]) -> tuple[Layer, ...]:
+    """Each folder once, down to the first that stands alone."""
+    result: list[Layer] = []
+    seen: set[str] = set()
+    for layer in layers:
+        real = os.path.realpath(layer.folder)
+        if real in seen:
+            continue
+        seen.add(real)
+        result.append(layer)
+        if layer.is_whole:
+            break
+    return tuple(result)
+
+
+def _layers(plant: Path, named: Sequence[tuple[str, Place]]) -> Iterator[Layer]:
+    if (plant / KB).is_dir():
+        yield _folder(plant / KB, OWN)
+    for text, place in named:
+        yield _existing(plant / text, text, place, NAMED)
+    yield from _ambient(plant)
+
+
+def _ambient(near: Path) -> Iterator[Layer]:
+    """What counts for every plant: the variable, packages, and what lies below all."""
+    for text in filter(None, os.environ.get("RULEC_KB", "").split(os.pathsep)):
+        yield _existing(Path(text), text, Place("RULEC_KB"), VARIABLE)
+    yield from _packages()
+    yield _base(near)
+
+
+def _base(near: Path) -> Layer:
+    """The nearest whole knowledge base upwards, or the shipped one."""
+    above = (near.resolve(), *near.resolve().parents)
+    layers = (Layer(KB, UPWARDS, place) for folder in above for place in (folder / KB, folder))
+    found = next((layer for layer in layers if layer.is_whole), None)
+    if found is None or found.folder == shipped(KB):
+        return Layer(KB, SHIPPED, shipped(KB), version_of_rulec())
+    return found
+
+
+def _folder(folder: Path, kind: str) -> Layer:
+    """A layer without a version, named by the last two parts of its path."""
+    return Layer("/".join(folder.resolve().parts[-2:]), kind, folder)
+
+
+def _existing(folder: Path, text: str, place: Place, kind: str) -> Layer:
+    if not os.path.isdir(folder) or not _has_knowledge(folder):
+        message = f"there is no knowledge in '{text}'"
+        seen_from = "this file" if kind == NAMED else "the working folder"
+        hint = f"a folder with YAML files of module types and the like, as seen from {seen_from}"
+        raise Refused([Diagnostic(place, "KB001", message, hint)])
+    return _folder(folder, kind)
+
+
+def _has_knowledge(folder: Path) -> bool:
+    """Is there a file that describes something, as far as its text tells?"""
+    return any(has_line(file, _KNOWLEDGE) for file in yaml_files_in(folder))
+
+
+def has_line(file: Path, key: re.Pattern[bytes]) -> bool:
+    """Whether a file has a key, without parsing it; one that cannot be read has none."""
+    try:
+        with file.open("rb") as stream:
+            return key.search(stream.read(MAX_FILE_BYTES)) is not None
+    except OSError:
+        return False
+
+
+def _packages() -> Iterator[Layer]:
+    """Installed packages in order of their names; none of their code is run."""
+    points = importlib.metadata.entry_points(group=GROUP)
+    for point in sorted(points, key=lambda p: (p.dist.name if p.dist else "", p.name, p.value)):
+        name = point.dist.name if point.dist else point.name
+        folder = _folder_of(point.value)
+        if folder is None or not _has_knowledge(folder):
+            message = f"there is no knowledge in '{point.value}' of the package '{name}'"
+            hint = f"install it again, or remove it: pip uninstall {name}"
+            raise Refused([Diagnostic(Place(name), "KB001", message, hint)])
+        yield Layer(name, PACKAGE, folder, point.dist.version if point.dist else "")
+
+
+def _folder_of(module: str) -> Path | None:
+    """Folder of an importable package such as ``acme.pumps``, found without importing it."""
+    top, *rest = module.split(".")
+    try:
+        found = importlib.util.find_spec(top)
+    except (ImportError, ValueError):
+        return None
+    places = found.submodule_search_locations if found else None
+    folders = (Path(place).joinpath(*rest) for place in places or ())
+    return next((folder for folder in folders if folder.is_dir()), None)
+
+
+def version_of_rulec() -> str:
+    """Version of the installed distribution; empty where it is none."""
+    try:
+        return importlib.metadata.version("rulec")
+    except importlib.metadata.PackageNotFoundError:
+        return ""

@@ -1,0 +1,169 @@
+"""Documents of all layers of knowledge, by kind."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rulec.knowledge.layers import PACKAGE, Layer, has_line, shipped
+from rulec.knowledge.tables import with_tables
+from rulec.language.diagnostics import Diagnostic, Place, nearest
+from rulec.language.document import Document
+from rulec.language.schema import KINDS, check_schema, kind_of
+
+KNOWLEDGE = ("module", "fault", "effect", "sensor", "fluid")
+
+_EFFECT = re.compile(rb"^effect:", re.MULTILINE)
+"""A file that need not be read where no effects are wanted: parsing all takes longer than a small
+plant takes to compile."""
+
+_WORD = re.compile(r"[A-Za-z%][A-Za-z0-9_-]*")
+_PROSE = frozenset(("title", "text", "source", "note", "action", "meaning"))
+
+Open = Callable[[Path], tuple[Document | None, list[Diagnostic]]]
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a layer holds: documents by kind, and mistakes of form."""
+
+    layer: Layer
+    by_kind: dict[str, list[Document]] = field(default_factory=dict)
+    mistakes: list[Diagnostic] = field(default_factory=list)
+
+    def ids(self) -> Iterator[str]:
+        """Names that other files can use: of types, faults, sensors, fluids, units, quantities."""
+        for kind, documents in self.by_kind.items():
+            for document in documents:
+                if kind == "units":
+                    for group in ("units", "quantities"):
+                        yield from document.data.get(group, ())
+                elif kind in document.data:
+                    yield str(document.data[kind])
+
+
+def read_layers(
+    layers: Iterable[Layer],
+    read: Open,
+    wanted: Mapping[str, set[str]] | None = None,
+    given: Iterable[Path] = (),
+    effects: bool = True,
+) -> list[Held]:
+    """What each layer holds.
+
+    Parameters
+    ----------
+    read : reads a file.
+    wanted : names of module types and fluids that a plant has; None: all. Of other module types the
+        kind ``provider`` holds those whose provided names a plant may ask for, and ``other`` the
+        rest, unchecked, for their names.
+    given : files that are left out, as somebody has read them.
+    effects : whether effects are read.
+    """
+    seen = {os.path.realpath(file) for file in given}
+    result = []
+    for layer in layers:
+        held = Held(layer)
+        for file in layer.files:
+            real = os.path.realpath(file)
+            if real not in seen and (effects or not has_line(file, _EFFECT)):
+                _add(held, file, read, wanted)
+            seen.add(real)
+        result.append(held)
+    return result
+
+
+def counted(held: Iterable[Held], naming: Iterable[Document]) -> list[Held]:
+    """Layers that count for a plant: all, but of installed packages only those of which the plant,
+    or what counts for it, names something; so installing one leaves other plants as they are.
+
+    `naming` are the documents of the plant. A package with effects counts wherever they are read.
+    """
+    parts = list(held)
+    taken = [p for p in parts if p.layer.kind != PACKAGE or p.by_kind.get("effect")]
+    waiting = [p for p in parts if p not in taken]
+    if not waiting:
+        return parts
+    words = {word for document in naming for word in _words(document.data)}
+    for part in taken:
+        words |= _words_of(part)
+    while more := [p for p in waiting if not words.isdisjoint(p.ids())]:
+        waiting = [p for p in waiting if p not in more]
+        for part in more:
+            words |= _words_of(part)
+    return [p for p in parts if p not in waiting]
+
+
+def _words_of(held: Held) -> set[str]:
+    """Names that its files use; of what lies below all, only those that the plant has."""
+    kinds = held.by_kind.keys() if held.layer.is_own else ("module", "fluid")
+    documents = (d for kind in kinds for d in held.by_kind.get(kind, ()) if kind != "other")
+    return {word for document in documents for word in _words(document.data)}
+
+
+def _words(data: Any) -> Iterator[str]:
+    if isinstance(data, Mapping):
+        for key, part in data.items():
+            if key not in _PROSE:
+                yield from _words(part)
+    elif isinstance(data, list):
+        for part in data:
+            yield from _words(part)
+    elif isinstance(data, str):
+        yield data
+        yield from _WORD.findall(data)
+
+
+def _add(held: Held, file: Path, read: Open, wanted: Mapping[str, set[str]] | None) -> None:
+    document = open_document(file, None, held.mistakes, read)
+    if document is None:
+        return
+    if not held.layer.is_whole:
+        inside = file.relative_to(held.layer.folder).as_posix()
+        document = replace(document, label=f"{held.layer.name}/{inside}")
+    kind = kind_of(document) or ""
+    mistakes = held.mistakes
+    if wanted is not None and kind in wanted and str(document.data[kind]) not in wanted[kind]:
+        kind, mistakes = "provider", []
+    if kind == "provider" and "provides" not in document.data:
+        held.by_kind.setdefault("other", []).append(document)
+    elif conforms(document, mistakes):
+        held.by_kind.setdefault(kind, []).append(with_tables(document, mistakes))
+
+
+def open_document(
+    file: Path,
+    kind: str | None,
+    found: list[Diagnostic],
+    read: Open,
+    asked: Place | None = None,
+) -> Document | None:
+    """Read one file, which must be of the given kind, or of any; `asked` is who wants it."""
+    document, mistakes = read(file)
+    found.extend(mistakes)
+    if document is None:
+        return None
+    actual = kind_of(document)
+    if actual is not None and kind in (None, actual):
+        return document
+    first = list(document.data)[:1] if isinstance(document.data, dict) else []
+    near = nearest(first[0], KINDS) if first else None
+    if actual is not None:
+        expected, hint = f"a {kind} file", f"its first key should be '{kind}'"
+    else:
+        expected, hint = "a file of this tool", "first key: " + ", ".join(KINDS)
+        hint = f"did you mean '{near}'?" if near and near != first[0] else hint
+    place = document.key(*first)
+    found.append(Diagnostic(place, "KB012", f"this is not {expected}", hint, asked))
+    return None
+
+
+def conforms(document: Document, found: list[Diagnostic]) -> bool:
+    """Does a document keep to the schema of its kind? Mistakes are added to `found`."""
+    mistakes = check_schema(document, kind_of(document) or "", shipped("kb") / "schema")
+    found.extend(mistakes)
+    return not mistakes

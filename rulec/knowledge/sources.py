@@ -1,0 +1,83 @@
+"""All documents that a plant or a check stands on, and what they are hashed to."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from rulec.knowledge.layers import Layer
+from rulec.language.document import Document
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sources:
+    """All documents that a plant or a check needs, by kind, with the schema already checked.
+
+    `layers` are the folders of knowledge that were read, `layer_of` gives that of each document by
+    its path. Of module types that the plant does not
+    have, the kind ``provider`` holds those whose provided names its modules may ask for, and
+    ``other`` the rest, and fluids that do not flow in it, unchecked, for their names. `given` are
+    the documents that a check was asked for.
+    """
+
+    layers: tuple[Layer, ...]
+    by_kind: Mapping[str, tuple[Document, ...]]
+    plant: Document | None = None
+    columns: Document | None = None
+    calibrations: tuple[Document, ...] = ()
+    adjacency: tuple[str, str] | None = None
+    given: tuple[Document, ...] = ()
+    layer_of: Mapping[str, Layer] = field(default_factory=dict)
+
+    @property
+    def units(self) -> tuple[Document, ...]:
+        """Lists of units."""
+        return self.by_kind.get("units", ())
+
+    def counting(self) -> list[Document]:
+        """Documents of knowledge that a ruleset is made from."""
+        kinds = ("module", "fault", "sensor", "fluid", "units")
+        return [document for kind in kinds for document in self.by_kind.get(kind, ())]
+
+    def digest(self) -> str:
+        """Hash of what a ruleset is made from, independent of layout and order."""
+        parts = [self.plant, self.columns, *self.calibrations, *self.units, *self.counting()]
+        return digest_of(parts, self.adjacency[1] if self.adjacency else "")
+
+    def by_layer(self) -> dict[Layer, list[tuple[str, Document]]]:
+        """Kinds and documents of each layer, also of one that holds none."""
+        result: dict[Layer, list[tuple[str, Document]]] = {layer: [] for layer in self.layers}
+        for kind, documents in self.by_kind.items():
+            for document in documents:
+                if document.path in self.layer_of:
+                    result[self.layer_of[document.path]].append((kind, document))
+        return result
+
+    def made_from(self) -> tuple[tuple[Layer, str], ...]:
+        """Layers that a ruleset is made from, each with the hash of what it takes from there."""
+        counting = {document.path for document in self.counting()}
+        taken = {
+            layer: [document for _, document in documents if document.path in counting]
+            for layer, documents in self.by_layer().items()
+        }
+        return tuple((layer, digest_of(own)) for layer, own in taken.items() if own)
+
+    def connected(self, connections: Iterable[tuple[str, str]]) -> Sources:
+        """The same with other connections, given as a list; places stay those of the files."""
+        assert self.plant is not None
+        data = {key: part for key, part in self.plant.data.items() if key != "adjacency"}
+        data["connections"] = [f"{source} -> {target}" for source, target in connections]
+        return replace(self, plant=replace(self.plant, data=data), adjacency=None)
+
+    def names(self, kind: str) -> set[str]:
+        """Names of all module types or fluids of the knowledge base, for messages."""
+        documents = [d for k in (kind, "provider", "other") for d in self.by_kind.get(k, ())]
+        return {str(d.data[kind]) for d in documents if kind in d.data}
+
+
+def digest_of(documents: Iterable[Document | None], *more: str) -> str:
+    """Hash of what documents say, independent of layout and order."""
+    texts = sorted(json.dumps(d.data, sort_keys=True) for d in documents if d is not None)
+    return hashlib.sha256("\n".join([*texts, *more]).encode()).hexdigest()[:16]
