@@ -61,6 +61,7 @@ ROOMS = (
     "rulec.mismatch.inference",
     "rulec.mismatch.answer",
     "rulec.mismatch",
+    "rulec.api",
     "rulec.demo",
     "rulec.mtp",
     "rulec.commands",

@@ -12,7 +12,7 @@ from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 from rulec_runtime.recordings.recording import read_recording
 
-from rulec.commands.diagnose import load
+from rulec.api.given import ruleset_of
 from rulec.export.c_printer import header, source
 from rulec.export.module_code import code_of
 from rulec.export.play import played, results_csv
@@ -26,7 +26,7 @@ WIRING, RESULTS = "wiring.csv", "results.csv"
 def run(options: argparse.Namespace) -> int:
     """Write code and its wiring; with a recording also what the code says of it."""
     out = console(options)
-    ruleset = load(Path(options.plant))
+    ruleset = ruleset_of(options.plant)
     folder = Path(options.output)
     recording = None if options.play is None else read_recording(Path(options.play), ruleset)
     codes = code_of(ruleset)

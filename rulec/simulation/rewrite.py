@@ -9,7 +9,7 @@ from typing import TextIO
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.output.csv_cell import as_meant, defused
+from rulec_runtime.output.csv_cell import as_meant, defused, row_of
 from rulec_runtime.recordings.csv_table import whole_rows
 from rulec_runtime.recordings.recording_file import RecordingFile
 
@@ -46,6 +46,13 @@ def rewrite(
         for index, cell in zip(replaced, next(columns) if columns else (), strict=True):
             row[index] = cell
         writer.writerow(defused(cell) for cell in row)
+
+
+def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
+    """Write columns by title, each of shape (n,), as a file of their own; NaN is an empty cell."""
+    target.write(f"{row_of(columns)}\n")
+    for row in zip(*(cells(values) for values in columns.values()), strict=True):
+        target.write(",".join(row) + "\n")
 
 
 def added(file: RecordingFile, values: Iterable[str]) -> list[str]:

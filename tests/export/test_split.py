@@ -133,7 +133,7 @@ def test_only_diagnose_takes_results(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert 1 == main(["diagnose", str(ABC), file, "--mode", "paper"])
     assert 1 == main(["calibrate", str(ABC), file, "-o", str(tmp_path / "c.yaml")])
     told = capsys.readouterr().err
-    assert "--trace needs a recording" in told
+    assert "a trace or report needs a recording" in told
     assert "--mode paper needs a recording" in told
     assert "only rulec diagnose takes such a file" in told
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.refusal import Refusal
 
 BATCH = 20_000
 """Rows read at a time: cells become numbers before the next rows are read."""
@@ -26,7 +27,7 @@ BLANK = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 """Cells that say "no value" without being a surprise."""
 
 
-class RecordingRefused(Exception):
+class RecordingRefused(Refusal):
     """The file cannot be used as a recording; the message says why and what to do."""
 
 
