@@ -35,6 +35,7 @@ def _head(ruleset: Ruleset, module: str, digest: str) -> tuple[str, ...]:
         f"Type: {', '.join(files)}",
         f"Ruleset: format {ruleset.format_version}, sha256 {digest}",
         f"Sources: {ruleset.sources}",
+        *(f"Knowledge: {k.name} {k.version} {k.digest}" for k in ruleset.knowledge),
         "Written by rulec export; change the sources, not this file.",
         "Inputs are in the units named beside them, outputs in SI (flows in m3/s).",
         "",

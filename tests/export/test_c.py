@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rulec_runtime.contract.ruleset import KnowledgeSpec
 
 from rulec.export.c_printer import header, source
 from rulec.export.interpret import run
@@ -94,11 +95,13 @@ def test_files_are_plain() -> None:
 
 
 def test_the_head_says_where_it_is_from() -> None:
-    """Module, type, digest of the ruleset, and each equation with its source."""
-    head = source(codes("abc")[0])[:1500]
-    ruleset = compiled("abc")
+    """Module, type, digest of the ruleset, the maker's version, each equation with its source."""
+    kb = KnowledgeSpec(name="acme-pumps", version="1.2", digest="d0d0")
+    ruleset = replace(compiled("abc"), knowledge=(kb,))
+    head = source(code_of(ruleset)[0])[:1500]
     for text in ("Module A", "dosing-pcp.yaml", ruleset.sources, "A.pump = Q_geo", "Eq. 1"):
         assert text in head
+    assert "acme-pumps 1.2 d0d0" in head
 
 
 @needs_compiler
