@@ -19,7 +19,7 @@ from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
 from rulec_runtime.recordings.once import once
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.robust import white_noise
+from rulec_runtime.recordings.robust import medians, white_noise
 
 
 @dataclass(frozen=True)
@@ -265,8 +265,8 @@ def _settled_from(levels: Array, begin: int, stop: int) -> int:
     latest = min(begin + limits.SETTLING, stop - limits.PERSISTENCE)
     for low in range(begin, latest):
         rest = levels[:, low + 1 : min(low + 1 + limits.LONGEST_STRETCH, stop)]
-        drift = np.median(np.diff(rest, axis=1), axis=1) * middle
-        ahead = np.median(rest[:, : limits.PERSISTENCE], axis=1) - drift
+        drift = medians(np.diff(rest, axis=1)) * middle
+        ahead = medians(rest[:, : limits.PERSISTENCE]) - drift
         if not np.any(np.abs(levels[:, low] - ahead) > 1.0):
             return low
     return max(begin, latest)

@@ -45,9 +45,9 @@ class Baseline:
     def later(self, time: float) -> Baseline:
         """What is still known at a later time: the rest of the errors is as before anything."""
         kept = float(remembered(time - self.time))
-        drifted = (1.0 - kept**2) * np.eye(len(self.mean))
-        covariance = kept**2 * self.covariance + drifted
-        return replace(self, mean=kept * self.mean, covariance=covariance, time=time)
+        covariance = kept**2 * self.covariance
+        covariance.flat[:: len(self.mean) + 1] += 1.0 - kept**2
+        return Baseline(kept * self.mean, covariance, self.points, self.count, time)
 
 
 @dataclass(frozen=True)

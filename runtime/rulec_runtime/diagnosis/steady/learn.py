@@ -30,19 +30,12 @@ from rulec_runtime.diagnosis.steady.redundancy import (
 )
 
 
-def learn(ruleset: Ruleset, observed: Observed, known: Baselines | None = None) -> Baselines:
-    """Go through the points in order of time and learn from those that nothing contradicts.
-
-    `known` is what was learned from the first of them, where they have been gone through before.
-    """
-    known = known or Baselines((nothing_learned(observed),), np.zeros(0, dtype=int))
-    latest, done = known.states[-1], len(known.at)
-    # The list belongs to those who went through the points before.
-    states = [*known.states[:-1], replace(latest, points=list(latest.learned))]
-    at = np.concatenate([known.at, np.zeros(len(observed) - done, dtype=int)])
-    every, at_once = [*_said_by(ruleset, observed)], 1
+def learn(ruleset: Ruleset, observed: Observed) -> Baselines:
+    """Go through the points in order of time and learn from those that nothing contradicts."""
+    states, at = [nothing_learned(observed)], np.zeros(len(observed), dtype=int)
+    every, done, at_once = [*_said_by(ruleset, observed)], 0, 1
     while done < len(observed):
-        # Most points add nothing to what is known: these are passed over together.
+        # Where points add nothing to what is known, many are passed over together.
         until = min(done + at_once, len(observed))
         worth = [said.worth_learning(states[-1], done, until) for said in every]
         found = min(((int(p[0]), i) for i, p in enumerate(worth) if len(p)), default=None)
@@ -83,8 +76,8 @@ class _Said:
         """Those among points that may be taken up, with what is known before them."""
         low, high = np.searchsorted(self.points, [first, last])
         here = np.arange(low, high)[self.sound[low:high]]
-        if not len(here):
-            return np.zeros(0, dtype=int)
+        if len(here) <= 1:  # whether it is worth it shows as soon when it is taken up
+            return np.asarray(self.points[here])
         kept = remembered(self.time[here] - before.time)[:, None, None]
         shared, rank = self.shared[here], self.residuals.shape[1]
         across = shared.transpose(0, 2, 1)
