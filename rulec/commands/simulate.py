@@ -36,7 +36,8 @@ def run(options: argparse.Namespace) -> int:
         found.write(options.output)
     for note in found.notes:
         note_aside(options, f"note: {note}")
-    console(options).print(found.headline(options.output), soft_wrap=True)
+    name = "standard output" if options.output == STANDARD_OUTPUT else options.output
+    console(options).print(found.headline(name), soft_wrap=True)
     return 0
 
 

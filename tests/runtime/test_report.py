@@ -294,6 +294,6 @@ def test_command_writes_the_report(
     assert 0 == main([*told, "--truth", truth])
     assert "only a report" in capsys.readouterr().out
     assert 1 == main([*told, "--truth", str(tmp_path / "no.csv")])
-    assert "no.csv: cannot be read" in capsys.readouterr().err
+    assert "no.csv: No such file" in capsys.readouterr().err
     assert 2 == main([*told, "--report", str(tmp_path / "no" / "r.html")])
     assert "there is no such folder" in capsys.readouterr().err
