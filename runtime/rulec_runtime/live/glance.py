@@ -46,7 +46,7 @@ def glance(
     ]
     parts = [replace(one, found=found) for one, found in zip(parts, each, strict=True)]
     diagnosis = assembled(
-        known.judged.health,
+        known.health,
         ruleset,
         "default",
         judged=known.diagnosis.judged,
@@ -70,7 +70,7 @@ def _judged(
     """A part by its latest rows, its operating points, and its residuals at the last of them."""
     own = one.part.ruleset
     tail = _latest_rows(recent, known, own, count)
-    noise = {name: known.judged.noise[name] for name in tail.values}
+    noise = {name: known.noise[name] for name in tail.values}
     stretches = settle_or_slow_by(tail, own, noise)
     points = history_of(tail, own, stretches, noise)
     whole = joined_history(one.closed, tail, points)
@@ -85,8 +85,8 @@ def _judged(
 def _latest_rows(recent: Recording, known: Known, own: Ruleset, count: int) -> Recording:
     """Rows from the last stretch on of the signals of a part, without what was found unfit."""
     first = max(len(recent) - (count - known.cut), 0)
-    clean = known.judged.health.recording
-    unfit = {f.signal for f in known.judged.health.findings if f.active}
+    clean = known.health.recording
+    unfit = {f.signal for f in known.health.findings if f.active}
     before = known.count - known.cut
     values = {}
     for name in sorted(own.observed & recent.values.keys() & clean.values.keys()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from rulec_runtime import limits as common
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.sensors.judge import Health
 from rulec_runtime.diagnosis.steady.findings import Found
 from rulec_runtime.diagnosis.steady.parts import Part, parts_of
 from rulec_runtime.live.history import History, only
@@ -54,14 +56,15 @@ class Known:
     Attributes
     ----------
     diagnosis : as it was told last.
-    judged : of the last look at everything; `noise` of readings at work, SI.
+    health, noise : of the sensors and of readings, SI, by the last look at everything.
     count : rows that had come then; those from number `cut` on are judged anew at a glance.
     parts : of each part.
     levels : the readings.
     """
 
     diagnosis: Diagnosis
-    judged: Judged
+    health: Health
+    noise: Mapping[str, float]
     count: int
     cut: int
     parts: tuple[PartKnown, ...]
@@ -86,13 +89,14 @@ def known_after(ruleset: Ruleset, diagnosis: Diagnosis, judged: Judged, count: i
         )
         for part, found in zip(parts_of(ruleset), judged.found, strict=True)
     )
-    levels = levels_of(ruleset, recording, dict(judged.noise))
+    levels = levels_of(ruleset, recording, judged.noise)
     values = whole.points.values
     level = np.array([values[n][-1] if n in values else np.nan for n in levels.names])
     rested = np.full(len(level), float(whole.timeline.samples[-1]))
     return Known(
         diagnosis=diagnosis,
-        judged=judged,
+        health=judged.health,
+        noise=judged.noise,
         count=count,
         cut=count - behind,
         parts=parts,

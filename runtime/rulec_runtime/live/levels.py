@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,7 +92,7 @@ def _turns(before: Array, now: Array, enough: float) -> np.ndarray:
     return turns
 
 
-def levels_of(ruleset: Ruleset, recording: Recording, noise: dict[str, float]) -> Levels:
+def levels_of(ruleset: Ruleset, recording: Recording, noise: Mapping[str, float]) -> Levels:
     """Readings as the last rows of a recording have them."""
     signals = [s for s in ruleset.signals if s.id in recording.values]
     recent = np.array([recording.values[s.id][-common.SHORTEST_STRETCH :] for s in signals])

@@ -22,6 +22,9 @@ from tests.rig.follower.plants import part_of
 SAME_DEGREE = 1e-6
 """By how much a degree may differ."""
 
+BLOCKS = 20
+"""In which the rows of a recording come."""
+
 EXAMPLES = (
     ("abc", "healthy.csv"),
     ("abc", "leakage_A.csv"),
@@ -99,7 +102,8 @@ def measure() -> dict[str, Any]:
         ruleset = compiled(plant)
         recording = read_recording(recordings_folder() / name, ruleset)
         some = first_rows(recording, rows)
-        found[f"{plant} {Path(name).name}"] = differences(ruleset, some, max(rows // 100, 1))
+        key = f"{plant} {Path(name).name}"
+        found[key] = differences(ruleset, some, max(len(some) // BLOCKS, 1))
     agree = sum(not said for said in found.values())
     return {"recordings": found, "agree": Share(agree, len(found)).form()}
 
