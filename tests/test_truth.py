@@ -264,8 +264,15 @@ def test_warm_liquid_raises_the_slip_of_one_pump() -> None:
     assert slip["B"] == pytest.approx(1.0)
 
 
-MADE_OTHERWISE = {"abc": ("hot_when_fast.inputs.csv", "hot_when_slow.inputs.csv", "step_B.csv")}
-"""Set points of an operator."""
+MADE_OTHERWISE = {
+    "abc": (
+        "hot_when_fast.inputs.csv",
+        "hot_when_slow.inputs.csv",
+        "leakage_A.parquet",
+        "step_B.csv",
+    )
+}
+"""Set points of an operator, and a recording in another format."""
 
 
 @pytest.mark.parametrize("name", ["abc", "mixing-rig"])

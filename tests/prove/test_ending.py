@@ -67,7 +67,12 @@ def waited(done: Callable[[], object], seconds: float = PATIENCE) -> bool:
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
 @pytest.mark.parametrize(
-    "number", [pytest.param("SIGINT", marks=pytest.mark.prove), "SIGTERM", "SIGKILL"]
+    "number",
+    [
+        pytest.param("SIGINT", marks=pytest.mark.prove),
+        pytest.param("SIGTERM", marks=pytest.mark.prove),
+        "SIGKILL",
+    ],
 )
 def test_an_interrupt_leaves_no_process(number: str, tmp_path: Path) -> None:
     """Sent to the command alone, while its workers analyse; then the same command goes on."""
