@@ -392,11 +392,11 @@ TABLE = 1_000_000
 numerical."""
 
 FEW_COLUMNS = 2048
-"""Points of all hypotheses together up to which one plan undoes all of them. Origin: measured; a
-call costs as much as that."""
+"""Points of all hypotheses together up to which one plan undoes all of them. Origin: numerical; a
+call costs as much time as that."""
 
 MOST_OF_THEM = 0.3
-"""Share of all hypotheses that must be left for that. Origin: measured, as above."""
+"""Share of all hypotheses that must be left for that. Origin: numerical."""
 
 FIT_STEPS = 15
 """Gauss-Newton steps at most; a step that leads away is halved, and counts. Origin: numerical."""

@@ -5,9 +5,10 @@ The latest rows are judged as a recording is. Of what came before remain its ope
 the readings before it. As long as no row has been given up, such a look at everything is the
 diagnosis of the whole recording to the last digit.
 
-A large plant is looked at so when there are twice as many rows, when there is no room for more,
-when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing new
-needs no look (`levels.py`), and where readings move only their part gets a glance (`glance.py`).
+A large plant is looked at so when there are three times as many rows, when there is no room for
+more, when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing
+new needs no look (`levels.py`), and where readings move only their part gets a glance
+(`glance.py`).
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ def _glanced(ruleset: Ruleset, memory: Memory, new: int) -> Told:
     """Judge what moved; everything, where that is due."""
     known, recent = memory.known, memory.recent
     assert known is not None
-    soon = memory.count >= 2 * known.count or len(recent) >= 2 * limits.KEPT_ROWS
+    soon = memory.count >= limits.LOOKED_AGAIN * known.count or len(recent) >= 2 * limits.KEPT_ROWS
     if soon or new > limits.ROWS_AT_A_GLANCE or recent.values.keys() - set(known.levels.names):
         return _looked(ruleset, memory)
     levels, moved = known.levels, np.zeros(len(known.levels.names), dtype=bool)
