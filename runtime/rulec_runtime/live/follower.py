@@ -20,6 +20,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.live import limits
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
@@ -70,7 +71,7 @@ def _looked(ruleset: Ruleset, memory: Memory) -> Told:
     """Judge all that is remembered, tell what is new, and give up what there is no room for."""
     recent, judged = memory.recent, None
     if ruleset.dynamics is None:
-        diagnosis, judged = look(ruleset, recent, memory.before)
+        diagnosis, judged = look(ruleset, recent, memory.before, headers=_in_doubt(memory))
     else:
         diagnosis = diagnose(recent, ruleset)
     settled = None if judged is None else float(judged.whole.timeline.until[-1])
@@ -82,6 +83,13 @@ def _looked(ruleset: Ruleset, memory: Memory) -> Told:
     if len(recent) >= 2 * limits.KEPT_ROWS:
         memory = without_oldest(memory, judged, diagnosis)
     return replace(told, memory=memory)
+
+
+def _in_doubt(memory: Memory) -> bool:
+    """May headers be wrong? The first rows said it; later a fault that lasts looks like it."""
+    misread = {UNIT.name, SWAPPED.name}
+    told = (one.subject.rpartition(".")[2] for one in memory.episodes if one.kind == "sensor")
+    return memory.before is None or bool(misread.intersection(told))
 
 
 def _is_large(ruleset: Ruleset, memory: Memory) -> bool:
