@@ -5,9 +5,10 @@ The latest rows are judged as a recording is. Of what came before remain its ope
 the readings before it. As long as no row has been given up, such a look at everything is the
 diagnosis of the whole recording to the last digit.
 
-A large plant is looked at so when there are twice as many rows, when there is no room for more,
-when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing new
-needs no look (`levels.py`), and where readings move only their part gets a glance (`glance.py`).
+A large plant is looked at so when there are three times as many rows, when there is no room for
+more, when a sensor is in doubt, and in the end (`concluded`). In between a row that says nothing
+new needs no look (`levels.py`), and where readings move only their part gets a glance
+(`glance.py`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
+from rulec_runtime.diagnosis.sensors.conditions import SWAPPED, UNIT
 from rulec_runtime.live import limits
 from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Event
@@ -69,7 +71,7 @@ def _looked(ruleset: Ruleset, memory: Memory) -> Told:
     """Judge all that is remembered, tell what is new, and give up what there is no room for."""
     recent, judged = memory.recent, None
     if ruleset.dynamics is None:
-        diagnosis, judged = look(ruleset, recent, memory.before)
+        diagnosis, judged = look(ruleset, recent, memory.before, headers=_in_doubt(memory))
     else:
         diagnosis = diagnose(recent, ruleset)
     settled = None if judged is None else float(judged.whole.timeline.until[-1])
@@ -83,6 +85,13 @@ def _looked(ruleset: Ruleset, memory: Memory) -> Told:
     return replace(told, memory=memory)
 
 
+def _in_doubt(memory: Memory) -> bool:
+    """May headers be wrong? The first rows said it; later a fault that lasts looks like it."""
+    misread = {UNIT.name, SWAPPED.name}
+    told = (one.subject.rpartition(".")[2] for one in memory.episodes if one.kind == "sensor")
+    return memory.before is None or bool(misread.intersection(told))
+
+
 def _is_large(ruleset: Ruleset, memory: Memory) -> bool:
     """Does a look at everything take longer than until the next row?"""
     signals = len(memory.recent.values)
@@ -94,7 +103,7 @@ def _glanced(ruleset: Ruleset, memory: Memory, new: int) -> Told:
     """Judge what moved; everything, where that is due."""
     known, recent = memory.known, memory.recent
     assert known is not None
-    soon = memory.count >= 2 * known.count or len(recent) >= 2 * limits.KEPT_ROWS
+    soon = memory.count >= limits.LOOKED_AGAIN * known.count or len(recent) >= 2 * limits.KEPT_ROWS
     if soon or new > limits.ROWS_AT_A_GLANCE or recent.values.keys() - set(known.levels.names):
         return _looked(ruleset, memory)
     levels, moved = known.levels, np.zeros(len(known.levels.names), dtype=bool)

@@ -10,12 +10,16 @@ stretches of full length, more than a fault takes to be told."""
 
 SMALL_PLANT = 60
 """Signals of a plant up to which all that is remembered is judged with each row, as long as it is
-little: see `SEEN_AT_ONCE`. Origin: measured by `python -m tests.rig.follower latency`; that takes
-less than the tenth of a second until the next row."""
+little: see `SEEN_AT_ONCE`. Origin: assumed; that takes less than the
+tenth of a second until the next row."""
 
 SEEN_AT_ONCE = 16_384
-"""Numbers in memory up to which it is judged with each row. Origin: measured by
-`python -m tests.rig.follower latency`."""
+"""Numbers in memory up to which all of it is judged with each row. Origin: assumed; that takes less
+than the tenth of a second until the next row."""
+
+LOOKED_AGAIN = 3
+"""Times as many rows with which everything is judged again at first: noise is known better then.
+Origin: assumed."""
 
 ROWS_AT_A_GLANCE = 60
 """Rows that come together from which on everything is judged. Origin: assumed; a stretch of full
@@ -26,8 +30,8 @@ MOVED = 5.0
 Origin: distribution; with 200 signals a row in 3000 seems to move by chance, and is only judged."""
 
 STANDS_STILL = 50.0
-"""Equal readings in a row with which a sensor is looked at: `STILL_RUN` times `STILL_TIMES` of the
-runtime, from which on it may be stuck. Origin: numerical."""
+"""Equal readings in a row with which a sensor is looked at. Origin: assumed; `STILL_RUN` times
+`STILL_TIMES` of the runtime, from which on it may be stuck."""
 
 MOST_POINTS = 256
 """Operating points remembered of what came before. Origin: assumed; more than four hours at a row

@@ -42,10 +42,13 @@ class Judged:
 
 
 def look(
-    ruleset: Ruleset, recent: Recording, before: History | None
+    ruleset: Ruleset, recent: Recording, before: History | None, *, headers: bool
 ) -> tuple[Diagnosis, Judged | None]:
-    """Judge a plant that settles by all that is remembered; None where nothing settled."""
-    health = examine(recent, ruleset)
+    """Judge a plant that settles by all that is remembered; None where nothing settled.
+
+    `headers`: whether columns may be others than their headers say.
+    """
+    health = examine(recent, ruleset, headers=headers)
     recording = health.recording
     stretches, noise = judgeable(recording, ruleset, "default")
     own = history_of(recording, ruleset, stretches, noise)

@@ -82,17 +82,28 @@ def differences(ruleset: Ruleset, recording: Recording, step: int) -> list[str]:
 
 
 def _untold(whole: Diagnosis, found: Followed, interval: float) -> Iterator[str]:
-    """Faults of the diagnosis that nobody was told of in time, and told ones that are none."""
-    told = {e.episode.id: e.episode for e in found.events if e.episode.kind == "fault"}
+    """Faults of the diagnosis that nobody was told of in time, and told ones that are none.
+
+    It is told by any of the names that fitted about as well.
+    """
     withdrawn = {e.episode.id for e in found.events if e.what == "withdrawn"}
+    told = {e.episode.id: e.episode for e in found.events if e.episode.kind == "fault"}
     lasting = [one for name, one in told.items() if name not in withdrawn]
+    late = limits.PERSISTENCE * interval
+    borne_out = set()
     for finding in whole.findings:
-        mine = [one for one in lasting if one.subject == finding.fault.id]
-        late = limits.PERSISTENCE * interval
-        if not any(one.since - late <= finding.since <= one.until + late for one in mine):
+        names = {finding.fault.id, *(name for name, _ in finding.alternatives)}
+        mine = {
+            one.id
+            for one in lasting
+            if names & {one.subject, *(name for name, _ in one.alternatives)}
+            and one.since - late <= finding.until
+            and finding.since <= one.until + late
+        }
+        borne_out |= mine
+        if not any(told[name].since <= finding.since + late for name in mine):
             yield f"{finding.fault.id} at {finding.since} was not told"
-    subjects = {finding.fault.id for finding in whole.findings}
-    yield from (f"{one.subject} was told" for one in lasting if one.subject not in subjects)
+    yield from (f"{one.subject} was told" for one in lasting if one.id not in borne_out)
 
 
 def measure() -> dict[str, Any]:

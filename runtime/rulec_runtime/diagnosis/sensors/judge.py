@@ -47,11 +47,14 @@ class Health:
     recording: Recording
 
 
-def examine(recording: Recording, ruleset: Ruleset, *, by_model: bool = True) -> Health:
+def examine(
+    recording: Recording, ruleset: Ruleset, *, by_model: bool = True, headers: bool = True
+) -> Health:
     """Judge the sensors of a recording.
 
     `by_model` compares readings with what the ruleset predicts as well; a plant that is yet to be
-    calibrated, or of which the model itself is in doubt, predicts nothing.
+    calibrated, or of which the model itself is in doubt, predicts nothing. Without `headers` a
+    column is what its header says.
     """
     if recording.unfit is not None:
         return Health((), recording)
@@ -62,10 +65,10 @@ def examine(recording: Recording, ruleset: Ruleset, *, by_model: bool = True) ->
     if by_model:
         still = {f.signal for f, _ in found if f.condition is STUCK}
         still |= {name for name, values in clean.values.items() if never_moves(values)}
-        misread = misread_of(recording, clean, ruleset, still)
+        misread = misread_of(recording, clean, ruleset, still) if headers else []
         if not misread and (dead := dead_of(clean, ruleset)):
             found, clean = found + dead, without(clean, dead)
-            misread = misread_of(recording, clean, ruleset, still)
+            misread = misread_of(recording, clean, ruleset, still) if headers else []
         if misread:
             # A wrong unit may put a reading out of its range: that is its reason.
             wrong = {f.signal for f, _ in misread}
