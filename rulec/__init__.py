@@ -1,4 +1,107 @@
-"""The compiler: from module descriptions and a plant to a ruleset.
+"""Fault diagnosis for modular hydraulic plants: the commands as functions.
 
-Reading order: `pipeline.py` names the passes; each pass is a file of the same name.
+>>> import rulec
+>>> found = rulec.diagnose("plants/abc", "plants/abc/examples/healthy.csv")
+>>> found.status
+'ok'
+
+Functions are loaded when they are first asked for, so that `import rulec` costs next to nothing.
+Reading order of the compiler: `passes/pipeline.py` names the passes; each is a file of that name.
 """
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rulec_runtime.contract.ruleset_file import RulesetRefused
+    from rulec_runtime.output.refusal import Misused, Refusal
+    from rulec_runtime.recordings.csv_table import RecordingRefused
+
+    from rulec.api.adopt import AdoptResult, adopt
+    from rulec.api.calibrate import CalibrateResult, calibrate
+    from rulec.api.compile import CompileResult, compile
+    from rulec.api.diagnose import DiagnoseResult, diagnose
+    from rulec.api.experiment import ExperimentResult, experiment
+    from rulec.api.frames import FrameRefused
+    from rulec.api.mismatch import MismatchResult, mismatch
+    from rulec.api.simulate import SimulateResult, simulate
+    from rulec.calibration.fit import CalibrationRefused
+    from rulec.effects.repair import AdoptRefused
+    from rulec.language.diagnostics import Refused
+    from rulec.mismatch.experiment.plan import ExperimentRefused
+    from rulec.mismatch.result import MismatchRefused
+    from rulec.simulation.equations import SimulationRefused
+
+__all__ = [
+    "AdoptRefused",
+    "AdoptResult",
+    "CalibrateResult",
+    "CalibrationRefused",
+    "CompileResult",
+    "DiagnoseResult",
+    "ExperimentRefused",
+    "ExperimentResult",
+    "FrameRefused",
+    "MismatchRefused",
+    "MismatchResult",
+    "Misused",
+    "RecordingRefused",
+    "Refusal",
+    "Refused",
+    "RulesetRefused",
+    "SimulateResult",
+    "SimulationRefused",
+    "adopt",
+    "calibrate",
+    "compile",
+    "diagnose",
+    "experiment",
+    "mismatch",
+    "simulate",
+]
+
+_PLACES = {
+    **{
+        name: f"rulec.api.{name.removesuffix('Result').lower()}"
+        for name in __all__
+        if name.endswith("Result") or name.islower()
+    },
+    "AdoptRefused": "rulec.effects.repair",
+    "CalibrationRefused": "rulec.calibration.fit",
+    "ExperimentRefused": "rulec.mismatch.experiment.plan",
+    "FrameRefused": "rulec.api.frames",
+    "MismatchRefused": "rulec.mismatch.result",
+    "Misused": "rulec_runtime.output.refusal",
+    "RecordingRefused": "rulec_runtime.recordings.csv_table",
+    "Refusal": "rulec_runtime.output.refusal",
+    "Refused": "rulec.language.diagnostics",
+    "RulesetRefused": "rulec_runtime.contract.ruleset_file",
+    "SimulationRefused": "rulec.simulation.equations",
+}
+
+
+class _Rulec(ModuleType):
+    """`rulec.mismatch` is the function, although a package of that name is imported behind it."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _PLACES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Rulec
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'rulec' has no attribute '{name}'")
+    value: object = getattr(import_module(_PLACES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

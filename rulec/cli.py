@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 from collections.abc import Sequence
 
 from rulec_runtime.commands.frame import (
-    REFUSALS,
     Parser,
     carried_out,
     diagnose_options,
     journal_options,
     json_option,
-    message_of,
     prepare_process,
+    quiet_option,
+    version_option,
     watch_options,
 )
 
@@ -28,6 +29,7 @@ _COMMANDS = {
     "check": "validate knowledge and plant files",
     "import": "make skeletons of module types from the files of other tools",
     "compile": "derive the ruleset of a plant",
+    "export": "write the observers of a plant's modules as code for their controllers",
     "matrix": "show the fault-symptom matrix of a plant",
     "show": "show what a compiler pass made, in readable equations",
     "calibrate": "fit the parameters of a plant to a recording",
@@ -41,38 +43,24 @@ _COMMANDS = {
     "study": "find out on simulated faults what the diagnosis of a plant can do",
     "prove": "measure on concealed effects how far the answers of mismatch can be trusted",
     "demo": "see the whole thing on a shipped example",
+    "completion": "write what makes a shell complete commands, options and files",
 }
 
-_REFUSALS = (
-    *REFUSALS,
-    "CalibrationRefused",
-    "SimulationRefused",
-    "AdoptRefused",
-    "MismatchRefused",
-    "ExperimentRefused",
-    "InitRefused",
-    "MtpRefused",
-)
-"""Exceptions whose message is for the user."""
+ASKED_BY_SHELL = "_ARGCOMPLETE"
+"""Variable by which a shell asks what may come next; see `rulec completion`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 bad input, 2 usage, 3 --fail-on)."""
     prepare_process()
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    if ASKED_BY_SHELL in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    options = parser.parse_args(arguments)
     module = importlib.import_module(f"rulec.commands.{options.command}")
-    return carried_out(lambda: int(module.run(options)), _message)
-
-
-def _message(error: Exception) -> str | None:
-    """Text for a user's mistake; None for our own bug."""
-    kind = type(error).__name__
-    if kind == "Refused":
-        from rulec.language.diagnostics import Refused, render_all
-
-        assert isinstance(error, Refused)
-        return render_all(error.diagnostics)
-    return message_of(error, _REFUSALS)
+    return carried_out(lambda: int(module.run(options)), f"rulec {options.command}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -82,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="PLANT is a folder with a plant.yaml, or the file itself. "
         "Exit code: 0 done, 1 mistakes found or bad input, 2 wrong usage.",
     )
+    version_option(parser, "rulec")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     made = {
         name: commands.add_parser(name, help=text, description=text.capitalize() + ".")
@@ -108,6 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     made["compile"].add_argument(
         "-o", "--output", metavar="FILE", help="default: PLANT.ruleset.json"
     )
+    _export(made["export"])
     made["matrix"].add_argument("plant", metavar="PLANT")
     made["matrix"].add_argument(
         "--separate",
@@ -145,6 +135,10 @@ def _parser() -> argparse.ArgumentParser:
     _study(made["study"])
     prove_options(made["prove"])
     _demo(made["demo"])
+    made["completion"].add_argument("shell", choices=("bash", "zsh", "fish"))
+    for name, command in made.items():
+        if name != "import":  # its formats have it
+            quiet_option(command)
     return parser
 
 
@@ -156,6 +150,24 @@ def _init(init: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="of the plant; of knowledge, as kb in the plant's (module, fault, effect); of the "
         "project (kb, a package for pip); files that are there stay",
+    )
+
+
+def _export(export: argparse.ArgumentParser) -> None:
+    export.add_argument("plant", metavar="PLANT_OR_RULESET")
+    export.add_argument(
+        "--to",
+        choices=("c", "st"),
+        required=True,
+        help="c: C99; st: structured text of IEC 61131-3",
+    )
+    export.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for the files of all modules"
+    )
+    export.add_argument(
+        "--play",
+        metavar="RECORDING",
+        help="write results.csv as well: what the code says of each settled window of a recording",
     )
 
 
@@ -177,6 +189,7 @@ def _import(importer: argparse.ArgumentParser) -> None:
         "file also at another address, such as opc.tcp://10.0.0.5:4840",
     )
     json_option(mtp)
+    quiet_option(mtp)
 
 
 def _experiment(experiment: argparse.ArgumentParser) -> None:
@@ -286,6 +299,7 @@ def _study(study: argparse.ArgumentParser) -> None:
     study.add_argument(
         "--bounded", action="store_true", help="sensor errors stay inside the bounds of their class"
     )
+    study.add_argument("--report", metavar="FILE.html", help="one page, to hand on")
     json_option(study)
 
 

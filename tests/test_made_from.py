@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rulec.commands.made_from import basis_of, check_unchanged
+from rulec.effects.made_from import basis_of, check_unchanged
 from rulec.effects.model_builder import ModelBuilder, open_builder
 from rulec.effects.repair import AdoptRefused, Basis
 from tests.conftest import ROOT

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from rulec_runtime.recordings.recording import Recording
 
+from rulec.api import mismatch as command
 from rulec.cli import main
-from rulec.commands import mismatch as command
 from rulec.commands.mismatch import periods_of
 from rulec.mismatch.result import Mismatch, MismatchRefused
 from tests.conftest import ROOT, compiled
@@ -54,7 +54,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     opened = (compiled("abc"), "builder")
     monkeypatch.setattr(command, "analyse", replaced.analyse)
     monkeypatch.setattr(command, "open_builder", lambda path: opened)
-    monkeypatch.setattr(command, "basis_of", lambda builder, recordings: {})
+    monkeypatch.setattr(command, "basis_of", lambda builder, recordings, in_memory: {})
     return replaced
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array, Plan
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.robust import spread_about
 from scipy.optimize import least_squares
 
@@ -36,7 +37,7 @@ from rulec.limits import (
 from rulec.passes.differentiate import TypeModel
 
 
-class CalibrationRefused(Exception):
+class CalibrationRefused(Refusal):
     """The recording cannot calibrate this plant; the message says why and what to do."""
 
 

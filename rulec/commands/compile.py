@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from rulec_runtime.commands.destinations import console
-from rulec_runtime.output.terminal import styled
-from rulec_runtime.output.write_file import write_text
+from rulec_runtime.commands.destinations import console, progress_of, write_to
 
-from rulec.passes.pipeline import compile_plant
+from rulec.api.compile import compile
 
 
 def run(options: argparse.Namespace) -> int:
     """Compile a plant to a ruleset file."""
-    ruleset = compile_plant(Path(options.plant))
-    target = Path(options.output or f"{ruleset.plant}.ruleset.json")
-    write_text(target, ruleset.to_json())
-    out = console(options)
-    counts = (
-        f"{len(ruleset.modules)} modules, {len(ruleset.residuals)} residuals, "
-        f"{len(ruleset.faults)} faults, {len(ruleset.cells)} rules"
-    )
-    out.print(styled("[green]✓[/] {}: {}", target, counts))
-    for name in ruleset.unobserved:
-        told = "[yellow]![/] {} leaves no trace in any residual; it needs a further sensor"
-        out.print(styled(told, name))
+    with progress_of(options, "compiling the plant"):
+        found = compile(options.plant)
+    target = options.output or f"{found.ruleset.plant}.ruleset.json"
+    write_to(target, found.ruleset.to_json())
+    found.tell(console(options), target)
     return 0

@@ -18,7 +18,7 @@ from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
-from rulec.commands.simulate import parse_fault
+from rulec.api.simulate import parse_fault
 from rulec.demo import limits
 from rulec.demo.beside import Process, Servers, servers, watch, write_map
 from rulec.demo.compare import matched, tell

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.output.terminal import styled
 from rulec_runtime.output.write_file import write_text
 
@@ -26,7 +27,7 @@ _TEXT = ".txt"
 """Ending of a skeleton of Python code, which is no module of this package."""
 
 
-class InitRefused(Exception):
+class InitRefused(Refusal):
     """Nothing was written; the message says why."""
 
 

@@ -12,12 +12,19 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
-from rulec_runtime.commands.destinations import console, without_folder, write_json
+from rulec_runtime.commands.destinations import (
+    check_outputs,
+    console,
+    note_aside,
+    progress_of,
+    write_json,
+    write_to,
+)
 from rulec_runtime.contract.plan import Plan
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.output.terminal import styled, terminal
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
 
 from rulec.passes.perturb import true_plan
 from rulec.passes.pipeline import run_passes
@@ -26,12 +33,15 @@ from rulec.simulation.equations import equations_of
 from rulec.simulation.sensing import SensorErrors
 from rulec.study.campaign import Group, Settings, degrees_of, groups_of, run_group, size_of
 from rulec.study.json_form import study_form
+from rulec.study.page import study_page
 from rulec.study.points import Points, operating_points
 from rulec.study.pool import run_groups
-from rulec.study.summary import percent, rows_of, sentences
+from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
 from rulec.study.tally import Cell, Tally, tally
 
 Draw = Callable[[np.random.Generator], Plan]
+
+JUDGING = "simulating and judging recordings"
 
 START = 1.0
 """Seconds that starting the processes takes."""
@@ -39,61 +49,55 @@ START = 1.0
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, judge, count, and say what it means."""
-    aside = terminal(aside=True)
-    try:
-        settings, jobs = settings_of(options)
-    except ValueError as mistake:
-        return _misused(aside, str(mistake))
+    settings, jobs = settings_of(options)
     if options.plant.endswith(".json"):
         what = "give the plant's folder; a ruleset alone cannot say how the true plant may differ"
-        return _misused(aside, f"{options.plant}: {what}")
-    unwritable = without_folder(options, "json")
-    if unwritable is not None:
-        return _misused(aside, unwritable)
+        raise Misused(f"{options.plant}: {what}")
+    check_outputs(options)
     models = run_passes(Compilation(path=Path(options.plant)))
     ruleset = models.ruleset
     faults = [f.id for f in ruleset.faults]
     if not any(degrees_of(ruleset, fault, settings) for fault in faults):
         what = f"no fault of {ruleset.plant} has such a degree"
-        return _misused(aside, f"--degrees {options.degrees}: {what}")
+        raise Misused(f"--degrees {options.degrees}: {what}")
     points = operating_points(equations_of(ruleset), settings.points)
 
     def draw(random: np.random.Generator) -> Plan:
         return true_plan(models, faults, random)
 
-    aside.print(_announced(ruleset, points, settings, jobs, draw), soft_wrap=True)
-    with Progress(console=aside, transient=True) as progress:
-        bar = progress.add_task("judging", total=sum(size_of(ruleset, points, settings)))
+    note_aside(options, _announced(ruleset, points, settings, jobs, draw))
+    with progress_of(options, JUDGING) as progress:
+        size, done = sum(size_of(ruleset, points, settings)), 0
 
         def advance(recordings: int) -> None:
-            progress.advance(bar, recordings)
+            nonlocal done
+            done += recordings
+            progress(JUDGING, done, size)
 
         groups = groups_of(ruleset, settings, draw)
         outcomes = run_groups(ruleset, points, settings, groups, jobs, advance)
     modules = models.plant.modules.values()
     types = {module.name: module.type.name for module in modules}
     counts = tally(ruleset, types, outcomes, settings.samples, settings.lead_in)
-    if options.json != "-":
-        show(console(options), ruleset, types, points, counts)
+    out = console(options)
+    show(out, ruleset, types, points, counts)
+    if options.report:
+        write_to(options.report, study_page(ruleset, types, points, settings, counts))
+        out.print(styled("[dim]report: {}[/]", options.report))
     write_json(options, study_form(ruleset, points, settings, counts))
     return 0
 
 
-def _misused(aside: Console, mistake: str) -> int:
-    aside.print(f"rulec study: {mistake}", soft_wrap=True)
-    return 2
-
-
 def settings_of(options: argparse.Namespace) -> tuple[Settings, int]:
-    """Settings and number of processes; ValueError with a message for a bad argument."""
+    """Settings and number of processes; `Misused` with a message for a bad argument."""
     try:
         degrees = sorted({float(part) for part in options.degrees.split(",")})
     except ValueError:
-        raise ValueError(
+        raise Misused(
             f"--degrees {options.degrees}: give numbers with commas between, such as 0.1,0.2,0.3"
         ) from None
     if not all(math.isfinite(d) and d > 0 for d in degrees):
-        raise ValueError(f"--degrees {options.degrees}: a degree is a number above 0 (0.1 is 10 %)")
+        raise Misused(f"--degrees {options.degrees}: a degree is a number above 0 (0.1 is 10 %)")
     jobs = options.jobs if options.jobs is not None else os.cpu_count() or 1
     for name, value, least in (
         ("points", options.points, 1),
@@ -102,7 +106,7 @@ def settings_of(options: argparse.Namespace) -> tuple[Settings, int]:
         ("lead-in", options.lead_in, 0),
     ):
         if value < least:
-            raise ValueError(f"--{name} {value}: give {least} or more")
+            raise Misused(f"--{name} {value}: give {least} or more")
     settings = Settings(
         degrees=tuple(degrees),
         points=options.points,
@@ -158,32 +162,16 @@ def show(
             members = ", ".join(name for name, type_ in types.items() if type_ == kind)
             out.print(styled("\n[bold]{}[/] ({})", kind, members))
             out.print(_table(list(rows.values())))
-    legend = (
-        "found: something is said to be wrong. named: the true fault comes first; listed: it "
-        "comes first or is an alternative. Degree where named: mean absolute error, mean error, "
-        "and how often the bounds hold the true one."
-    )
-    out.print(styled("[dim]{}[/]", legend))
+    out.print(styled("[dim]{}[/]", LEGEND))
 
 
 def _table(rows: list[list[Cell]]) -> Table:
     table = Table(pad_edge=False, box=None, padding=(0, 1))
     table.add_column("fault", no_wrap=True)
-    for title in ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds"):
+    for title in TITLES:
         table.add_column(title, justify="right", no_wrap=True)
     for cells in rows:
         for i, cell in enumerate(cells):
             name = "" if i else cell.fault.title
-            table.add_row(name, percent(cell.degree), str(cell.recordings), *_figures(cell))
+            table.add_row(name, percent(cell.degree), str(cell.recordings), *figures_of(cell))
     return table
-
-
-def _figures(cell: Cell) -> tuple[str, ...]:
-    if not cell.recordings:
-        return ("-",) * 6
-    shares = [n / cell.recordings for n in (cell.found, cell.named, cell.named + cell.shared)]
-    errors = ("-", "-", "-")
-    if cell.named:
-        covered = percent(cell.covered / cell.named)
-        errors = (f"{cell.error:.3f}", f"{cell.bias:+.3f}", covered)
-    return (*(percent(s) for s in shares), *errors)

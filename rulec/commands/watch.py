@@ -6,9 +6,9 @@ import argparse
 
 from rulec_runtime.commands.watch import run as watch
 
-from rulec.commands.diagnose import load
+from rulec.api.given import ruleset_of
 
 
 def run(options: argparse.Namespace) -> int:
     """Watch until the source ends."""
-    return watch(options, load)
+    return watch(options, ruleset_of)

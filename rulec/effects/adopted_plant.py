@@ -34,7 +34,7 @@ def trial(builder: ModelBuilder, found: Found) -> Ruleset:
     except AdoptRefused as error:
         raise Unwritable(str(error)) from None
     except Refused as error:
-        raise Unwritable(f"the compiler refuses it: {error}") from None
+        raise Unwritable(f"the compiler refuses it: {error.briefly}") from None
 
 
 def adoption_of(builder: ModelBuilder, repair: Repair) -> Adoption:

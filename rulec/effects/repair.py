@@ -11,21 +11,23 @@ from typing import Any
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.output.json_file import Damaged, read_json
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.mending import Mending
 
 
-class AdoptRefused(Exception):
+class AdoptRefused(Refusal):
     """This file cannot be adopted; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Basis:
     """What an analysis was made from: hashes by path, of the plant's files and of recordings, which
-    were `given` in this order."""
+    were `given` in this order. Recordings `in_memory` have no path."""
 
     plant: Mapping[str, str]
     given: tuple[str, ...]
     recordings: Mapping[str, str]
+    in_memory: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,11 @@ def read_proven(file: Path, recalibrated: bool = False) -> Proven:
 
     Raises `AdoptRefused` where it has no repair, or a broken one.
     """
-    data = _data(file)
+    return proven_of(read_form(file), file, recalibrated)
+
+
+def proven_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Proven:
+    """The same of the content of a file."""
     part = data["repair"]
     try:
         kind, row = ("recalibrated", "plain") if recalibrated else ("repaired", "error")
@@ -142,6 +148,7 @@ def _basis(data: Mapping[str, Any]) -> Basis:
         {str(k): str(v) for k, v in data["plant"].items()},
         tuple(str(path) for path in data["given"]),
         {str(k): str(v) for k, v in data["recordings"].items()},
+        bool(data.get("in_memory", False)),
     )
 
 
@@ -149,8 +156,8 @@ def _maybe(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-def _data(file: Path) -> dict[str, Any]:
-    """Content of the JSON file; raises `AdoptRefused` where it has no repair."""
+def read_form(file: Path) -> dict[str, Any]:
+    """Content of a JSON file of `rulec mismatch`; raises `AdoptRefused` where it has no repair."""
     try:
         data = read_json(file)
     except Damaged as error:
@@ -171,7 +178,11 @@ def read_repair(file: Path, recalibrated: bool = False) -> Repair:
 
     Raises `AdoptRefused` where there is nothing to adopt.
     """
-    data = _data(file)
+    return repair_of(read_form(file), file, recalibrated)
+
+
+def repair_of(data: Mapping[str, Any], file: Path, recalibrated: bool = False) -> Repair:
+    """The same of the content of a file."""
     part = data["repair"]
     if recalibrated:
         if not isinstance(part.get("recalibrated"), dict):

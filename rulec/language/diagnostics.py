@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rulec_runtime.output.refusal import Refusal
+
 from rulec.limits import MAX_DIAGNOSTICS, MAX_EXCERPT_BYTES, MAX_MESSAGE_LENGTH, NEAREST_NAME
 
 WIDTH = 96
@@ -43,12 +45,24 @@ class Diagnostic:
     doubt: bool = False
 
 
-class Refused(Exception):
+class Refused(Refusal):
     """Raised at the end of a pass that found mistakes; carries all of them."""
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         self.diagnostics = tuple(sorted(set(diagnostics)))
-        super().__init__("; ".join(d.message for d in self.diagnostics[:3]))
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        return render_all(self.diagnostics)
+
+    def for_terminal(self) -> str:
+        """All mistakes, each with its place and remedy."""
+        return str(self)
+
+    @property
+    def briefly(self) -> str:
+        """The first few mistakes, in one line and without their places."""
+        return "; ".join(d.message for d in self.diagnostics[:3])
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -674,9 +674,10 @@ FORM_LAWS = 2.0
 """Factor to which it is known before how much more or less than the others one law is off. Origin:
 assumed."""
 
-FORM_MOST = 0.03
-"""Share of an output's usual size by which a law is off at most, its usual error times the factor
-to which that is known: where it is off by more, something is missing. Origin: assumed."""
+FORM_MOST = 0.05
+"""Share of an output's usual size by which a law is off at most: one that is off by 2 % seems, from
+few operating states, to be off by up to twice that. Where it is more, something is missing. Origin:
+assumed."""
 
 SIZES_STEPS = 6
 """Steps by which errors of form of single laws are found, at most. Origin: numerical."""

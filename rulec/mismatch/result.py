@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.mending import Mending
 
 from rulec.effects.candidate import Changed, Repair
@@ -14,7 +15,7 @@ from rulec.effects.candidate import Changed, Repair
 __all__ = ["Changed", "Repair"]
 
 
-class MismatchRefused(Exception):
+class MismatchRefused(Refusal):
     """The comparison cannot be made; the message says why and what to do."""
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rulec_runtime.output.refusal import Refusal
 
-class MtpRefused(Exception):
+
+class MtpRefused(Refusal):
     """A file that is not read further; the message says where, why and what to do."""
 
 

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib
 import json
 import os
 import tempfile
 import time
-from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from importlib.metadata import version
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress
 from rulec_runtime.commands.destinations import without_folder
+from rulec_runtime.commands.frame import quiet_option
+from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.terminal import styled, terminal
 from rulec_runtime.output.write_file import write_text
 
 from rulec.cli import prove_options
-from rulec.prove.campaign import Changed, OnProgress, analysed, digest_of, judged, sealed
+from rulec.prove.campaign import Changed, analysed, digest_of, judged, sealed
 from rulec.prove.ending import interruptible
 from rulec.prove.kept import unusable
 from rulec.prove.page import page
@@ -38,7 +37,7 @@ RIGS = "tests.prove"
 def main(words: list[str] | None = None) -> int:
     """Run; 0 when done, whatever the scores, 1 where the folder holds another run."""
     options = parser().parse_args(words)
-    out, aside = terminal(), terminal(aside=True)
+    out, aside = terminal(quiet=options.quiet), terminal(aside=True)
     try:
         with interruptible(options.lifeline):
             return _asked(options, out, aside)
@@ -81,7 +80,7 @@ def _real(options: argparse.Namespace, work: Path, out: Console, aside: Console)
         rigs, teller = (importlib.import_module(f"{RIGS}.{name}") for name in ("real", "tell_real"))
     except ModuleNotFoundError:
         return _ended(aside, 1, "--real: the rigs are part of the source tree; run it in a clone")
-    with _progress(aside) as on_progress:
+    with Progress("rulec prove", "preparing", options.quiet, aside) as on_progress:
         found = rigs.answers(
             rigs.recordings_folder(), work, options.only, options.jobs, on_progress
         )
@@ -130,6 +129,7 @@ def parser() -> argparse.ArgumentParser:
     """Options of the command."""
     made = argparse.ArgumentParser(prog="rulec prove", description=__doc__)
     prove_options(made)
+    quiet_option(made)
     # Given by `rulec prove`, which holds the other side of standard input.
     made.add_argument("--lifeline", action="store_true", help=argparse.SUPPRESS)
     return made
@@ -148,7 +148,7 @@ def partition_of(options: argparse.Namespace) -> tuple[Partition, int]:
 def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
     begin = time.perf_counter()
     partition, openings = partition_of(options)
-    with _progress(aside) as on_progress:
+    with Progress("rulec prove", "sealing", options.quiet, aside) as on_progress:
         seals = sealed(partition, work, options.jobs, on_progress)
         digest = digest_of(seals)
         made = sum(bool(s) for s in seals)
@@ -176,17 +176,3 @@ def _run(options: argparse.Namespace, work: Path, aside: Console) -> Run:
         notes=notes,
         further=tuple(further),
     )
-
-
-@contextlib.contextmanager
-def _progress(aside: Console) -> Iterator[OnProgress]:
-    """Show a bar for each kind of work."""
-    with Progress(console=aside, transient=True) as progress:
-        tasks = {}
-
-        def on_progress(what: str, done: int, all_: int) -> None:
-            if what not in tasks:
-                tasks[what] = progress.add_task(what, total=all_)
-            progress.update(tasks[what], completed=done)
-
-        yield on_progress

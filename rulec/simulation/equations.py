@@ -13,12 +13,13 @@ from functools import cached_property
 import numpy as np
 from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.contract.ruleset import Ruleset, SignalSpec, SimulationStep
+from rulec_runtime.output.refusal import Refusal
 
 DEGREE = "x:"
 """Mark of a fault's degree among the inputs of a plan."""
 
 
-class SimulationRefused(Exception):
+class SimulationRefused(Refusal):
     """The plant cannot be simulated as asked; the message is for the user."""
 
 

@@ -9,7 +9,7 @@ from typing import TextIO
 
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
-from rulec_runtime.output.csv_cell import as_meant, defused
+from rulec_runtime.output.csv_cell import as_meant, defused, row_of
 from rulec_runtime.recordings.formats import opened_sheet
 from rulec_runtime.recordings.header import parts_of
 from rulec_runtime.recordings.recording_file import RecordingFile, times_of
@@ -68,6 +68,13 @@ def with_unit(title: str, unit: str) -> str:
     ('A.dp [bar]', 'A.dp [bar]')
     """
     return f"{title} [{unit}]" if unit and not parts_of(title.strip())[1] else title
+
+
+def write_columns(columns: Mapping[str, Array], target: TextIO) -> None:
+    """Write columns by title, each of shape (n,), as a file of their own; NaN is an empty cell."""
+    target.write(f"{row_of(columns)}\n")
+    for row in zip(*(cells(values) for values in columns.values()), strict=True):
+        target.write(",".join(row) + "\n")
 
 
 def added(file: RecordingFile, values: Iterable[str]) -> list[str]:

@@ -8,6 +8,15 @@ from rulec.limits import BLIND, CONFUSED, MOST_CONFUSIONS, RELIABLE
 from rulec.study.judge import Kind
 from rulec.study.tally import Cell, Confusion, FaultKind, Tally
 
+TITLES = ("degree", "runs", "found", "named", "listed", "error", "bias", "in bounds")
+"""Of the columns of a table, behind the fault."""
+
+LEGEND = (
+    "found: something is said to be wrong. named: the true fault comes first; listed: it comes "
+    "first or is an alternative. Degree where named: mean absolute error, mean error, and how "
+    "often the bounds hold the true one."
+)
+
 
 def rows_of(tally: Tally) -> dict[FaultKind, list[Cell]]:
     """Cells by fault kind, degrees rising."""
@@ -130,3 +139,15 @@ def _alarmed(tally: Tally) -> str:
 def percent(share: float) -> str:
     """A share for readers, two digits."""
     return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
+
+
+def figures_of(cell: Cell) -> tuple[str, ...]:
+    """Cells of a table behind degree and number of recordings."""
+    if not cell.recordings:
+        return ("-",) * 6
+    shares = [n / cell.recordings for n in (cell.found, cell.named, cell.named + cell.shared)]
+    errors = ("-", "-", "-")
+    if cell.named:
+        covered = percent(cell.covered / cell.named)
+        errors = (f"{cell.error:.3f}", f"{cell.bias:+.3f}", covered)
+    return (*(percent(s) for s in shares), *errors)

@@ -10,8 +10,9 @@ from rulec_runtime.commands.frame import (
     carried_out,
     diagnose_options,
     journal_options,
-    message_of,
     prepare_process,
+    quiet_option,
+    version_option,
     watch_options,
 )
 
@@ -24,6 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Diagnose a plant, also while it runs, with a ruleset from rulec compile.",
         epilog="Exit code: 0 done, 1 bad input, 2 wrong usage; 3 where --fail-on asks for it.",
     )
+    version_option(parser, "rulec-runtime")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     text = "judge a recording: which fault, how large, and why"
     diagnose_options(commands.add_parser("diagnose", help=text), "RULESET.json")
@@ -31,9 +33,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     watch_options(commands.add_parser("watch", help=text), "RULESET.json")
     text = "list, filter and export what a watched plant told"
     journal_options(commands.add_parser("journal", help=text))
+    for command in commands.choices.values():
+        quiet_option(command)
     options = parser.parse_args(arguments)
 
     def run() -> int:
         return int(import_module(f"rulec_runtime.commands.{options.command}").run(options))
 
-    return carried_out(run, message_of)
+    return carried_out(run, f"rulec-runtime {options.command}")

@@ -572,6 +572,23 @@ LEAST_CURVATURE = 1e-12
 """Share of the largest curvature by which none is smaller: keeps matrices regular. Origin:
 numerical."""
 
+# Stories kept as text -----------------------------------------------------------------------------
+
+STORY_WIDTH = 100
+"""Characters of a line where no terminal sets them. Origin: assumed."""
+
+# Progress ----------------------------------------------------------------------------------------
+
+SHOWN_AFTER = 2.0
+"""Seconds after which a terminal shows what is being done: shorter waits need no bar. Origin:
+assumed."""
+
+DRAWN_EVERY = 0.25
+"""Seconds between two pictures of the bar. Origin: assumed."""
+
+LINE_EVERY = 10.0
+"""Seconds between two lines of progress where nobody sees a bar, as in a log. Origin: assumed."""
+
 # Simulation --------------------------------------------------------------------------------------
 
 LONGEST_STEP = 0.5

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from rulec_runtime.live.episode import Event
 from rulec_runtime.live.follower import Memory, follow, nothing_yet
 from rulec_runtime.live.rows import Notice, Rows
 from rulec_runtime.recordings.recording import Recording, RecordingRefused, read_recording
+from rulec_runtime.recordings.when import BRIEFLY_GONE
 
 from tests.conftest import ROOT, compiled
 from tests.runtime.tanks import made, plant
@@ -198,23 +201,72 @@ def test_a_plant_that_stores_is_followed() -> None:
     assert told.diagnosis.judged == whole.judged
 
 
-def test_a_fault_of_a_tank_is_told_once_with_its_beginning() -> None:
-    """Also the reading that shows it is beyond its threshold then, and was not before."""
-    recording = made("cascaded-tanks", 1, ("lower.y.low", 0.2, 0.5), count=600)
+def followed_to(
+    recording: Recording, ends: Sequence[int]
+) -> tuple[Memory, list[tuple[int, Event]], list[Diagnosis]]:
+    """Looks at so many rows each: events of faults with the rows that there were, and diagnoses."""
     rules, memory = plant("cascaded-tanks"), nothing_yet(plant("cascaded-tanks"), False)
-    faults, beyond = [], []
-    for first, last in ((0, 300), (300, 450), (450, 600)):
+    events, seen = [], []
+    for first, last in pairwise([0, *ends]):
         for told in follow(rules, memory, part_of(recording, first, last)):
             memory = told.memory
-            faults += [e for e in told.events if e.episode.kind == "fault"]
-            latest = told.diagnosis.latest
-            assert latest is not None
-            assert latest.until == recording.time[last - 1]
-            beyond.append([e.residual for e in latest.residuals if e.verdict == "+"])
-    assert [(e.what, e.episode.subject) for e in faults][:1] == [("began", "lower.y.low")]
-    assert {e.what for e in faults[1:]} <= {"changed"}
+            seen.append(told.diagnosis)
+            events += [(last, e) for e in told.events if e.episode.kind == "fault"]
+    return memory, events, seen
+
+
+TANK = ("lower.y.low", 0.2, 0.5)
+"""A level that reads 20 % too low from the middle of a recording on."""
+
+
+def test_a_fault_of_a_tank_that_lasts_is_told_once() -> None:
+    """With every row windows are cut anew, some across the beginning of the fault. The reading that
+    shows it is beyond its threshold, and was not before."""
+    recording = made("cascaded-tanks", 1, TANK, count=600)
+    memory, events, seen = followed_to(recording, (300, 400, 432, 433, 463))
+    assert [(e.what, e.episode.subject) for _, e in events] == [("began", "lower.y.low")]
     (episode,) = [one for one in memory.episodes if one.kind == "fault"]
     assert episode.active
     assert episode.lower <= 0.2 <= episode.upper
     assert abs(episode.since - 1200.0) < 256.0  # between two windows
-    assert beyond == [[], ["lower.y"], ["lower.y"]]
+    latest = [d.latest for d in seen if d.latest is not None]
+    assert len(latest) == len(seen)
+    assert [one.until for one in latest[:2]] == [recording.time[299], recording.time[399]]
+    beyond = [[e.residual for e in one.residuals if e.verdict == "+"] for one in latest]
+    assert beyond == [[]] + 4 * [["lower.y"]]
+
+
+@pytest.mark.prove
+def test_row_by_row_a_fault_of_a_tank_is_told_once() -> None:
+    for seed in (1, 2):
+        recording = made("cascaded-tanks", seed, TANK, count=600)
+        _, events, _ = followed_to(recording, range(300, 601))
+        assert {e.episode.subject for _, e in events} == {"lower.y.low"}
+        assert [e.what for _, e in events if e.what != "changed"] == ["began"]
+
+
+def test_a_fault_of_a_tank_that_ends_is_told_to_end() -> None:
+    """Once as many windows say so as it takes to say that it is there."""
+    recording = made("cascaded-tanks", 1, ("lower.y.low", 0.2, 0.25), count=520, until=0.65)
+    memory, events, seen = followed_to(recording, (338, 375, 520))
+    assert [(e.what, e.episode.subject, rows) for rows, e in events] == [
+        ("began", "lower.y.low", 338),
+        ("ended", "lower.y.low", 520),
+    ]
+    (found,) = seen[1].findings
+    assert found.active
+    assert found.behind == BRIEFLY_GONE
+    assert abs(events[-1][1].episode.until - 1352.0) < 96.0
+    assert not any(one.active for one in memory.episodes)
+
+
+def test_no_reading_of_a_healthy_tank_is_beyond_its_threshold() -> None:
+    """A window may deviate by chance; a finding takes three in a row, and so does a residual."""
+    recording, odd = made("wastewater-lab", 1, count=400), 0
+    for rows in (240, 270):
+        diagnosis = diagnose(_first(recording, rows), plant("wastewater-lab"))
+        assert diagnosis.latest is not None
+        odd += any("3 windows in a row" in p.text for p in diagnosis.not_judged)
+        assert diagnosis.status == "ok"
+        assert {e.verdict for e in diagnosis.latest.residuals} == {"0"}
+    assert odd

@@ -26,9 +26,15 @@ def plant(name: str) -> Ruleset:
 
 
 def made(
-    name: str, seed: int, fault: Fault | None = None, count: int = 1024, spread: float = 0.5
+    name: str,
+    seed: int,
+    fault: Fault | None = None,
+    count: int = 1024,
+    spread: float = 0.5,
+    until: float = 1.0,
 ) -> Recording:
-    """A recording: true parameters within `spread` uncertainties, sensors within their class."""
+    """A recording: true parameters within `spread` uncertainties, sensors within their class; a
+    fault is over behind the share `until`."""
     ruleset, random = plant(name), np.random.default_rng(seed)
     dynamics = ruleset.dynamics
     assert dynamics is not None
@@ -39,7 +45,8 @@ def made(
     balances = freed(dynamics, moving)
     table = [inputs[n] for n in dynamics.inputs]
     if fault:
-        table.append(np.where(time >= fault[2] * time[-1], fault[1], 0.0))
+        there = (time >= fault[2] * time[-1]) & (time <= until * time[-1])
+        table.append(np.where(there, fault[1], 0.0))
     starts = dynamics.plan.select([f"start:{s.id}" for s in dynamics.states])
     begin = starts.run({n: np.asarray(v) for n, v in dynamics.values.items()})
     values |= {start_of(s.id): begin[f"start:{s.id}"].item() for s in dynamics.states}

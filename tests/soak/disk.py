@@ -27,7 +27,7 @@ def journal(folder: Path, times: int) -> dict[str, Any]:
 
 
 def lines(folder: Path, times: int) -> dict[str, Any]:
-    """Events and state on the disk: the watch ends with a message and is started again."""
+    """Events and state on the disk: it runs on as well."""
     return _full(folder, times, ("--events", "small/events.jsonl", "--state", "small/state"))
 
 
@@ -65,7 +65,7 @@ def _full(folder: Path, times: int, options: tuple[str, ...]) -> dict[str, Any]:
         "tried": times,
         "ran_on": ran,
         "starts": watch.lives,
-        "survived": times if code == 0 else 0,
+        "survived": ran if code == 0 else 0,
         "events": len(found),
         **lost,
         **score.numbers(e.number for e in found),
@@ -137,7 +137,7 @@ def database(folder: Path, times: int) -> dict[str, Any]:
     return {
         "tried": times,
         "ran_on": ran,
-        "survived": times if code == 0 else 0,
+        "survived": ran if code == 0 else 0,
         "rows": rows,
         "rows_lost": rows - count,
         "events": len(events),

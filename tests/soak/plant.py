@@ -93,7 +93,7 @@ class Logger:
         self._out = path.open("w", encoding="utf-8", buffering=1)
         self._out.write(",".join(["time" if since else "time [s]", *course.titles]) + "\n")
         self.written, self.over = 0, Event()
-        self._stop = Event()
+        self._stop, self._enough = Event(), Event()
         self._thread = Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Logger:
@@ -105,8 +105,16 @@ class Logger:
         self._thread.join()
         self._out.close()
 
+    def finish(self) -> None:
+        """Write on until no fault is there, up to where the next one would begin."""
+        self._enough.set()
+        self.over.wait()
+
     def _run(self) -> None:
+        starts = {fault.since for fault in self._course.planted}
         for k, row in enumerate(self._course.rows):
+            if k in starts and self._enough.is_set():
+                break
             line = ",".join([self._time(k), *row]) + "\n"
             half = len(line) // 2 if k % 7 == 0 else 0
             self._out.write(line[:half])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.live.episode import Episode, Event
+from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.live.journal.store import open_journal
 
 from rulec.simulation.prediction import Injected
@@ -39,13 +40,25 @@ def events_in(lines: Path) -> list[dict[str, Any]]:
 
 
 def rows_of(journal: Path | str) -> tuple[int, list[float]]:
-    """How many rows the state of a journal counts, and times of those that it still holds."""
+    """How many rows the state of a journal counts, and times of those that it still holds; none
+    where no state is kept yet."""
+    try:
+        with closing(open_journal(str(journal), make=False)) as opened:
+            saved = opened.state("abc")
+    except JournalRefused:  # it is not made yet
+        saved = None
+    return (0, []) if saved is None else _rows(saved.state, str(journal))
+
+
+def rows_in(state: Path) -> tuple[int, list[float]]:
+    """The same of a state in a file."""
+    return _rows(state.read_bytes(), str(state)) if state.exists() else (0, [])
+
+
+def _rows(state: bytes, name: str) -> tuple[int, list[float]]:
     from rulec_runtime.live.state import from_bytes
 
-    with closing(open_journal(str(journal), make=False)) as opened:
-        saved = opened.state("abc")
-    assert saved is not None
-    memory, _ = from_bytes(compiled("abc"), saved.state, str(journal))
+    memory, _ = from_bytes(compiled("abc"), state, name)
     return memory.count, [float(t) for t in memory.recent.time]
 
 
@@ -121,10 +134,10 @@ def by_name(events: Sequence[Event], planted: Sequence[Injected]) -> dict[str, i
 
 
 def forms_against_plant(
-    events: Sequence[dict[str, Any]], planted: Sequence[Injected]
+    events: Sequence[dict[str, Any]], planted: Sequence[Injected], end: float = float("inf")
 ) -> dict[str, Any]:
     """As `against_plant`, of events as they stand in a file of lines."""
-    return against_plant([_read(e) for e in events], planted)
+    return against_plant([_read(e) for e in events], planted, end)
 
 
 def _read(form: dict[str, Any]) -> Event:

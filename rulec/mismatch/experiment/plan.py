@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.refusal import Refusal
 from rulec_runtime.recordings.recording import Recording
 
 from rulec.effects.model_builder import ModelBuilder
@@ -35,7 +36,7 @@ from rulec.mismatch.search.settled.standing import Again, refitted_again
 from rulec.separation.allowed import PlantLimits, allowed_of
 
 
-class ExperimentRefused(Exception):
+class ExperimentRefused(Refusal):
     """No experiment can be planned; the message says why and what to do."""
 
 

@@ -1,4 +1,7 @@
-"""Where results go: stories to the terminal, machine forms to a file or standard output."""
+"""Where results go: stories to the terminal, files and machine forms to a file or standard output.
+
+`-` in the place of a file is standard output; stories then go to standard error.
+"""
 
 from __future__ import annotations
 
@@ -9,26 +12,75 @@ from typing import Any
 
 from rich.console import Console
 
-from rulec_runtime.output.terminal import machine_text, terminal, write_machine_text
+from rulec_runtime.output.progress import Progress
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import (
+    machine_text,
+    say_aside,
+    terminal,
+    write_document,
+    write_machine_text,
+)
 from rulec_runtime.output.write_file import write_text
 
-FILES = ("json", "output", "trace", "series")
-"""Options that name a file to write, where ``-`` is standard output."""
+STANDARD_OUTPUT = "-"
+
+FILES = ("output", "json", "report", "trace", "series", "csv")
+"""Options that name a file which a command writes."""
 
 
 def console(options: argparse.Namespace) -> Console:
-    """Console of a command: standard output, or standard error while a result goes to the
-    former."""
-    return terminal(aside=any(getattr(options, name, None) == "-" for name in FILES))
+    """Console of a command: standard output, or standard error where something else goes to the
+    former; nothing with `--quiet`."""
+    return terminal(aside=bool(_to_standard_output(options)), quiet=is_quiet(options))
+
+
+def is_quiet(options: argparse.Namespace) -> bool:
+    """Whether nothing but results and mistakes is to be said."""
+    return bool(getattr(options, "quiet", False))
+
+
+def note_aside(options: argparse.Namespace, text: str) -> None:
+    """Say something beside the story, unless it is to be quiet."""
+    if not is_quiet(options):
+        say_aside(text)
+
+
+def progress_of(options: argparse.Namespace, doing: str) -> Progress:
+    """Shows what a command is doing while it takes its time."""
+    return Progress(f"rulec {options.command}", doing, quiet=is_quiet(options))
+
+
+def check_outputs(options: argparse.Namespace) -> None:
+    """Raises `Misused`, before long work is done, for an output that cannot be written."""
+    several = _to_standard_output(options)
+    if len(several) > 1:
+        raise Misused(f"only one of {' and '.join(several)} can go to standard output")
+    lacking = without_folder(options, *(name for name in FILES if name != "output"))
+    if lacking is not None:
+        raise Misused(lacking)
 
 
 def without_folder(options: argparse.Namespace, *names: str) -> str | None:
     """What to say of an output file that cannot be written, before long work is done for it."""
     for name in names:
-        target = getattr(options, name)
-        if target not in (None, "-") and not Path(target).parent.is_dir():
+        target = getattr(options, name, None)
+        if target not in (None, STANDARD_OUTPUT) and not Path(target).parent.is_dir():
             return f"--{name} {target}: there is no such folder"
     return None
+
+
+def _to_standard_output(options: argparse.Namespace) -> list[str]:
+    """Options that send something to standard output."""
+    return [f"--{n}" for n in FILES if getattr(options, n, None) == STANDARD_OUTPUT]
+
+
+def write_to(target: str, text: str) -> None:
+    """Write a text to a file, or to standard output."""
+    if target == STANDARD_OUTPUT:
+        write_document(text)
+    else:
+        write_text(Path(target), text)
 
 
 def write_json(options: argparse.Namespace, data: Any) -> None:
@@ -37,7 +89,7 @@ def write_json(options: argparse.Namespace, data: Any) -> None:
     if target is None:
         return
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    if target == "-":
+    if target == STANDARD_OUTPUT:
         write_machine_text(text)
     else:
         write_text(Path(target), machine_text(text))

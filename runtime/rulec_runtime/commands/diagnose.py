@@ -3,65 +3,61 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 
-from rich.console import Console
-
-from rulec_runtime.commands.destinations import console, write_json
-from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.commands.destinations import (
+    check_outputs,
+    console,
+    progress_of,
+    write_json,
+    write_to,
+)
 from rulec_runtime.contract.ruleset_file import read_ruleset
-from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.diagnosis.trace import trace
+from rulec_runtime.output.progress import Progress
 from rulec_runtime.output.terminal import styled
-from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.module_results import holds_results
 from rulec_runtime.recordings.recording import read_recording
-from rulec_runtime.report.json_form import diagnosis_form, trace_csv
-from rulec_runtime.report.page import report
+from rulec_runtime.report.judged import Judged, judged, judged_results
 from rulec_runtime.report.terminal_story import explain
 from rulec_runtime.report.truth import read_truth
 
 
-def run(
-    options: argparse.Namespace,
-    load: Callable[[Path], Ruleset] = read_ruleset,
-    complete: Callable[[Diagnosis], Diagnosis] | None = None,
-) -> int:
-    """Diagnose a recording; findings are a result, so the exit code is 0 either way.
-
-    `load` makes a ruleset of what was named: where there is a compiler, of a plant as well.
-    `complete` adds what only a simulation can say.
-    """
-    out = console(options)
-    ruleset = load(Path(options.plant))
-    with _waiting(out, "reading and judging the recording"):
-        recording = read_recording(Path(options.recording), ruleset)
+def run(options: argparse.Namespace) -> int:
+    """Diagnose a recording; findings are a result, so the exit code is 0 either way."""
+    check_outputs(options)
+    ruleset = read_ruleset(Path(options.plant))
+    with progress_of(options, "reading and judging the recording") as progress:
+        file = Path(options.recording)
+        if holds_results(file, ruleset):
+            found = judged_results(file, ruleset, options.mode, options.truth is not None)
+            told(options, found, progress)
+            return 0
+        recording = read_recording(file, ruleset)
         truth = read_truth(Path(options.truth), ruleset, recording) if options.truth else None
-        diagnosis = diagnose(recording, ruleset, options.mode)
-        if complete is not None:
-            diagnosis = complete(diagnosis)
-    explain(out, diagnosis)
-    if options.trace or options.report:
-        with _waiting(out, "judging every sample"):
-            result = trace(recording, ruleset, options.mode)
-    if options.trace:
-        write_text(Path(options.trace), trace_csv(result, ruleset))
-        out.print(styled("[dim]one row per sample: {}[/]", options.trace))
-    if options.report:
-        with _waiting(out, "drawing the report"):
-            name = Path(options.recording).resolve().name
-            page = report(recording, diagnosis, result, name, truth)
-        write_text(Path(options.report), page)
-        out.print(styled("[dim]report: {}[/]", options.report))
-    elif truth is not None:
-        note = "[dim]note: only a report (--report FILE.html) compares with the truth[/]"
-        out.print(styled(note))
-    write_json(options, diagnosis_form(diagnosis))
+        name = file.resolve().name
+        told(options, judged(recording, ruleset, name, options.mode, truth), progress)
     return 0
 
 
-def _waiting(out: Console, what: str) -> AbstractContextManager[object]:
-    """A spinner while something takes its time, where somebody watches."""
-    return out.status(what) if out.is_terminal else contextlib.nullcontext()
+def told(options: argparse.Namespace, found: Judged, progress: Progress) -> None:
+    """Tell what was found, and write what was asked for."""
+    trace = page = ""
+    if options.trace or options.report:
+        progress("judging every sample")
+        trace = found.trace_csv() if options.trace else ""
+    if options.report:
+        progress("drawing the report")
+        page = found.page()
+    progress.end()
+    out = console(options)
+    explain(out, found.diagnosis)
+    if options.trace:
+        write_to(options.trace, trace)
+        out.print(styled("[dim]one row per sample: {}[/]", options.trace))
+    if options.report:
+        write_to(options.report, page)
+        out.print(styled("[dim]report: {}[/]", options.report))
+    elif found.truth is not None:
+        note = "[dim]note: only a report (--report FILE.html) compares with the truth[/]"
+        out.print(styled(note))
+    write_json(options, found.form())

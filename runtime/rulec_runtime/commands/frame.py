@@ -9,19 +9,9 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Callable
-from typing import NoReturn
-
-REFUSALS = (
-    "RecordingRefused",
-    "RulesetRefused",
-    "SourceRefused",
-    "JournalRefused",
-    "PageRefused",
-    "JournalTrouble",
-)
-"""Exceptions of the runtime whose message is for the user."""
-
+from argparse import SUPPRESS
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
 
 RECORDING = (
     "file (CSV, Parquet, Excel, MAT, MDF, TDMS, HDF5), FILE#TABLE for one table of it, a folder of "
@@ -32,6 +22,14 @@ RECORDING = (
 
 class Parser(argparse.ArgumentParser):
     """Quotes wrong arguments as text: a script may have handed over anything."""
+
+    def parse_args(self, arguments: Any = None, namespace: Any = None) -> Any:
+        """As any parser; without any argument it shows its help, as wrong usage."""
+        given = sys.argv[1:] if arguments is None else arguments
+        if not given:
+            self.print_help(sys.stderr)
+            self.exit(2)
+        return super().parse_args(given, namespace)
 
     def error(self, message: str) -> NoReturn:
         from rulec_runtime.output.terminal import one_line
@@ -51,8 +49,8 @@ def prepare_process() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def carried_out(run: Callable[[], int], message: Callable[[Exception], str | None]) -> int:
-    """Exit code of a command; `message` words a user's mistake, and has none for our own bug."""
+def carried_out(run: Callable[[], int], name: str) -> int:
+    """Exit code of a command of this name; a user's mistake becomes a message, our own bug none."""
     try:
         code = run()
         sys.stdout.flush()
@@ -65,11 +63,11 @@ def carried_out(run: Callable[[], int], message: Callable[[Exception], str | Non
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        text = message(error)
-        if text is None:
+        code, text = _told(error, name)
+        if not code:
             raise
         _say(text)
-        return 1
+        return code
 
 
 def _say(message: str) -> None:
@@ -79,21 +77,56 @@ def _say(message: str) -> None:
     say_aside(message)
 
 
-def message_of(error: Exception, refusals: tuple[str, ...] = REFUSALS) -> str | None:
-    """Text for a user's mistake with a file; None for anything else."""
+def _told(error: Exception, name: str) -> tuple[int, str]:
+    """Exit code and text for a user's mistake; the code is 0 for anything else."""
+    from rulec_runtime.output.refusal import Misused, Refusal
     from rulec_runtime.output.terminal import one_line
 
-    if type(error).__name__ in refusals:
-        return one_line(f"rulec: {error}")
+    if isinstance(error, Refusal):
+        return 1, error.for_terminal()
+    if isinstance(error, Misused):
+        return 2, one_line(f"{name}: {error}")
     if isinstance(error, OSError):
-        return one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
-    return None
+        return 1, one_line(f"rulec: {error.filename or 'file'}: {error.strerror or error}")
+    return 0, ""
+
+
+class Version(argparse.Action):
+    """Says the version of a distribution and ends; that is looked up only then."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **rest: Any) -> None:
+        self._distribution = str(rest.pop("distribution"))
+        super().__init__(option_strings, dest, nargs=0, help="say the version", default=SUPPRESS)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import version
+
+        from rulec_runtime.output.terminal import write_machine_text
+
+        write_machine_text(f"{self._distribution} {version(self._distribution)}\n")
+        parser.exit()
+
+
+def version_option(parser: argparse.ArgumentParser, distribution: str) -> None:
+    """The option of the whole command that says its version."""
+    parser.add_argument("--version", action=Version, distribution=distribution)
+
+
+def quiet_option(parser: argparse.ArgumentParser) -> None:
+    """The option that every command has."""
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="say nothing but results asked for and mistakes"
+    )
 
 
 def diagnose_options(diagnose: argparse.ArgumentParser, plant: str) -> None:
     """Options of `diagnose`; `plant` names what it takes."""
     diagnose.add_argument("plant", metavar=plant)
-    diagnose.add_argument("recording", metavar="RECORDING", help=RECORDING)
+    diagnose.add_argument(
+        "recording",
+        metavar="RECORDING",
+        help=f"{RECORDING}; or results of observers in the modules' controllers",
+    )
     diagnose.add_argument(
         "--mode",
         choices=("default", "paper"),
@@ -161,8 +194,8 @@ def watch_options(watch: argparse.ArgumentParser, plant: str) -> None:
     watch.add_argument(
         "--waiting",
         metavar="FOLDER",
-        help="where events wait while database or broker are gone (default: that of the journal's "
-        "or the state's file)",
+        help="where events wait while database or broker are gone or a disk is full (default: that "
+        "of the journal's, the state's or the events' file)",
     )
     watch.add_argument(
         "--until-end", action="store_true", help="end where a file ends, instead of waiting"

@@ -7,12 +7,12 @@ from typing import Any
 
 from rich.console import Console
 
-from rulec_runtime.commands.destinations import without_folder
+from rulec_runtime.commands.destinations import check_outputs, console
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.export import csv_pieces, json_pieces, put
 from rulec_runtime.live.journal.listing import tell
 from rulec_runtime.live.journal.refused import JournalRefused, needs
-from rulec_runtime.output.terminal import styled, terminal
+from rulec_runtime.output.terminal import styled
 
 FAILED = 3
 """Exit code where an active episode has a status that the user asked to fail on."""
@@ -23,13 +23,10 @@ def run(options: argparse.Namespace) -> int:
     needs("sqlalchemy", "journal")
     from rulec_runtime.live.journal.store import open_journal
 
-    if wrong := without_folder(options, "csv", "json"):
-        raise JournalRefused(wrong)
-    if options.csv == options.json == "-":
-        raise JournalRefused("only one of --csv and --json can go to standard output")
+    check_outputs(options)
     if (options.ack is None) != (options.by is None):
         raise JournalRefused("to take note of an episode give both --ack EPISODE and --by NAME")
-    out = terminal(aside="-" in (options.csv, options.json))
+    out = console(options)
     journal = open_journal(options.journal, make=False)
     try:
         plants = journal.plants()

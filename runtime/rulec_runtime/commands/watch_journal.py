@@ -11,7 +11,7 @@ from rulec_runtime.commands.waiting import closed, waiting_in
 from rulec_runtime.live.journal.notes import Notes
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalTrouble, needs
-from rulec_runtime.live.journal.sinks import JournalSink, WatchSink
+from rulec_runtime.live.journal.sinks import KeptSink, WatchSink
 from rulec_runtime.live.view.limits import PAST
 from rulec_runtime.live.view.present import Present
 from rulec_runtime.output.terminal import say_aside
@@ -31,7 +31,7 @@ class KeptJournal:
     @property
     def sink(self) -> WatchSink:
         """Where events and states go."""
-        return JournalSink(self._outbox)
+        return KeptSink(self._outbox)
 
     def saved(self) -> tuple[bytes, str] | None:
         """The latest state, in the journal or what waits for it, and where that is.
@@ -64,7 +64,9 @@ class KeptJournal:
         def ended() -> None:
             self._outbox.close()  # first: an episode must be there to be acknowledged
             if left := notes.close():
-                say_aside(f"{self._journal.place}: {counted(left, 'acknowledgement')} not written")
+                text = f"{self._journal.place}: {counted(left, 'acknowledgement')} not written"
+                kept = notes.file is not None and notes.file.exists()
+                say_aside(text + f"; {notes.file} keeps what waits for the next start" * kept)
 
         stack.callback(ended)
 

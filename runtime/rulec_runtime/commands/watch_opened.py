@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from rulec_runtime.commands.destinations import console
+from rulec_runtime.commands.watch_files import KeptFiles, kept_files
 from rulec_runtime.commands.watch_journal import KeptJournal, kept_journal
 from rulec_runtime.commands.watch_sinks import host_and_port, sinks_of
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import state
 from rulec_runtime.live.caught_up import CaughtUp, caught_up
 from rulec_runtime.live.follower import Memory, nothing_yet
-from rulec_runtime.live.journal.sinks import FileSink, WatchSink
+from rulec_runtime.live.journal.sinks import WatchSink
 from rulec_runtime.live.rows import Source
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import extra
@@ -51,14 +52,19 @@ def opened(
     journal = None
     if options.journal:
         journal = kept_journal(options.journal, ruleset.plant, folder, stack, unwritten)
-    memory, position = _restored(ruleset, options.state, journal)
-    sinks = sinks_of(options, ruleset, folder or _beside(options.state, journal), stack)
+    waiting = folder or (None if journal is None else journal.folder)
+    named = (options.events, options.state, ruleset.plant, waiting)
+    files = kept_files(*named, stack, unwritten)
+    memory, position = _restored(ruleset, files, journal)
+    beside = None if files is None else files.folder
+    sinks = sinks_of(options, ruleset, waiting or beside, stack)
     map_path = Path(options.map) if options.map else None
     source: Source = open_source(options.source, ruleset, map_path, position or None)
     stack.callback(source.close)
-    files = [sink for sink in sinks if isinstance(sink, FileSink)]
-    if ahead := [event for sink in files for event in sink.ahead(memory.number)]:
-        memory, source = caught_up(memory, ahead), CaughtUp(source, ahead)
+    if files is not None:
+        sinks.insert(0, files.sink)
+        if ahead := files.ahead(memory.number):
+            memory, source = caught_up(memory, ahead), CaughtUp(source, ahead)
     out = console(options)
     first = styled("[dim]watching {} of plant {}; Ctrl-C ends[/]", options.source, ruleset.plant)
     out.print(first, soft_wrap=True)
@@ -81,22 +87,16 @@ def _waiting(options: argparse.Namespace) -> Path | None:
     return Path(options.waiting) if options.waiting else None
 
 
-def _beside(kept: str | None, journal: KeptJournal | None) -> Path | None:
-    """The folder for them if none is named: that of the state."""
-    if journal is not None:
-        return journal.folder
-    return Path(kept).parent if kept else None
-
-
 def _restored(
-    ruleset: Ruleset, kept: str | None, journal: KeptJournal | None
+    ruleset: Ruleset, files: KeptFiles | None, journal: KeptJournal | None
 ) -> tuple[Memory, Mapping[str, Any]]:
     """What was remembered when the process ended, and how far the source was read."""
-    if journal is not None and (saved := journal.saved()) is not None:
-        return state.from_bytes(ruleset, *saved)
-    if kept and Path(kept).exists():
-        return state.from_bytes(ruleset, Path(kept).read_bytes(), kept)
-    return nothing_yet(ruleset, False), {}
+    saved = [] if files is None else files.saved()
+    if journal is not None and (kept := journal.saved()) is not None:
+        saved.append(kept)
+    found = [state.from_bytes(ruleset, *one) for one in saved]
+    latest = max(found, key=lambda one: (one[0].number, one[0].count), default=None)
+    return (nothing_yet(ruleset, False), {}) if latest is None else latest
 
 
 def _page(where: str, present: Present, acknowledge: Acknowledge, stack: ExitStack) -> str:

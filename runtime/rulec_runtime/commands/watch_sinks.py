@@ -1,4 +1,4 @@
-"""Where a watch tells what it finds, beside the journal: files, a broker, an OPC UA server."""
+"""Where a watch tells what it finds, beside what it keeps: a broker, an OPC UA server."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from pathlib import Path
 from rulec_runtime.commands.waiting import closed, waiting_in
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.live import limits
-from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal.refused import JournalRefused, needs
-from rulec_runtime.live.journal.sinks import FileSink, HealthSink, MqttSink, WatchSink
+from rulec_runtime.live.journal.sinks import HealthSink, MqttSink, WatchSink
 from rulec_runtime.output.terminal import say_aside
 
 CERTIFICATES = ("own.der", "own.pem", "trusted")
@@ -22,14 +21,8 @@ CERTIFICATES = ("own.der", "own.pem", "trusted")
 def sinks_of(
     options: argparse.Namespace, ruleset: Ruleset, folder: Path | None, stack: ExitStack
 ) -> list[WatchSink]:
-    """All that the options name but the journal; `folder` is where events may wait."""
+    """All that the options name and that keeps no state; `folder` is where events may wait."""
     sinks: list[WatchSink] = []
-    if options.events or options.state:
-        lines = LinesFile(Path(options.events)) if options.events else None
-        if lines is not None:
-            stack.callback(lines.close)
-        kept = Path(options.state) if options.state else None
-        sinks.append(FileSink(ruleset.plant, lines, kept))
     if options.mqtt:
         sinks.append(_mqtt(options, ruleset.plant, folder, stack))
     elif options.mqtt_ca:

@@ -8,10 +8,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
-from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.plan import Array, Plan
 from rulec_runtime.output.json_file import DIGEST, digest_of
+
+Size = TypeVar("Size", float, Array)
 
 FORMAT_VERSION = 3
 
@@ -60,8 +62,8 @@ class SignalSpec:
         low, high = self.lowest, self.highest
         return -math.inf if low is None else low, math.inf if high is None else high
 
-    def shown(self, value: float) -> float:
-        """A value, SI, as the sensor shows it, in its own unit."""
+    def shown(self, value: Size) -> Size:
+        """A value, SI, or several, as the sensor shows it, in its own unit."""
         return (value - self.offset) / self.factor
 
 

@@ -16,9 +16,10 @@ from typing import Any
 from rulec_runtime.contract.plan import OPERATIONS, UNARY, Plan
 from rulec_runtime.contract.ruleset import FORMAT_VERSION, UNCERTAINTIES, Ruleset, Simulation
 from rulec_runtime.output.json_file import DIGEST, Damaged, digest_of, read_json
+from rulec_runtime.output.refusal import Refusal
 
 
-class RulesetRefused(Exception):
+class RulesetRefused(Refusal):
     """The file is no ruleset of this version; the message says what to do."""
 
 

@@ -66,7 +66,7 @@ def assembled(
     """What sensors and physics say, put together and in order of time."""
     recording = health.recording
     missing = (f"{name} is not in the recording" for name in recording.missing)
-    letters = {f.condition.status for f in health.findings} | {_status(found, judged)}
+    letters = {f.condition.status for f in health.findings} | {status_of(found, judged)}
     return Diagnosis(
         ruleset=ruleset,
         mode=mode,
@@ -131,7 +131,7 @@ def restless(samples: int) -> str:
     return f"no settled stretch was found: no {needed} samples in a row without a jump"
 
 
-def _status(found: Found, judged: int) -> str:
+def status_of(found: Found, judged: int) -> str:
     """NE 107 letter of what physics says."""
     letters = {f.fault.status for f in found.findings} | ({"S"} if found.unknown else set())
     return worst(letters if judged else letters | {"C"})

@@ -6,38 +6,17 @@ known. An episode is what an operator would call one and the same thing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from rulec_runtime.contract.degree import degree_in_figures
-from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import Ruleset
 from rulec_runtime.diagnosis.diagnose import Diagnosis
-from rulec_runtime.diagnosis.steady.findings import Finding, Period
+from rulec_runtime.diagnosis.stores.windows import rows_of_a_finding
 from rulec_runtime.limits import HEADLINE_RIVAL
 from rulec_runtime.live import limits
-from rulec_runtime.live.episode import Episode, Event, Kind, What
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sight:
-    """How far a diagnosis looks, s: since when, until which row, and until which settled one;
-    `usual` is how long something that is no fault lasts before it is told. `time` are those of the
-    rows, shape (n,); `pause` is in how many rows nothing may be seen of an episode that goes on."""
-
-    since: float
-    until: float
-    settled: float
-    usual: float
-    time: Array
-    pause: int
-
-    def rows_between(self, first: float, last: float) -> int:
-        """Rows later than one time and before another. While there are none, nothing ends."""
-        after = np.searchsorted(self.time, first, "right")
-        return int(np.searchsorted(self.time, last, "left") - after)
+from rulec_runtime.live.episode import Episode, Event, What
+from rulec_runtime.live.sight import Sight, episodes_of
 
 
 def changes(
@@ -52,7 +31,9 @@ def changes(
     `known` are those told before that are active, or may still be seen; `number` is that of the
     last event.
     """
-    seen = _merged(episodes_of(ruleset, diagnosis, sight), sight)
+    seen = _merged(episodes_of(diagnosis, sight), sight)
+    # Windows are cut anew with every row, so what a few rows say of a plant that stores may waver.
+    wait = 0 if ruleset.dynamics is None else rows_of_a_finding(len(sight.time))
     told: list[tuple[What, str, Episode]] = []
     kept: list[Episode] = []
     for old in known:
@@ -60,12 +41,17 @@ def changes(
             kept.append(old)
             continue
         mine = [one for one in seen if _same(old, one, sight)]
+        if not mine and _may_return(old, known, seen, sight, wait):
+            kept.append(old)
+            continue
         seen = [one for one in seen if one not in mine]
         now = replace(
             mine[-1] if mine else old, id=old.id, since=min([old.since, *(e.since for e in mine)])
         )
         if not mine:
             now = replace(now, active=False)
+        elif now.active and not old.active and sight.rows_between(old.until, now.until) < wait:
+            now = old
         kept.append(now)
         what = _what(old, now, bool(mine), sight)
         if what is not None:
@@ -81,46 +67,6 @@ def changes(
         for i, (what, text, episode) in enumerate(told)
     )
     return tuple(kept), tuple(events)
-
-
-def episodes_of(ruleset: Ruleset, diagnosis: Diagnosis, sight: Sight) -> Iterator[Episode]:
-    """All that a diagnosis tells and that lasts."""
-    for finding in diagnosis.findings:
-        yield _of_fault(finding)
-    for sensor in diagnosis.sensors:
-        yield Episode(
-            id=_id(sensor.id, sensor.since),
-            kind="sensor",
-            subject=sensor.id,
-            module=sensor.module,
-            status=sensor.condition.status,
-            since=sensor.since,
-            until=sensor.until,
-            active=sensor.active,
-            text=sensor.text,
-            action=sensor.condition.action,
-            probability=sensor.probability,
-        )
-    others: tuple[tuple[Kind, str, tuple[Period, ...]], ...] = (
-        ("unknown", "S", diagnosis.unknown),
-        ("blind", "C", diagnosis.not_judged),
-    )
-    for kind, status, periods in others:
-        for period in periods:
-            active = period.until >= sight.settled
-            until = sight.until if active else period.until
-            if until - period.since >= sight.usual:
-                yield Episode(
-                    id=_id(kind, period.since),
-                    kind=kind,
-                    subject=period.text if kind == "blind" else "",
-                    module="",
-                    status=status,
-                    since=period.since,
-                    until=until,
-                    active=active,
-                    text=period.text,
-                )
 
 
 def _merged(episodes: Iterable[Episode], sight: Sight) -> list[Episode]:
@@ -149,32 +95,6 @@ def _at_one_time(one: Episode, other: Episode) -> bool:
     return one.since <= other.until and other.since <= one.until
 
 
-def _of_fault(finding: Finding) -> Episode:
-    fault = finding.fault
-    return Episode(
-        id=_id(fault.id, finding.since),
-        kind="fault",
-        subject=fault.id,
-        module=fault.module,
-        status=fault.status,
-        since=finding.since,
-        until=finding.until,
-        active=finding.active,
-        text=finding.text,
-        action=fault.action,
-        degree=finding.degree,
-        lower=finding.lower,
-        upper=finding.upper,
-        unit=fault.unit,
-        probability=finding.probability,
-        alternatives=finding.alternatives,
-    )
-
-
-def _id(subject: str, since: float) -> str:
-    return f"{subject}@{since:.3f}"
-
-
 def _same(old: Episode, new: Episode, sight: Sight) -> bool:
     """Is it what was told before? A fault may have another name by now: one of those that fitted
     about as well."""
@@ -191,6 +111,20 @@ def _goes_on(first: Episode, second: Episode, sight: Sight) -> bool:
     """Does one follow the other with next to no rows between them?"""
     between = sight.rows_between(first.until, second.since)
     return first.until < second.since and between <= sight.pause
+
+
+def _may_return(
+    old: Episode, known: Sequence[Episode], seen: Sequence[Episode], sight: Sight, wait: int
+) -> bool:
+    """Is it too early to say that something is there no more? That takes as many rows as it takes
+    to say that it is there, unless a fault begins that explains the same rows."""
+    if not old.active or old.kind not in ("fault", "unknown"):
+        return False
+    for one in seen:
+        new = not any(_same(other, one, sight) for other in known)
+        if new and one.kind == "fault" and _at_one_time(old, one):
+            return False
+    return sight.rows_between(old.until, sight.until) < wait
 
 
 def _what(old: Episode, now: Episode, found: bool, sight: Sight) -> What | None:

@@ -21,10 +21,11 @@ from rulec_runtime.diagnosis.sensors.judge import examine
 from rulec_runtime.diagnosis.steady.findings import Found, Period
 from rulec_runtime.diagnosis.steady.seen import Seen, judgeable, see_points
 from rulec_runtime.live import limits
-from rulec_runtime.live.changes import Sight, changes
+from rulec_runtime.live.changes import changes
 from rulec_runtime.live.episode import Episode, Event
 from rulec_runtime.live.history import History, history_of, joined, some
 from rulec_runtime.live.rows import Rows
+from rulec_runtime.live.sight import Sight
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.stationary import Stretches
 from rulec_runtime.recordings.wall_clock import Calendar

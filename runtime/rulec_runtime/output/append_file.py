@@ -48,11 +48,13 @@ class Appended:
 
     def cut(self) -> None:
         """Take off what stands behind the last whole line."""
-        os.ftruncate(self._file, self._size)
+        if os.fstat(self._file).st_size > self._size:
+            os.ftruncate(self._file, self._size)
 
     def add(self, text: str) -> None:
         """Add whole lines; on the disk when this returns. Raises OSError, and nothing is added."""
         data = text.encode("utf-8", "backslashreplace")
+        self.cut()  # where that failed last time
         try:
             left = memoryview(data)
             while left:

@@ -43,9 +43,9 @@ class Terminal(Console):
             yield segment if segment.control else segment._replace(text=shown(segment.text))
 
 
-def terminal(aside: bool = False) -> Terminal:
-    """The console of standard output; `aside`, of standard error."""
-    return Terminal(stderr=aside)
+def terminal(aside: bool = False, quiet: bool = False) -> Terminal:
+    """The console of standard output; `aside`, of standard error; `quiet`, of nobody."""
+    return Terminal(stderr=aside, quiet=quiet)
 
 
 def say_aside(message: str) -> None:
@@ -104,6 +104,16 @@ def write_machine_text(text: str) -> None:
     sys.stdout.write(machine_text(text))
 
 
-def write_table_text(text: str) -> None:
-    """Put a file on standard output: as it is for a program, harmless for a terminal."""
-    sys.stdout.write(shown(text) if sys.stdout.isatty() else text)
+def write_document(text: str) -> None:
+    """Put what would be a file on standard output: the same bytes, but on a terminal, which obeys
+    nothing that stands in it."""
+    if sys.stdout.isatty():
+        sys.stdout.write(shown(text))
+        return
+    raw = getattr(sys.stdout, "buffer", None)
+    if raw is None:
+        sys.stdout.write(text)
+        return
+    sys.stdout.flush()
+    raw.write(text.encode("utf-8", "backslashreplace"))
+    raw.flush()

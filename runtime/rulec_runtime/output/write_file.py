@@ -19,12 +19,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
-from rulec_runtime.output.terminal import write_table_text
-
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 _NEW |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-
-STANDARD_OUTPUT = Path("-")
 
 _DEVICES = ("/dev", "/proc")
 """Folders whose entries stand for what is open already, as /dev/stdout does."""
@@ -58,13 +54,8 @@ def written(path: Path) -> Iterator[TextIO]:
     """A file to write to, packed if its name ends with .gz; it is there when all is written.
 
     A link is replaced, not followed: nothing is written where the link points. What is no file
-    (a pipe, a terminal, /dev/null, /dev/stdout) is written through; ``-`` is standard output.
+    (a pipe, a terminal, /dev/null, /dev/stdout) is written through.
     """
-    if path == STANDARD_OUTPUT:
-        text = io.StringIO(newline="")
-        yield text
-        write_table_text(text.getvalue())
-        return
     part: Path | None = None
     try:
         through = _is_through(path)

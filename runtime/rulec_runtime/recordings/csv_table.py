@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rulec_runtime.contract.plan import Array
+from rulec_runtime.output.refusal import Refusal
 
 _QUOTED = re.compile(r'"[^"]*"')
 _NODE_ID = re.compile(r"\b(?:nsu?=[^;,\t]*;)?[isgb]=")
@@ -20,7 +21,7 @@ BLANK = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 """Cells that say "no value" without being a surprise."""
 
 
-class RecordingRefused(Exception):
+class RecordingRefused(Refusal):
     """The file cannot be used as a recording; the message says why and what to do."""
 
 

@@ -70,6 +70,11 @@ def assign(
             unit = unit.strip() or beside
             meant = [(name, *_conversion(path, title, unit, signals[name], ruleset, notes))]
             _tell_other(path, title, beside, "its title", meant[0][1:], ruleset, notes)
+        elif result_of(name, ruleset):
+            raise RecordingRefused(
+                f"{path}: '{title}' is a result of a module's observer; only rulec diagnose takes "
+                "such a file"
+            )
         else:
             if title:
                 header.strangers.append(title)
@@ -85,6 +90,12 @@ def assign(
     if header.time < 0:
         expected = ruleset.time_column or "time [s]"
         raise RecordingRefused(f"{path}: there is no time column; expected '{expected}'")
+
+
+def result_of(name: str, ruleset: Ruleset) -> bool:
+    """Is a column the estimate of an observer, as its module reports it?"""
+    kind, _, observer = name.partition(":")
+    return kind == "q" and observer in ruleset.observer_by_id
 
 
 def parts_of(title: str) -> tuple[str, str]:

@@ -86,12 +86,23 @@ def read_recording(path: Path, ruleset: Ruleset) -> Recording:
     column map knows. Raises `RecordingRefused` with a message for the operator.
     """
     notes: list[str] = []
+    files = (read_file(name, ruleset, notes) for name in files_of(path))
+    return recording_of(path, files, ruleset, notes)
+
+
+def recording_of(
+    path: Path, files: Iterable[RecordingFile], ruleset: Ruleset, notes: list[str]
+) -> Recording:
+    """What was read from one file, or from those of a folder, as one recording.
+
+    `path` is what the user knows it by, `notes` what was said of the files. Raises
+    `RecordingRefused`.
+    """
     strangers: dict[str, None] = {}
     parts = []
     lost: list[tuple[int, str]] = []
     scales: dict[str, tuple[float, float]] = {}
-    for name in files_of(path):
-        file = read_file(name, ruleset, notes)
+    for file in files:
         scales |= {t.signal: (t.factor, t.offset) for t in file.header.targets}
         strangers.update(dict.fromkeys(file.header.strangers))
         if file.left_out:

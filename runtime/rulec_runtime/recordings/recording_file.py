@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -90,20 +91,26 @@ def read_file(path: Path, ruleset: Ruleset, notes: list[str]) -> RecordingFile:
         )
     title, unit, zone = header.time_title, header.time_unit, ruleset.time_zone
     time, zones = read_times(path, table.kept[0], title, unit, ruleset.units, zone, notes)
-    values = {}
-    for column, target in zip(table.columns, header.targets, strict=True):
-        most = largest_reading(ruleset.signal_by_id[target.signal])
-        values[target.signal] = _readings(path, column, target, most, notes)
-    comma = any("," in column.decimals for column in table.columns)
     return RecordingFile(
         path=path,
         header=header,
         time=time,
-        values=values,
+        values=readings_of(path, table.columns, header, ruleset, notes),
         zones=zones,
-        comma=comma,
+        comma=any("," in column.decimals for column in table.columns),
         left_out=table.left_out,
     )
+
+
+def readings_of(
+    path: Path, columns: Sequence[Column], header: Header, ruleset: Ruleset, notes: list[str]
+) -> dict[str, Array]:
+    """Per signal its readings, shape (n,), SI; `columns` are those of the header's targets."""
+    values = {}
+    for column, target in zip(columns, header.targets, strict=True):
+        most = largest_reading(ruleset.signal_by_id[target.signal])
+        values[target.signal] = _readings(path, column, target, most, notes)
+    return values
 
 
 def largest_reading(signal: SignalSpec) -> float:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from rulec_runtime.recordings.wall_clock import Calendar, duration
 
 ENDED, TO_THE_END, UNSETTLED, UNJUDGED = None, "", "not settled", "not judged"
+BRIEFLY_GONE = "not seen, too briefly to be over"
 """What is behind a finding: stretches that show it no more, the end of the recording, or a part
-that moves or cannot be judged, in which it may go on."""
+that moves, cannot be judged, or is too short to tell, in which it may go on."""
 
 
 def moment(calendar: Calendar | None, time: float, before: float | None = None) -> str:

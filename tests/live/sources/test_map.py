@@ -12,6 +12,7 @@ from rulec_runtime.live.sources.growing_file import GrowingFile
 from rulec_runtime.live.sources.map import MQTT, OPCUA, Kind, SourceMap, read_map
 from rulec_runtime.live.sources.open import open_source
 from rulec_runtime.live.sources.refused import SourceRefused
+from rulec_runtime.live.sources.sparkplug import Sparkplug
 from rulec_runtime.recordings.csv_table import RecordingRefused
 
 from tests.conftest import ROOT
@@ -101,13 +102,15 @@ def test_maps_of_the_page_are_read(
     monkeypatch.setenv("PLANT_PASSWORD", "x")
     for name in ("watch.der", "watch.pem", "plant.der"):
         (tmp_path / name).touch()
-    one, several, secured, broker = BLOCK.findall(
+    one, several, secured, broker, sparkplug = BLOCK.findall(
         (ROOT / "docs" / "connect-a-source.md").read_text(encoding="utf-8")
     )
     assert len(read(tmp_path, abc, one).channels) == 3
     assert [s.name for s in read(tmp_path, abc, several).servers] == ["A", "B"]
     assert read(tmp_path, abc, one + secured).servers[0].access.policy == "Basic256Sha256"
     assert len(read(tmp_path, abc, broker, MQTT).channels) == 4
+    births = Sparkplug(read(tmp_path, abc, sparkplug, MQTT).channels)
+    assert births.topics == ["spBv1.0/site/+/edge1/#", "spBv1.0/site/+/edge2/#"]
 
 
 def test_a_source_is_opened_by_its_text(

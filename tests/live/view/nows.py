@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 from rulec_runtime.diagnosis.diagnose import Diagnosis, diagnose
-from rulec_runtime.live.changes import Sight, episodes_of
 from rulec_runtime.live.episode import Episode, Event, What
 from rulec_runtime.live.now import Now
+from rulec_runtime.live.sight import Sight, episodes_of
 from rulec_runtime.recordings.recording import Recording, read_recording
 from rulec_runtime.recordings.wall_clock import Calendar
 
@@ -45,10 +45,10 @@ def diagnosed(name: str, rows: int = 9999, stuck: str = "") -> Diagnosis:
 
 def episodes(diagnosis: Diagnosis, until: float) -> Iterator[Episode]:
     """What a diagnosis tells that lasts, however short, at the time of its last row."""
-    since, rules = -np.inf, diagnosis.ruleset
+    since = -np.inf
     times = np.array([since, until])
     sight = Sight(since=since, until=until, settled=since, usual=since, time=times, pause=1)
-    yield from episodes_of(rules, diagnosis, sight)
+    yield from episodes_of(diagnosis, sight)
 
 
 def now_of(diagnosis: Diagnosis, **changed: object) -> Now:

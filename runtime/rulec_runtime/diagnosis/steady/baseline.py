@@ -26,6 +26,7 @@ from rulec_runtime.diagnosis.steady.redundancy import (
     patterns_of,
     residual_basis,
 )
+from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 
 
 @dataclass(frozen=True)
@@ -188,9 +189,9 @@ def against(
         observed,
         offsets=offsets,
         covariance=covariance,
-        residuals=observed.residuals - _signed(ruleset, offsets),
-        residual_u=_spreads(ruleset, covariance),
-        residual_systematic=_spreads(ruleset, lasting),
+        residuals=observed.residuals - signed(ruleset, offsets),
+        residual_u=spreads(ruleset, covariance),
+        residual_systematic=spreads(ruleset, lasting),
     )
 
 
@@ -202,24 +203,3 @@ def _same(at: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
         yield int(indexes[0]), slice(None)
         return
     yield from zip(indexes.tolist(), np.split(order, starts[1:]), strict=True)
-
-
-def _signed(ruleset: Ruleset, offsets: Array) -> Array:
-    """Offsets of the residuals, shape (residuals, n)."""
-    row = ruleset.observer_index
-    sums = [sum(t.sign * offsets[row[t.observer]] for t in r.terms) for r in ruleset.residuals]
-    return np.array(sums).reshape(-1, offsets.shape[1])
-
-
-def _spreads(ruleset: Ruleset, covariance: Array) -> Array:
-    """Standard uncertainties of the residuals, shape (residuals, n)."""
-    row = ruleset.observer_index
-    points_last = np.moveaxis(covariance, 0, -1)
-    result = np.zeros((len(ruleset.residuals), len(covariance)))
-    for i, residual in enumerate(ruleset.residuals):
-        places = [row[t.observer] for t in residual.terms]
-        signs = np.array([float(t.sign) for t in residual.terms])
-        own = points_last[np.ix_(places, places)]
-        variance = np.einsum("i,ijn,j->n", signs, own, signs)
-        result[i] = np.sqrt(np.maximum(variance, 0.0))
-    return result

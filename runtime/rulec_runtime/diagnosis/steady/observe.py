@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rulec_runtime import limits
 from rulec_runtime.contract.plan import Array
 from rulec_runtime.contract.ruleset import ObserverSpec, Ruleset, SignalSpec
+from rulec_runtime.diagnosis.steady.signed_sums import signed, spreads
 from rulec_runtime.recordings.recording import Recording
 from rulec_runtime.recordings.slow_motion import lag_errors
 from rulec_runtime.recordings.stationary import Stretches, systematic_u
@@ -188,18 +189,61 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
     names = [n for n in ruleset.plan.outputs if n.split(":", 1)[0] in ("q", "guard", "R", "u")]
     n = max((len(v) for v in points.values.values()), default=0)
     results = ruleset.plan.select(names).run(plan_inputs(points))
-    spreads = [f"u:{r.id}" for r in ruleset.residuals]
+    of_residuals = [f"u:{r.id}" for r in ruleset.residuals]
     lasting_u = points.with_lag(points.systematic)
-    systematic = ruleset.plan.select(spreads).run(plan_inputs(points, lasting_u))
+    systematic = ruleset.plan.select(of_residuals).run(plan_inputs(points, lasting_u))
     out = {name: np.broadcast_to(v, (n,)) for name, v in results.items()}
     observers = ruleset.observers
     flows = np.array([out[f"q:{o.id}"] for o in observers])
     valid = np.isfinite(flows)
     for i, observer in enumerate(observers):
         valid[i] &= _usable(ruleset, observer, points, out, n)
-    scatter, noise, lasting, shared, late = _errors(ruleset, points, n)
+    slopes = ruleset.plan.select(slope_names(ruleset)).run(plan_inputs(points, _units(points, n)))
+    lasting = [np.broadcast_to(systematic[name], (n,)) for name in of_residuals]
+    residuals = (
+        np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
+        np.array([out[name] for name in of_residuals]).reshape(-1, n),
+        np.array(lasting).reshape(-1, n),
+    )
+    observed = with_errors(ruleset, points, flows, valid, slopes, residuals)
+    return replace(observed, extrapolated=_extrapolated(ruleset, points))
+
+
+def slope_names(ruleset: Ruleset) -> tuple[str, ...]:
+    """Outputs of the plan that are slopes of estimates: ``s:<observer>:<error>``."""
+    return tuple(name for name in ruleset.plan.outputs if name.startswith("s:"))
+
+
+def _units(points: Points, n: int) -> dict[str, Array]:
+    """Uncertainties with which slopes by readings are plain derivatives."""
+    return dict.fromkeys(points.values, np.ones(n))
+
+
+def with_errors(
+    ruleset: Ruleset,
+    points: Points,
+    flows: Array,
+    valid: np.ndarray,
+    slopes: Mapping[str, Array],
+    residuals: tuple[Array, Array, Array] | None = None,
+) -> Observed:
+    """Estimates with their errors, and nothing out of the calibrated range.
+
+    Parameters
+    ----------
+    flows, valid : shape (observers, n), m3/s.
+    slopes : per name of `slope_names` an array, shape (n,): derivatives by readings, m3/s per SI,
+        and by other errors times their standard uncertainty, m3/s.
+    residuals : residuals, their uncertainties and the parts of these that do not average out, each
+        of shape (residuals, n), m3/s; by default as they follow from the estimates.
+    """
+    scatter, noise, lasting, shared, late = _errors(ruleset, points, slopes, flows.shape[1])
     with np.errstate(invalid="ignore"):
-        valid &= late <= limits.TOO_FAST * np.abs(flows)
+        valid = valid & (late <= limits.TOO_FAST * np.abs(flows))
+    covariance = noise + lasting
+    if residuals is None:
+        whole, stays = spreads(ruleset, covariance), spreads(ruleset, covariance - scatter)
+        residuals = signed(ruleset, flows), whole, stays
     return Observed(
         points=points,
         flows=flows,
@@ -208,13 +252,11 @@ def observe(ruleset: Ruleset, points: Points) -> Observed:
         scatter=scatter,
         shared=shared,
         offsets=np.zeros_like(flows),
-        covariance=noise + lasting,
-        residuals=np.array([out[f"R:{r.id}"] for r in ruleset.residuals]).reshape(-1, n),
-        residual_u=np.array([out[name] for name in spreads]).reshape(-1, n),
-        residual_systematic=np.array(
-            [np.broadcast_to(systematic[name], (n,)) for name in spreads]
-        ).reshape(-1, n),
-        extrapolated=_extrapolated(ruleset, points),
+        covariance=covariance,
+        residuals=residuals[0],
+        residual_u=residuals[1],
+        residual_systematic=residuals[2],
+        extrapolated={},
     )
 
 
@@ -241,13 +283,12 @@ def flows_at(ruleset: Ruleset, points: Points) -> Array:
     return np.array([np.broadcast_to(results[name], (n,)) for name in names])
 
 
-def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Array, Array, Array]:
+def _errors(
+    ruleset: Ruleset, points: Points, slopes: Mapping[str, Array], n: int
+) -> tuple[Array, Array, Array, Array, Array]:
     """Covariances, shape (n, observers, observers), of the noise of readings, of all that is new
     at every point and of what stays over a recording, gradients by the latter, shape
     (observers, errors, n), and standard uncertainties by lags alone, shape (observers, n)."""
-    names = [name for name in ruleset.plan.outputs if name.startswith("s:")]
-    unit = dict.fromkeys(points.values, np.ones(n))
-    slopes = ruleset.plan.select(names).run(plan_inputs(points, unit))
     row = ruleset.observer_index
     scatter: Gradients = {}
     misfits: Gradients = {}
@@ -255,14 +296,14 @@ def _errors(ruleset: Ruleset, points: Points, n: int) -> tuple[Array, Array, Arr
     late = np.zeros((len(row), n))
     # A reading beyond all limits has no slope; its estimate is not used.
     with np.errstate(invalid="ignore"):
-        for name in names:
+        for name in slopes:
             _, observer, error = name.split(":", 2)
             if error in ruleset.misfits:
                 misfits.setdefault(error, {})[row[observer]] = slopes[name]
                 lasting.setdefault(error, {})
                 continue
             systematic: Array | float = 1.0
-            if error in points.values:
+            if error in points.u:
                 systematic = points.systematic[error]
                 own = slopes[name] * points.statistical(error)
                 scatter.setdefault(error, {})[row[observer]] = own
@@ -326,6 +367,8 @@ def reason(ruleset: Ruleset, observed: Observed, observer: int, point: int) -> s
     for name in inputs_first:
         signal = ruleset.signal_by_id[name]
         values = observed.points.values.get(name)
+        if values is None and name in observed.points.bad:
+            return f"{spec.id}: its module says that it may not be used"
         if values is None:
             return f"{name} is not in the recording"
         if not np.isfinite(values[point]):

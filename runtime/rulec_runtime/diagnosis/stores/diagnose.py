@@ -22,7 +22,7 @@ from rulec_runtime.diagnosis.stores.misfit import Weighed, weighed
 from rulec_runtime.diagnosis.stores.spells import Cause, Spell, spells_of
 from rulec_runtime.diagnosis.stores.windows import NO_READING, Windows, windows_of
 from rulec_runtime.recordings.recording import Recording
-from rulec_runtime.recordings.when import ENDED, TO_THE_END, UNJUDGED
+from rulec_runtime.recordings.when import BRIEFLY_GONE, ENDED, TO_THE_END, UNJUDGED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ def judge_stores(recording: Recording, ruleset: Ruleset) -> StoresJudged:
         elif spell.cause is None:
             said.unknown.append(Period(since, until, _unknown(ruleset, found, spell)))
         else:
-            said.findings.append(_finding(ruleset, windows, found, spell, spell.cause))
+            said.findings.append(_finding(ruleset, windows, found, spells, spell, spell.cause))
     return StoresJudged(
         windows=windows,
         weighed=found,
@@ -96,7 +96,12 @@ def _unknown(ruleset: Ruleset, found: Weighed, spell: Spell) -> str:
 
 
 def _finding(
-    ruleset: Ruleset, windows: Windows, found: Weighed, spell: Spell, cause: Cause
+    ruleset: Ruleset,
+    windows: Windows,
+    found: Weighed,
+    spells: Sequence[Spell],
+    spell: Spell,
+    cause: Cause,
 ) -> Finding:
     fault, judged, model = ruleset.fault_by_id[cause.fault], found.judged, found.judge.model
     since, until = _times(judged, spell)
@@ -124,16 +129,30 @@ def _finding(
         (),
         judged[strongest].known.windows,
         fault.text.replace("{degree}", degree_in_words(fault, cause.degree)),
-        _behind(windows, judged, spell, until),
+        _behind(windows, judged, spells, spell, fault.id, until),
     )
 
 
-def _behind(windows: Windows, judged: Sequence[Judged], spell: Spell, until: float) -> str | None:
-    """What follows a spell: windows that were judged, the end, or what could not be."""
-    if any(one.plain is not None for one in judged[spell.last :]):
+def _behind(
+    windows: Windows,
+    judged: Sequence[Judged],
+    spells: Sequence[Spell],
+    spell: Spell,
+    fault: str,
+    until: float,
+) -> str | None:
+    """What follows a spell: windows that say that it is over, as many as say that a fault is there;
+    the end; or what could not be judged."""
+    # Those that deviate may hold a part of the fault, unless something else is told of them.
+    other = {i for one in spells if not one.brief for i in one.members}
+    behind = [i for i in range(spell.last, len(judged)) if judged[i].lacks(fault)]
+    gone = sum(not judged[i].deviating or i in other for i in behind)
+    if gone >= limits.WINDOWS_IN_A_ROW:
         return ENDED
     last = max(float(piece.time[-1]) for piece in windows.pieces)
-    return TO_THE_END if until >= last else UNJUDGED
+    if until >= last:
+        return TO_THE_END
+    return BRIEFLY_GONE if behind else UNJUDGED
 
 
 def _sound(

@@ -16,7 +16,7 @@ from rulec_runtime.diagnosis.steady.evidence import Evidence, Latest
 from rulec_runtime.diagnosis.steady.isolate import alarm_chance, quantile
 from rulec_runtime.diagnosis.steady.redundancy import chi_square_limit
 from rulec_runtime.diagnosis.stores.judge import Judge, Judged
-from rulec_runtime.diagnosis.stores.spells import Cause, Spell
+from rulec_runtime.diagnosis.stores.spells import Cause, Spell, windows_needed
 from rulec_runtime.diagnosis.stores.window_fit import Guess, Model
 from rulec_runtime.diagnosis.stores.windows import Window, Windows
 from rulec_runtime.simulation.balances import RanAway
@@ -47,26 +47,39 @@ def evidence_of(
 
 
 def latest_of(judge: Judge, judged: Sequence[Judged]) -> Latest | None:
-    """What the balances without a fault leave of each reading in the last window, as its root mean
-    square, beside that from which on the reading alone would deviate; None where no window could
-    be followed."""
-    one = next((one for one in reversed(judged) if one.plain is not None), None)
-    if one is None or one.plain is None:
+    """What the balances without a fault leave of each reading, as its root mean square, beside that
+    from which on the reading alone makes a window deviate; None where no window could be followed.
+
+    A finding takes some windows in a row, so of as many that are the last ones it is the window
+    where the reading fits best: none is beyond its threshold while nothing is told.
+    """
+    there = [i for i, one in enumerate(judged) if one.plain is not None]
+    if not there:
         return None
-    model, chance = judge.model, alarm_chance(len(judged)) / 2
+    last = judged[there[-1]].window
+    of_piece = [judged[i] for i in there if judged[i].window.piece == last.piece]
+    latest = of_piece[-windows_needed(judged, there[-1]) :]
+    chance = quantile(alarm_chance(len(judged)) / 2)
     entries = []
-    for i, name in enumerate(model.dynamics.outputs):
-        error = one.plain.error[np.isfinite(one.plain.error[:, i]), i]
-        if not len(error):
-            entries.append(Evidence(name, 0.0, 0.0, 0.0, 0.0, "invalid", "0"))
-            continue
-        freedom = max(int(len(error) * judge.share[i]) - len(model.dynamics.states), 1)
-        limit = chi_square_limit(freedom, quantile(chance)) / len(error)
-        u = float(model.spread[i] * np.sqrt(limit)) / threshold_of(1.0)
-        value = float(np.sqrt(np.mean(error**2)))
-        entries.append(Evidence(name, value, u, 0.0, threshold_of(u), sign_of(value, u), "0"))
-    time = one.window.time
-    return Latest(float(time[0]), float(time[-1]), tuple(entries))
+    for i, name in enumerate(judge.model.dynamics.outputs):
+        found = [one for one in (_left(judge, one, i, chance) for one in latest) if one]
+        value, u = min(found, key=lambda one: one[0] / one[1], default=(0.0, 0.0))
+        verdict = sign_of(value, u) if found else "invalid"
+        entries.append(Evidence(name, value, u, 0.0, threshold_of(u), verdict, "0"))
+    return Latest(float(latest[0].window.time[0]), float(last.time[-1]), tuple(entries))
+
+
+def _left(judge: Judge, one: Judged, output: int, chance: float) -> tuple[float, float] | None:
+    """Root mean square that a window leaves of an output, and its uncertainty by which that alone
+    would make the window deviate; None without a reading."""
+    assert one.plain is not None
+    error = one.plain.error[:, output]
+    error = error[np.isfinite(error)]
+    if not len(error):
+        return None
+    limit = chi_square_limit(one.freedom, chance) / len(error)
+    u = float(judge.model.spread[output] * np.sqrt(limit)) / threshold_of(1.0)
+    return float(np.sqrt(np.mean(error**2))), u
 
 
 def _worst(model: Model, window: Window, shown: Array) -> np.ndarray:

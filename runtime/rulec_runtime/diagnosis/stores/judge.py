@@ -54,6 +54,12 @@ class Judged:
     floor: Mapping[str, float]
     tests: Mapping[str, Tested] = field(default_factory=dict)
 
+    def lacks(self, fault: str) -> bool:
+        """Would it show a fault, and does not?"""
+        if self.plain is None or fault not in self.floor:
+            return False
+        return not (fault in self.tests and self.tests[fault].fits)
+
 
 @dataclass(frozen=True)
 class Judge:

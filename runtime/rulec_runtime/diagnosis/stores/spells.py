@@ -70,13 +70,13 @@ def _runs(judged: Sequence[Judged]) -> Iterator[range]:
             first = i
 
 
-def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -> Iterator[Spell]:
-    """One fault for all windows of a run if there is such a one; else one after the other."""
-    beside = sum(j.window.piece == judged[run[0]].window.piece for j in judged)
-    needed = min(limits.WINDOWS_IN_A_ROW, beside)
-    if _fitting(judged, run):
-        yield _spell(judged, run, order, needed)
-        return
+def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -> list[Spell]:
+    """One fault for all windows of a run if there is such a one; else one after the other. Where
+    none of them persists, though the deviation does, nothing known fits."""
+    needed = windows_needed(judged, run[0])
+    if names := _fitting(judged, run):
+        return [_spell(judged, run, names, order, needed)]
+    found = []
     first = run.start
     while first < run.stop:
         last, common = first + 1, _accepted(judged[first])
@@ -86,14 +86,35 @@ def _explained(judged: Sequence[Judged], run: range, order: Mapping[str, int]) -
                 break
             common &= more
             last += 1
-        yield _spell(judged, range(first, last), order, needed)
+        found.append(_spell(judged, range(first, last), common, order, needed))
         first = last
+    if len(run) >= needed and all(spell.brief for spell in found):
+        return [Spell(run.start, run.stop, None, False)]
+    return found
 
 
-def _spell(judged: Sequence[Judged], run: range, order: Mapping[str, int], needed: int) -> Spell:
-    names = _fitting(judged, run)
-    cause = _cause(judged, _inside(run), sorted(names, key=order.__getitem__)) if names else None
+def windows_needed(judged: Sequence[Judged], place: int) -> int:
+    """In how many windows in a row a finding must hold, in the piece of one of them."""
+    beside = sum(one.window.piece == judged[place].window.piece for one in judged)
+    return min(limits.WINDOWS_IN_A_ROW, beside)
+
+
+def _spell(
+    judged: Sequence[Judged], run: range, names: set[str], order: Mapping[str, int], needed: int
+) -> Spell:
+    cause = None
+    if names:
+        throughout = _throughout(judged, run, names)
+        cause = _cause(judged, throughout, sorted(names, key=order.__getitem__))
     return Spell(run.start, run.stop, cause, len(run) < needed)
+
+
+def _throughout(judged: Sequence[Judged], run: range, names: set[str]) -> list[int]:
+    """Windows that tell faults apart: those inside that one of them fits, and one at an edge that
+    all of them fit. Where none does, a fault begins or ends, or something else comes in."""
+    inside = _inside(run)
+    fitting = {i: names & _accepted(judged[i]) for i in run}
+    return [i for i in run if fitting[i] and (i in inside or fitting[i] == names)]
 
 
 def _inside(run: range) -> range:
@@ -114,7 +135,7 @@ def _fitting(judged: Sequence[Judged], run: range) -> set[str]:
     return {name for name, count in counts.items() if count >= limits.FITS_MOST * len(inside)}
 
 
-def _cause(judged: Sequence[Judged], inside: range, names: Sequence[str]) -> Cause:
+def _cause(judged: Sequence[Judged], inside: Sequence[int], names: Sequence[str]) -> Cause:
     """The most probable of some faults; each sample counts once, though it is in two windows."""
     weight = 0.5 if len(inside) > 1 else 1.0
     evidence = np.zeros((len(names), 1))
@@ -128,6 +149,7 @@ def _cause(judged: Sequence[Judged], inside: range, names: Sequence[str]) -> Cau
     best = int(np.argmax(probability))
     top = float(probability[best])
     tests = [judged[i].tests[names[best]] for i in inside if names[best] in judged[i].tests]
+    tests = [test for test in tests if test.fits] or tests
     degrees, u = np.array([t.degree for t in tests]), np.array([t.u for t in tests])
     degree = float(np.average(degrees, weights=1.0 / np.maximum(u, limits.LEAST_U_STORES) ** 2))
     # Lasting errors are the same in all windows: many of them tell no more than one.

@@ -74,15 +74,14 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
     """Cut a recording at pauses, thin it, and cut it into windows."""
     dynamics = ruleset.dynamics
     assert dynamics is not None
-    factor = -(-len(recording) // limits.SAMPLES_FITTED)
+    factor = _averaged(len(recording))
     pieces = [
         _piece(recording, ruleset, dynamics, part, factor)
         for part in _pieces(recording)
         if part.stop - part.start >= factor
     ]
     count = sum(len(p.time) for p in pieces)
-    length = count // limits.WINDOWS_SIDE_BY_SIDE
-    length = int(np.clip(length, limits.SHORT_WINDOW, limits.LONG_WINDOW))
+    length = _length(count)
     members: list[Window] = []
     short: list[tuple[float, float]] = []
     for number, piece in enumerate(pieces):
@@ -102,6 +101,23 @@ def windows_of(recording: Recording, ruleset: Ruleset) -> Windows:
         thinned=factor,
         too_short=tuple(short),
     )
+
+
+def rows_of_a_finding(count: int) -> int:
+    """Rows of the windows in a row that a finding takes, of a recording of so many."""
+    factor = _averaged(count)
+    return (limits.WINDOWS_IN_A_ROW + 1) * _length(count // factor) * factor // 2
+
+
+def _averaged(count: int) -> int:
+    """Samples that are averaged, of so many."""
+    return max(-(-count // limits.SAMPLES_FITTED), 1)
+
+
+def _length(count: int) -> int:
+    """Samples of a window."""
+    length = count // limits.WINDOWS_SIDE_BY_SIDE
+    return int(np.clip(length, limits.SHORT_WINDOW, limits.LONG_WINDOW))
 
 
 def _pieces(recording: Recording) -> Iterator[slice]:

@@ -29,7 +29,11 @@ class LinesFile:
         self.place = str(path)
         self._path = path
         self._last: dict[str, int] = {}
-        self._open()
+        try:
+            self._file = self._opened()
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise JournalRefused(f"{self.place}: {reason}") from None
 
     def last(self, plant: str) -> int:
         """Number of the last event of a plant; 0 before any."""
@@ -40,7 +44,7 @@ class LinesFile:
         none."""
         found = [
             record
-            for other, record in self._records()
+            for other, record in self._records(self._file)
             if other == plant and record["number"] > number
         ]
         return [event_from(record) for record in found]
@@ -50,54 +54,55 @@ class LinesFile:
     ) -> None:
         """Add events that are not there yet; states are not kept. Raises `JournalTrouble` if the
         disk is full, `JournalRefused` for another event of a number that is taken."""
-        new = {event.number: form_for(event, plant, dated) for event in events}
-        if not new:
+        forms = {event.number: form_for(event, plant, dated) for event in events}
+        if not forms:
             return
         try:
             if not self._file.still_there():
-                self._file.close()
-                self._open()
-            if min(new) <= self._last.get(plant, 0):
-                self._without_known(plant, new)
-            self._file.add("".join(json_line(new[n]) for n in sorted(new)))
+                moved, self._file = self._file, self._opened()
+                moved.close()
+            last = self.last(plant)
+            if min(forms) <= last:
+                self._check_known(plant, forms)
+            # What is known and not in this file is in one that was moved away.
+            if new := [n for n in sorted(forms) if n > last]:
+                self._file.add("".join(json_line(forms[n]) for n in new))
         except OSError as error:
             raise JournalTrouble(f"{self.place}: {error.strerror or error}") from None
-        self._last[plant] = max(self._last.get(plant, 0), *new) if new else self._last[plant]
+        self._last[plant] = max([last, *new])
 
     def close(self) -> None:
         """Let others write."""
         self._file.close()
 
-    def _open(self) -> None:
-        """Open the file, if it is one of ours; what a killed process left unfinished goes."""
+    def _opened(self) -> Appended:
+        """The file, if it is one of ours; what a killed process left unfinished goes.
+
+        Raises OSError where it cannot be opened now."""
         try:
-            self._file = Appended(self._path)
+            file = Appended(self._path)
         except BlockingIOError:
             raise JournalRefused(f"{self.place}: another process writes into it") from None
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise JournalRefused(f"{self.place}: {reason}") from None
         try:
-            for plant, record in self._records():
+            for plant, record in self._records(file):
                 self._last[plant] = max(record["number"], self._last.get(plant, 0))
-            half = self._file.half(len(_BEGINS)).rstrip(b"\0")
+            half = file.half(len(_BEGINS)).rstrip(b"\0")
             if not _BEGINS.startswith(half):
                 raise JournalRefused(f"{self.place}: its last line is no event; name another file")
-            self._file.cut()
+            file.cut()
         except BaseException:
-            self._file.close()
+            file.close()
             raise
+        return file
 
-    def _without_known(self, plant: str, new: dict[int, Record]) -> None:
-        for other, record in self._records():
+    def _check_known(self, plant: str, forms: dict[int, Record]) -> None:
+        for other, record in self._records(self._file):
             number = record["number"]
-            if other == plant and number in new:
-                if record != new[number]:
-                    raise other_content(self.place, plant, number, record, new[number])
-                del new[number]
+            if other == plant and record != forms.get(number, record):
+                raise other_content(self.place, plant, number, record, forms[number])
 
-    def _records(self) -> Iterator[tuple[str, Record]]:
-        for i, line in enumerate(self._file.lines(), start=1):
+    def _records(self, file: Appended) -> Iterator[tuple[str, Record]]:
+        for i, line in enumerate(file.lines(), start=1):
             try:
                 if len(line) > limits.LONGEST_LINE:
                     raise Damaged("it is too long")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rulec_runtime.live.journal import limits
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
+from rulec_runtime.live.journal.spill import Note, notes_beside, spill_notes, waiting_notes
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.outbox import Outbox
@@ -20,9 +21,11 @@ if TYPE_CHECKING:
 class Notes:
     """Writes in a thread of its own, so nobody who acknowledges waits for the database.
 
-    `seen` gets the ids of all episodes of the plant that somebody has taken note of, also by
-    `rulec journal`: at once, and again when they have changed. An episode that is not in the
-    journal yet is waited for, as long as its events wait in the outbox.
+    What waits is kept in a file beside that of the outbox before `put` returns, so it outlives
+    this process; what one before has left there is written first. `seen` gets the ids of all
+    episodes of the plant that somebody has taken note of, also by `rulec journal`: at once, and
+    again when they have changed. An episode that is not in the journal yet is waited for, as long
+    as its events wait in the outbox. Raises `JournalRefused` if the file cannot be read.
     """
 
     def __init__(
@@ -35,18 +38,22 @@ class Notes:
     ) -> None:
         self._journal, self._outbox, self._plant = journal, outbox, plant
         self._say, self._seen = say, seen
-        self._waiting: deque[tuple[str, str, float]] = deque()
+        self.file = None if outbox.file is None else notes_beside(outbox.file)
+        left = () if self.file is None else waiting_notes(self.file, plant)
+        self._waiting = deque(left)
         self._known: frozenset[str] | None = None
         self._closing = False
         self._changed = Condition()
+        seen(frozenset(note.episode for note in left))
         self._thread = Thread(target=self._run, name="notes", daemon=True)
         self._thread.start()
 
     def put(self, episode: str, by: str) -> None:
         """Somebody takes note of an episode now; returns at once."""
         with self._changed:
-            if all(episode != other for other, _, _ in self._waiting):
-                self._waiting.append((episode, by, time.time()))
+            if all(episode != note.episode for note in self._waiting):
+                self._waiting.append(Note(episode, by, time.time()))
+                self._keep()
             self._changed.notify_all()
 
     def close(self) -> int:
@@ -74,16 +81,22 @@ class Notes:
     def _write(self) -> float:
         """What waits, one by one; s until it makes sense to try again."""
         for _ in range(len(self._waiting)):
-            episode, by, at = self._waiting[0]
+            note = self._waiting[0]
             try:
-                self._journal.acknowledge(self._plant, episode, by, at)
+                self._journal.acknowledge(self._plant, note.episode, note.by, note.at)
             except JournalRefused as error:
                 if self._outbox.pending:
                     return limits.FIRST_RETRY
                 self._say(str(error))
             with self._changed:
                 self._waiting.popleft()
+                self._keep()
         return limits.RENEWED
+
+    def _keep(self) -> None:
+        if self.file is not None:
+            with suppress(OSError):  # where the disk is full here as well, memory has it all
+                spill_notes(self.file, self._plant, self._waiting)
 
     def _read(self) -> None:
         known = self._journal.acknowledged(self._plant)

@@ -84,6 +84,12 @@ class Outbox:
         return self._sink.place
 
     @property
+    def newest(self) -> int:
+        """Number of the last event that waits; 0 if none does."""
+        with self._changed:
+            return self._events[-1].number if self._events else 0
+
+    @property
     def pending(self) -> int:
         """How many events wait to be written."""
         with self._changed:
@@ -107,6 +113,15 @@ class Outbox:
             self._state = state if state is not None or events else self._state
             self._changes += 1
             self._changed.notify_all()
+
+    def settle(self, patience: float = limits.BUSY) -> None:
+        """Wait until all that was put is written, or it is known that it must wait."""
+
+        def settled() -> bool:
+            return self._idle() or self._trouble is not None or self._refused is not None
+
+        with self._changed:
+            self._changed.wait_for(settled, patience)
 
     def start(self) -> None:
         """Write in a thread of its own from now on."""
@@ -174,17 +189,24 @@ class Outbox:
             self._say(f"{reason}; events are kept and written when it works again")
         self._due = self._clock() + self._wait
         self._wait = min(2 * self._wait, limits.LAST_RETRY)
+        self._notify()
 
     def _stopped(self, reason: str) -> None:
         self._refused = reason
         self._spill_due = self._clock()
         self._say(reason)
+        self._notify()
+
+    def _notify(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
 
     def _done(self, pending: Pending, changes: int, now: float) -> None:
         with self._changed:
             del self._events[: len(pending.events)]
             if self._changes == changes:
                 self._state = None
+            self._changed.notify_all()
         self._written = now
         if self._spilled and self.file is not None:
             with suppress(OSError):  # what stands there is written again, which changes nothing

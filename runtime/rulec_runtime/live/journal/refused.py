@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
+from rulec_runtime.output.refusal import Refusal
 
-class JournalRefused(Exception):
+
+class JournalRefused(Refusal):
     """A journal cannot be used, or not so; the message says why and what to do."""
 
 
-class JournalTrouble(Exception):
+class JournalTrouble(Refusal):
     """Something that may pass: a full disk, a server that is gone. What was to be kept is not kept
     and can be handed over again; the message is for people."""
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal import limits
-from rulec_runtime.live.journal.lines import LinesFile
 from rulec_runtime.live.journal.outbox import Outbox
 from rulec_runtime.live.journal.refused import JournalRefused, JournalTrouble
 from rulec_runtime.live.now import Now
-from rulec_runtime.output.write_file import write_data
 
 if TYPE_CHECKING:
     from rulec_runtime.live.journal.device_health import DeviceHealth
@@ -33,40 +30,22 @@ class WatchSink(Protocol):
         """This is how the plant stands now; called several times a second, returns soon."""
 
 
-class FileSink:
-    """Lines of events, then the file of the state, on the disk before `put` returns."""
+class KeptSink:
+    """What keeps events and state, by way of an outbox: the watch does not go on where that takes
+    nothing any more.
 
-    def __init__(self, plant: str, lines: LinesFile | None, state: Path | None) -> None:
-        self._plant, self._lines, self._state = plant, lines, state
-        self._written = 0 if lines is None else lines.last(plant)
+    Events up to number `written` are there already. If it `waits`, they are on the disk before the
+    next row is judged, unless they must wait.
+    """
 
-    def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
-        if self._lines is not None:
-            new = [event for event in news if event.number > self._written]
-            self._lines.commit(self._plant, new, None, dated=dated)
-        if self._state is not None:
-            # Behind the events: after a kill in between the next watch catches up with them.
-            write_data(self._state, state)
-
-    def ahead(self, number: int) -> list[Event]:
-        """Events beyond the state, which ends with this number: it was killed between the two."""
-        if self._lines is None or self._state is None:
-            return []
-        return self._lines.after(self._plant, number)
-
-    def show(self, now: Now) -> None:
-        pass
-
-
-class JournalSink:
-    """The journal: the watch does not go on where it takes nothing any more."""
-
-    def __init__(self, outbox: Outbox) -> None:
-        self._outbox = outbox
+    def __init__(self, outbox: Outbox, written: int = 0, *, waits: bool = False) -> None:
+        self._outbox, self._written, self._waits = outbox, written, waits
 
     def put(self, news: Sequence[Event], state: bytes, *, dated: bool) -> None:
         self._outbox.dated = dated
-        self._outbox.put(news, state)
+        self._outbox.put([event for event in news if event.number > self._written], state)
+        if self._waits:
+            self._outbox.settle()
 
     def show(self, now: Now) -> None:
         pass

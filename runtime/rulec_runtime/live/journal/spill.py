@@ -1,19 +1,33 @@
-"""Events that wait to be written, in a file: they outlive the process that could not write them."""
+"""What waits to be written, in files: it outlives the process that could not write it."""
 
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 from rulec_runtime.live.episode import Event
 from rulec_runtime.live.journal.form import event_of, record_of
 from rulec_runtime.live.journal.refused import JournalRefused
 from rulec_runtime.output.json_file import Damaged, digest_of, read_json
 from rulec_runtime.output.write_file import written
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Note:
+    """Somebody has taken note of an episode, at a time, s since 1970."""
+
+    episode: str
+    by: str
+    at: float
 
 
 @dataclass(frozen=True)
@@ -30,6 +44,11 @@ def spill_beside(path: Path, plant: str) -> Path:
     return path.with_name(f"{path.name}.{short}.waiting.json")
 
 
+def notes_beside(file: Path) -> Path:
+    """The place for acknowledgements that wait, beside the events that do."""
+    return file.with_name(file.name.replace(".waiting.", ".acknowledged."))
+
+
 def spill(file: Path, plant: str, pending: Pending, dated: bool) -> None:
     """Write what waits, as a whole; raises OSError where that cannot be."""
     state = pending.state
@@ -39,11 +58,7 @@ def spill(file: Path, plant: str, pending: Pending, dated: bool) -> None:
         "events": [record_of(event, dated) for event in pending.events],
         "state": None if state is None else base64.b64encode(state).decode(),
     }
-    data["digest"] = digest_of(data)
-    with written(file) as stream:
-        json.dump(data, stream, allow_nan=False)
-        stream.flush()
-        os.fsync(stream.fileno())
+    _write(file, data)
 
 
 def waiting(file: Path, plant: str) -> Pending:
@@ -51,21 +66,56 @@ def waiting(file: Path, plant: str) -> Pending:
 
     Raises `JournalRefused` for a file of another plant, or one that somebody has changed.
     """
+
+    def pending(data: Any) -> Pending:
+        state = data["state"]
+        events = tuple(event_of(record) for record in data["events"])
+        return Pending(events, None if state is None else base64.b64decode(state, validate=True))
+
+    return _read(file, plant, "events", pending) or Pending()
+
+
+def spill_notes(file: Path, plant: str, notes: Sequence[Note]) -> None:
+    """Write acknowledgements that wait; without any there is no file. Raises OSError where that
+    cannot be."""
+    if not notes:
+        file.unlink(missing_ok=True)
+        return
+    _write(file, {"plant": plant, "notes": [dataclasses.astuple(note) for note in notes]})
+
+
+def waiting_notes(file: Path, plant: str) -> tuple[Note, ...]:
+    """Acknowledgements that were left to be written. Raises `JournalRefused` as `waiting` does."""
+
+    def notes(data: Any) -> tuple[Note, ...]:
+        return tuple(Note(str(episode), str(by), float(at)) for episode, by, at in data["notes"])
+
+    return _read(file, plant, "acknowledgements", notes) or ()
+
+
+def _write(file: Path, data: dict[str, Any]) -> None:
+    data["digest"] = digest_of(data)
+    with written(file) as stream:
+        json.dump(data, stream, allow_nan=False)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _read(file: Path, plant: str, what: str, content: Callable[[Any], T]) -> T | None:
+    """What a file of ours holds; None if it is not there."""
     try:
         data = read_json(file)
         if data["digest"] != digest_of(data):
             raise Damaged("somebody has changed it")
         if data["plant"] != plant:
-            raise Damaged(f"its events are those of {data['plant']}, not of {plant}")
-        state = data["state"]
-        events = tuple(event_of(record) for record in data["events"])
-        return Pending(events, None if state is None else base64.b64decode(state, validate=True))
+            raise Damaged(f"its {what} are those of {data['plant']}, not of {plant}")
+        return content(data)
     except FileNotFoundError:
-        return Pending()
+        return None
     except (Damaged, JournalRefused, KeyError, TypeError, ValueError, AttributeError) as error:
         reason = str(error) if isinstance(error, Damaged) else "it is none that rulec wrote"
         raise JournalRefused(
-            f"{file} should hold events that wait to be written, but {reason}; move it away to "
+            f"{file} should hold {what} that wait to be written, but {reason}; move it away to "
             "start without them"
         ) from None
     except OSError as error:

@@ -53,6 +53,12 @@ class Assembler:
             self._silence[place].heard()
             self._heard.add(place)
 
+    def living(self, places: Iterable[str]) -> None:
+        """Places that are there and have nothing new to say: their values hold."""
+        with self._lock:
+            for place in self._heard.intersection(places):
+                self._silence[place].heard()
+
     def put(self, places: Iterable[str], values: Mapping[str, float], time: float) -> None:
         """What places say at a time, s since 1970; readings in SI, NaN where there is none."""
         with self._lock:

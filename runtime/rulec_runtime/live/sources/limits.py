@@ -112,6 +112,12 @@ GOOD_QUALITY = 192
 """Quality from which on up to 255 a value is good. Origin: standard, OPC Data Access, quality
 flags; also Sparkplug 3.0."""
 
+LONGEST_VARINT = 10
+"""Bytes of a whole number of 64 bits at most. Origin: standard, Protocol Buffers, Encoding."""
+
+SEQUENCE = 256
+"""Numbers of messages before they begin at 0 again. Origin: standard, Eclipse Sparkplug 3.0."""
+
 SAME_UNIT = 1e-6
 """Relative difference of factors up to which two units are the same. Origin: numerical."""
 

@@ -22,6 +22,7 @@ from rulec_runtime.live.sources.map import Channel, SourceMap, conversion
 from rulec_runtime.live.sources.mqtt_payload import BadPayload, Value, values_of
 from rulec_runtime.live.sources.refused import SourceRefused
 from rulec_runtime.live.sources.remarks import Remarks, notice
+from rulec_runtime.live.sources.sparkplug import Heard, Sparkplug
 from rulec_runtime.output.plural import plural
 from rulec_runtime.recordings.recording_file import largest_reading
 
@@ -38,9 +39,11 @@ class Mqtt:
 
     def __init__(self, source: SourceMap, ruleset: Ruleset) -> None:
         self._source, self._remarks = source, Remarks()
+        self._sparkplug = Sparkplug(source.channels)
         place_of = {c.signal.id: c.signal.id for c in source.channels}
-        self._hand = Handover(tuple(place_of))
-        self._rows = Assembler(source, place_of, self._hand, self._remarks)
+        self._place_of = place_of | self._sparkplug.place_of
+        self._hand = Handover(tuple(self._place_of))
+        self._rows = Assembler(source, self._place_of, self._hand, self._remarks)
         self._by_topic: dict[str, list[Channel]] = {}
         self._scales: dict[str, tuple[float, float, float]] = {}
         for channel in source.channels:
@@ -49,6 +52,8 @@ class Mqtt:
             most = largest_reading(channel.signal)
             own = (channel.scale * factor, channel.offset * factor + offset, most)
             self._scales[channel.signal.id] = own
+        plain = [topic for topic in self._by_topic if not self._sparkplug.hears(topic)]
+        self._topics = [*plain, *self._sparkplug.topics]
         self._newest: dict[str, float] = {}
         self._bad: dict[str, str] = {}
         self._gone: float | None = None
@@ -100,17 +105,17 @@ class Mqtt:
         if code.is_failure:
             self._lost(f"the broker refuses: {code.getName()}")
             return
-        client.subscribe([(topic, 1) for topic in self._by_topic])
+        client.subscribe([(topic, 1) for topic in self._topics])
 
     def _on_subscribe(self, _c: Any, _data: Any, _id: Any, codes: Sequence[Any], _p: Any) -> None:
         """Only now does a message of a topic reach us."""
         endpoint = self._source.servers[0].endpoint
-        denied = [t for t, code in zip(self._by_topic, codes, strict=False) if code.is_failure]
+        denied = [t for t, code in zip(self._topics, codes, strict=False) if code.is_failure]
         if denied:
             text = f"{endpoint}: the broker denies the topics {', '.join(denied)}"
             self._hand.notices([notice("refused", now(), text)])
         signals = plural(len(self._scales), "signal", "signals")
-        text = f"{endpoint}: {signals} of {plural(len(self._by_topic), 'topic', 'topics')}"
+        text = f"{endpoint}: {signals} of {plural(len(self._topics), 'topic', 'topics')}"
         unnamed = [c.signal for c in self._source.channels if not c.unit]
         if unnamed:
             text += f"; units of the plant are assumed for {', '.join(s.id for s in unnamed)}"
@@ -146,15 +151,30 @@ class Mqtt:
 
     def receive(self, topic: str, payload: bytes) -> None:
         """A message as it came, whatever it holds."""
+        binary = self._sparkplug.hears(topic) and not payload.lstrip().startswith(b"{")
         channels = self._by_topic.get(topic)
-        if channels is None:
-            return
         try:
-            found = values_of(payload, channels, self._source.time)
+            if binary:
+                self._sparkplugged(self._sparkplug.heard(topic, payload))
+            elif channels is not None:
+                self._found(values_of(payload, channels, self._source.time))
         except BadPayload as bad:
+            # Topics of a subscription with wildcards are the sender's words, as many as it likes.
+            key = topic if channels is not None else "sparkplug"
             text = f"{topic}: a message is left out: {bad}"
-            self._hand.notices(self._remarks.tell("refused", (topic, str(bad)), now(), text))
-            return
+            self._hand.notices(self._remarks.tell("refused", (key, str(bad)), now(), text))
+
+    def _sparkplugged(self, heard: Heard) -> None:
+        """What a message of Sparkplug B says."""
+        for kind, key, text in heard.remarks:
+            self._hand.notices(self._remarks.tell(kind, ("sparkplug", key), now(), text))
+        for place in heard.gone:
+            self._rows.lost(place)
+        self._rows.living(heard.living)
+        self._found(heard.values)
+
+    def _found(self, found: Sequence[tuple[Channel, Value]]) -> None:
+        """Values of a message."""
         here = now()
         values, times = {}, []
         for channel, value in found:
@@ -163,7 +183,7 @@ class Mqtt:
                 values[channel.signal.id] = self._reading(channel, value)
                 times.append(time)
         if values:
-            self._rows.put(values, values, max(times))
+            self._rows.put({self._place_of[name] for name in values}, values, max(times))
 
     def _time(self, stamp: float | None, here: float) -> float:
         """The stamp, s; the time of arrival where there is none, or it is of the future, which is

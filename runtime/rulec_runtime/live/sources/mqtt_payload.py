@@ -42,7 +42,9 @@ def values_of(
     try:
         data = parse_json(payload.decode("utf-8"))
     except UnicodeDecodeError:
-        raise BadPayload("it is not UTF-8 text (Sparkplug in binary form is not read)") from None
+        raise BadPayload(
+            "it is not UTF-8 text (Sparkplug B is read from topics that begin with spBv1.0/)"
+        ) from None
     except (Damaged, ValueError, RecursionError):
         raise BadPayload("it is not JSON") from None
     keys = (stamp_key,) if stamp_key else STAMPS
@@ -76,7 +78,7 @@ def _value(data: Any, keys: Sequence[str], whole: float | None) -> Value:
     if isinstance(data, dict):
         stamp = _stamp(data, keys)
         stamp = whole if stamp is None else stamp
-        bad = "" if _is_good(data.get("quality")) and not data.get("is_null") else "bad quality"
+        bad = "" if is_good(data.get("quality")) and not data.get("is_null") else "bad quality"
         number = _number(data.get("value"))
     else:
         stamp, bad, number = whole, "", _number(data)
@@ -94,7 +96,7 @@ def _number(data: Any) -> float:
     return float("nan")
 
 
-def _is_good(quality: Any) -> bool:
+def is_good(quality: Any) -> bool:
     """Whether a quality says that a value may be used; without one it may."""
     if quality is None or quality is True:
         return True
@@ -112,7 +114,7 @@ def _stamp(data: dict[str, Any], keys: Sequence[str]) -> float | None:
         if isinstance(found, bool) or found is None:
             continue
         if isinstance(found, int | float):
-            return _scaled(float(found)) if abs(found) < 1e300 else None
+            return scaled(float(found)) if abs(found) < 1e300 else None
         if isinstance(found, str) and len(found) < limits.LONGEST_STAMP:
             try:
                 date = datetime.fromisoformat(found.strip())
@@ -122,9 +124,9 @@ def _stamp(data: dict[str, Any], keys: Sequence[str]) -> float | None:
     return None
 
 
-def _scaled(number: float) -> float | None:
+def scaled(number: float, units: Sequence[float] = (1.0, 1e3, 1e6, 1e9)) -> float | None:
     """Seconds; since 2001 and until 2286 a count says itself whether it is of s, ms, us or ns."""
-    for unit in (1.0, 1e3, 1e6, 1e9):
+    for unit in units:
         if limits.EARLIEST <= number / unit < limits.LATEST:
             return number / unit
     return None

@@ -63,7 +63,7 @@ def bars_of(now: Now) -> Bars | None:
     title = "Residuals where the findings show most"
     if not seen and latest is not None:
         seen = {evidence.residual: evidence for evidence in latest.residuals}
-        part = "settled stretch" if ruleset.dynamics is None else "window"
+        part = "settled stretch" if ruleset.dynamics is None else "windows"
         title = f"Residuals of the last {part}, until {moment(now.calendar, latest.until)}"
     if not seen:
         return None

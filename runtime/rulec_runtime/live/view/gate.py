@@ -17,9 +17,10 @@ from urllib.parse import urlsplit
 
 from rulec_runtime.live.network import is_loopback
 from rulec_runtime.live.view.limits import SHORTEST_TOKEN
+from rulec_runtime.output.refusal import Refusal
 
 
-class PageRefused(ValueError):
+class PageRefused(Refusal):
     """A page that would be open to everybody is not served; the text says what to do."""
 
 

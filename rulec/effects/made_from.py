@@ -17,23 +17,32 @@ from rulec.knowledge.sources import Sources
 AGAIN = "run rulec mismatch again"
 
 
-def basis_of(builder: ModelBuilder, recordings: Sequence[Path]) -> dict[str, Any]:
+def basis_of(
+    builder: ModelBuilder, recordings: Sequence[Path], in_memory: bool = False
+) -> dict[str, Any]:
     """Hashes of the plant's files, of the whole knowledge base, and of the recordings, by path.
 
-    Paths are absolute, so that `rulec adopt` finds them wherever it is called.
+    Paths are absolute, so that `rulec adopt` finds them wherever it is called. `in_memory`: other
+    recordings have no path.
     """
     assert builder.sources is not None
     return {
         "plant": _hashes(_plant_files(builder.sources)),
         "given": [recording.resolve().as_posix() for recording in recordings],
         "recordings": _hashes(_files(recordings)),
+        **({"in_memory": True} if in_memory else {}),
     }
 
 
 def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
     """The recordings in the order given, where nothing has changed since the analysis; else raises
     `AdoptRefused`."""
-    _compare("plant", basis.plant, _hashes(_plant_files(sources)))
+    if basis.in_memory:
+        raise AdoptRefused(
+            "a recording was in memory, and it must be read again; give the result of "
+            f"rulec.mismatch itself, or write the recording to a file and {AGAIN}"
+        )
+    check_plant_unchanged(basis, sources)
     recordings = [Path(recording) for recording in basis.given]
     for recording in recordings:
         if recording.name == STANDARD_INPUT.name:
@@ -48,6 +57,11 @@ def check_unchanged(basis: Basis, sources: Sources) -> list[Path]:
             )
     _compare("recording", basis.recordings, _hashes(_files(recordings)))
     return recordings
+
+
+def check_plant_unchanged(basis: Basis, sources: Sources) -> None:
+    """Raises `AdoptRefused` where a file of the plant is another one than in the analysis."""
+    _compare("plant", basis.plant, _hashes(_plant_files(sources)))
 
 
 def _files(recordings: Iterable[Path]) -> list[Path]:

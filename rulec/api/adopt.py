@@ -1,0 +1,198 @@
+"""`rulec.adopt`: the plant that a mismatch asks for, as a new folder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.recordings.mending import mended
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.report.text import number
+
+from rulec.api.frames import Columns
+from rulec.api.given import AnyPath
+from rulec.api.mismatch import MismatchResult
+from rulec.api.reread import Reread, reread
+from rulec.api.result import Result
+from rulec.effects.adopt import Adoption
+from rulec.effects.adopted_plant import adoption_of, put_in_place, write_plant
+from rulec.effects.made_from import AGAIN
+from rulec.effects.repair import AdoptRefused, Proven, Reported
+from rulec.language.diagnostics import Refused
+from rulec.limits import ADOPTED_AGREEMENT
+from rulec.mismatch.answer.public import row_errors, simulated
+from rulec.passes.pipeline import compile_plant
+from rulec.simulation.equations import SimulationRefused
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdoptResult(Result):
+    """A new plant folder, used like any other.
+
+    Attributes
+    ----------
+    plant : the folder.
+    adoption : types of all modules, and what was taken.
+    proven : what was found of the same plant before it was written.
+
+    Table: `errors`, held-out errors of what the new plant predicts.
+    """
+
+    plant: Path
+    adoption: Adoption
+    proven: Proven
+
+    def __repr__(self) -> str:
+        return f"<AdoptResult {self.plant}: {len(self.adoption.taken)} explanations>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was taken, what was not and why, and held-out errors in their units."""
+        return {
+            "plant": self.plant.as_posix(),
+            "taken": [
+                {"id": c.id, "module": c.module, "title": c.title, "equation": c.equation}
+                for c in self.adoption.taken
+            ],
+            "left_out": [{"id": name, "reason": why} for name, why in self.proven.left_out],
+            "errors": [
+                {k: None if v != v else v for k, v in vars(part).items()}
+                for part in self.proven.reported
+            ],
+        }
+
+    def tell(self, out: Console) -> None:
+        """Print what was taken, what not, and how good the new plant is."""
+        for candidate in self.adoption.taken:
+            kind = self.adoption.instances[candidate.module].type
+            what = f"{candidate.module}: {candidate.title}, in {kind.name} version {kind.version}"
+            out.print(styled("[green]✓[/] {}", what))
+            out.print(f"  {candidate.equation}", soft_wrap=True)
+        for name, reason in self.proven.left_out:
+            out.print(styled("[yellow]![/] not adopted: {}: {}", name, reason))
+        if not self.adoption.taken:
+            out.print("values only: no equation was changed")
+        for line in _errors(self.proven.reported, bool(self.adoption.taken)):
+            out.print(line, soft_wrap=True)
+        out.print(styled("[green]✓[/] {}: a plant like any other", self.plant))
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"errors": self._reported}
+
+    def _reported(self) -> Columns:
+        names = ("signal", "unit", "recalibrated", "own", "points")
+        return {name: [getattr(part, name) for part in self.proven.reported] for name in names}
+
+
+def adopt(
+    mismatch: MismatchResult | AnyPath, folder: AnyPath, *, recalibrated: bool = False
+) -> AdoptResult:
+    """Write the plant that a mismatch asks for, with amended module types.
+
+    Parameters
+    ----------
+    mismatch : what `rulec.mismatch` returned, or a JSON file of `rulec mismatch`.
+    folder : new folder, to be used as a plant.
+    recalibrated : write the plain model with recalibrated values alone.
+
+    Raises
+    ------
+    AdoptRefused
+        Nothing may be written, files have changed since, or what was written does not hold.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> rulec.adopt("day.json", "plants/abc-repaired").plant  # doctest: +SKIP
+    PosixPath('plants/abc-repaired')
+    """
+    target = Path(folder)
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise AdoptRefused(f"{target} is not empty; name a new folder")
+    source = reread(mismatch, recalibrated)
+    repair, proven = source.repair, source.proven
+    if proven.edits:
+        raise AdoptRefused(not_connected_so(proven.edits))
+    if proven.refused:
+        raise AdoptRefused(
+            f"nothing is written: {proven.refused}. The plant with recalibrated values alone can "
+            "be written with --recalibrated"
+        )
+    source.check_basis(AdoptRefused)
+    if not repair.joined and not recalibrated:
+        reasons = "; ".join(f"{name}: {why}" for name, why in proven.left_out)
+        raise AdoptRefused(
+            f"nothing was found that a model may hold{f' ({reasons})' * bool(reasons)}; "
+            "recalibrated values alone can be written with --recalibrated"
+        )
+    _, builder = source.opened
+    assert builder.sources is not None
+    source.check_unchanged()
+    adoption = adoption_of(builder, repair)
+    with put_in_place(target) as made:
+        write_plant(made, builder.sources, adoption, repair)
+        _try_out(made, source)
+    return AdoptResult(plant=target, adoption=adoption, proven=proven)
+
+
+def not_connected_so(edits: Sequence[str]) -> str:
+    """Why nothing is done for a plant whose file says otherwise what feeds what, and the remedy."""
+    todo = ". ".join(f"{edit[0].upper()}{edit[1:]}" for edit in edits)
+    return (
+        "nothing is written: the plant file says otherwise than the readings what feeds what, and "
+        f"it is the engineer's. {todo}. Then run rulec mismatch again"
+    )
+
+
+def _try_out(plant: Path, source: Reread) -> None:
+    """Compile a plant, simulate the recordings, and compare with the errors reported.
+
+    Raises `AdoptRefused` where it does not hold.
+    """
+    try:
+        ruleset = compile_plant(plant)
+    except Refused as error:
+        why = f"what was to be written does not compile: {error.briefly}"
+        raise AdoptRefused(why) from None
+    if source.proven.checks:
+        _check_errors(ruleset, source.recording(ruleset), source.proven)
+
+
+def _check_errors(ruleset: Ruleset, readings: Recording, proven: Proven) -> None:
+    lacking = [n for m in proven.misread for n in m.signals if n not in readings.values]
+    if lacking:
+        raise AdoptRefused(f"{lacking[0]} is not in the recording any more; {AGAIN}")
+    readings = mended(readings, proven.misread)
+    try:
+        found = row_errors(ruleset, simulated(ruleset, readings), readings, proven.heldout)
+    except SimulationRefused as error:
+        raise AdoptRefused(f"what was to be written cannot be simulated: {error}") from None
+    for name, reported in proven.checks.items():
+        off = found.get(name, (math.nan, 0))[0]
+        if not abs(off - reported) <= ADOPTED_AGREEMENT * max(abs(reported), 1e-12):
+            unit = ruleset.signal_by_id[name].unit if name in ruleset.signal_by_id else ""
+            raise AdoptRefused(
+                f"nothing is written: simulated over the held-out parts of the recording, {name} "
+                f"is off by {number(off)} {unit}, and {number(reported)} {unit} was found in the "
+                f"analysis; {AGAIN}"
+            )
+
+
+def _errors(reported: Sequence[Reported], amended: bool) -> list[str]:
+    """Errors of the new plant on held-out samples."""
+    lines = []
+    for part in reported:
+        if part.points and math.isfinite(part.own):
+            unit = "" if part.unit == "1" else f" {part.unit}"
+            than = f", recalibrated alone by {number(part.recalibrated)}{unit}" * amended
+            lines.append(
+                f"simulated on {part.points} held-out samples, {part.signal} is off by "
+                f"{number(part.own)}{unit}{than}"
+            )
+    return lines

@@ -1,0 +1,109 @@
+"""`rulec.calibrate`: parameters of a plant fitted to a fault-free recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rich.console import Console
+from rulec_runtime.output.write_file import write_text
+
+from rulec.api.frames import Columns, table_of
+from rulec.api.given import Plant, Recorded, folder_of, names_given, recording_given
+from rulec.api.result import Result
+from rulec.calibration.calibrate import Calibrated, calibrated
+from rulec.calibration.story import tell
+from rulec.calibration.written import calibration_form
+from rulec.passes.pipeline import run_passes
+from rulec.passes.types import Compilation
+
+HEADER = "# Written by rulec calibrate. Name it under 'calibration:' in plant.yaml.\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateResult(Result):
+    """Fitted parameters with their covariance, and how well estimates agree with true flows.
+
+    Tables: `parameters` and `observers`.
+    """
+
+    found: Calibrated
+
+    def __repr__(self) -> str:
+        fitted = ", ".join(fit.module for fit in self.found.fits)
+        return f"<CalibrateResult {self.found.models.plant.name}: {fitted}>"
+
+    @cached_property
+    def _form(self) -> dict[str, Any]:
+        return calibration_form(self.found.models, self.found.fits)
+
+    @property
+    def text(self) -> str:
+        """The calibration file, YAML."""
+        return HEADER + yaml.safe_dump(self._form, sort_keys=False, width=100)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of the calibration file, and remarks under `notes`."""
+        return {**self._form, "notes": list(self.found.notes)}
+
+    def write(self, file: str | Path) -> None:
+        """Write the calibration file; the plant file names it under `calibration`."""
+        write_text(Path(file), self.text)
+
+    def tell(self, out: Console, name: str | None = None) -> None:
+        """Print how good the calibration is; `name` is what it is called, such as its file."""
+        tell(out, self.found, name or self.found.models.plant.name)
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"parameters": self._parameters, "observers": self._observers}
+
+    def _parameters(self) -> Columns:
+        rows = [
+            (module, name, p["value"], p["u"], p["unit"])
+            for module, entry in self._form["modules"].items()
+            for name, p in entry["parameters"].items()
+        ]
+        return table_of(("module", "parameter", "value", "u", "unit"), rows)
+
+    def _observers(self) -> Columns:
+        rows = [
+            (f"{module}.{name}", o["value"], o["unit"], o["r2"], o["points"], o["set_aside"])
+            for module, entry in self._form["modules"].items()
+            for name, o in entry.get("misfit", {}).items()
+        ]
+        return table_of(("observer", "misfit", "unit", "r2", "points", "set_aside"), rows)
+
+
+def calibrate(plant: Plant, recording: Recorded) -> CalibrateResult:
+    """Fit the parameters of a plant to a fault-free recording with a true flow.
+
+    Parameters
+    ----------
+    plant : folder with a plant.yaml, or that file.
+    recording : path, data frame or mapping of arrays of shape (n,); units as titles say.
+
+    Raises
+    ------
+    Refused
+        The plant has mistakes.
+    RecordingRefused
+        This is no recording of the plant.
+    CalibrationRefused
+        Nothing settled, or no module has a true flow to fit to.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> found = rulec.calibrate("plants/abc", "plants/abc/examples/calibration.csv")
+    >>> found.to_frame(backend="pyarrow").column_names
+    ['module', 'parameter', 'value', 'u', 'unit']
+    """
+    models = run_passes(Compilation(path=folder_of(plant)))
+    (name,) = names_given([recording])
+    read = recording_given([recording], models.ruleset)
+    return CalibrateResult(found=calibrated(models, read, str(name)))

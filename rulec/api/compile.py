@@ -1,0 +1,110 @@
+"""`rulec.compile`: from the files of a plant to its ruleset."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
+
+from rulec.api.frames import Columns
+from rulec.api.given import AnyPath
+from rulec.api.result import Result
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompileResult(Result):
+    """A compiled plant; the other functions take it in place of a path.
+
+    Attributes
+    ----------
+    path : of the plant, as given.
+    ruleset : all that a diagnosis needs; SI.
+
+    Tables: `rules` (how each fault moves each residual) and `faults`.
+    """
+
+    path: Path
+    ruleset: Ruleset
+
+    def __repr__(self) -> str:
+        return f"<CompileResult {self.ruleset.plant}: {self.counts}>"
+
+    @property
+    def counts(self) -> str:
+        """How many parts the ruleset has, in words."""
+        rules = self.ruleset
+        return (
+            f"{len(rules.modules)} modules, {len(rules.residuals)} residuals, "
+            f"{len(rules.faults)} faults, {len(rules.cells)} rules"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The ruleset as its file holds it."""
+        return dict(json.loads(self.ruleset.to_json()))
+
+    def write(self, file: AnyPath) -> None:
+        """Write the ruleset file, for `rulec-runtime` and for all functions that take a plant."""
+        write_text(Path(file), self.ruleset.to_json())
+
+    def tell(self, out: Console, name: str | None = None) -> None:
+        """Print what was made; `name` is what it is called, such as its file."""
+        out.print(styled("[green]✓[/] {}: {}", name or self.ruleset.plant, self.counts))
+        told = "[yellow]![/] {} leaves no trace in any residual; it needs a further sensor"
+        for fault in self.ruleset.unobserved:
+            out.print(styled(told, fault))
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"rules": self._rules, "faults": self._faults}
+
+    def _rules(self) -> Columns:
+        cells = self.ruleset.cells
+        return {
+            "fault": [c.fault for c in cells],
+            "residual": [c.residual for c in cells],
+            "sign": [c.sign for c in cells],
+            "gain": [c.gain for c in cells],
+            "detectable": [c.detectable for c in cells],
+        }
+
+    def _faults(self) -> Columns:
+        faults = self.ruleset.faults
+        return {
+            "fault": [f.id for f in faults],
+            "module": [f.module for f in faults],
+            "status": [f.status for f in faults],
+            "title": [f.title for f in faults],
+            "action": [f.action for f in faults],
+        }
+
+
+def compile(plant: AnyPath) -> CompileResult:
+    """Derive the ruleset of a plant.
+
+    Parameters
+    ----------
+    plant : folder with a plant.yaml, or that file.
+
+    Raises
+    ------
+    Refused
+        Files have mistakes; the message shows each with its place and remedy, `diagnostics` holds
+        them.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> print(rulec.compile("plants/abc"))
+    ✓ abc: 3 modules, 9 residuals, 18 faults, 76 rules
+    """
+    from rulec.passes.pipeline import compile_plant
+
+    path = Path(plant)
+    return CompileResult(path=path, ruleset=compile_plant(path))

@@ -1,0 +1,173 @@
+"""`rulec.diagnose`: which fault, how large, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rulec_runtime.diagnosis.diagnose import Diagnosis
+from rulec_runtime.diagnosis.from_modules import FIRST_ORDER
+from rulec_runtime.diagnosis.steady.findings import Finding
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.module_results import holds_results
+from rulec_runtime.report.judged import Judged, judged, judged_results
+from rulec_runtime.report.terminal_story import explain
+from rulec_runtime.report.truth import read_truth
+
+from rulec.api.frames import Columns
+from rulec.api.given import (
+    AnyPath,
+    Plant,
+    Recorded,
+    is_path,
+    names_given,
+    recording_given,
+    ruleset_of,
+)
+from rulec.api.result import Result
+
+_COLUMNS = (
+    "kind",
+    "fault",
+    "module",
+    "status",
+    "degree",
+    "lower",
+    "upper",
+    "probability",
+    "since",
+    "until",
+    "active",
+    "text",
+    "action",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnoseResult(Result):
+    """A recording and what it says of the plant.
+
+    Tables: `findings` (a row each; times in s), and `samples` (a row per sample: verdict, and per
+    fault degree with bounds).
+    """
+
+    judged: Judged
+
+    def __repr__(self) -> str:
+        faults = ", ".join(f.fault.id for f in self.findings) or "no fault"
+        return f"<DiagnoseResult {self.judged.name}: {self.status}, {faults}>"
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """All that was found; SI."""
+        return self.judged.diagnosis
+
+    @property
+    def status(self) -> str:
+        """Letter of NE 107: F, C, S, M, or ok."""
+        return self.diagnosis.status
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Faults, in order of time."""
+        return self.diagnosis.findings
+
+    def to_dict(self) -> dict[str, Any]:
+        """The diagnosis as `rulec diagnose --json` writes it; flows in m3/s, times in s."""
+        return self.judged.form()
+
+    def page(self) -> str:
+        """The report, one page of HTML with pictures."""
+        return self.judged.page()
+
+    def write_page(self, file: AnyPath) -> None:
+        """Write the report."""
+        write_text(Path(file), self.page())
+
+    def tell(self, out: Console) -> None:
+        """Print the whole story."""
+        explain(out, self.diagnosis)
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"findings": self._findings, "samples": self._samples}
+
+    def _findings(self) -> Columns:
+        rows = self.to_dict()["findings"]
+        return {name: [row[name] for row in rows] for name in _COLUMNS}
+
+    def _samples(self) -> Columns:
+        trace = self.judged.trace
+        columns: dict[str, Any] = {"time [s]": trace.time, "verdict": list(trace.verdict)}
+        for j, fault in enumerate(self.diagnosis.ruleset.faults):
+            columns[fault.id] = trace.degree[j]
+            columns[f"{fault.id} lower"] = trace.lower[j]
+            columns[f"{fault.id} upper"] = trace.upper[j]
+        return columns
+
+
+def diagnose(
+    plant: Plant,
+    recording: Recorded,
+    *,
+    mode: Literal["default", "paper"] = "default",
+    limits: AnyPath | None = None,
+    truth: AnyPath | None = None,
+) -> DiagnoseResult:
+    """Judge a recording: which fault, how large, how sure, and why.
+
+    Parameters
+    ----------
+    plant : folder, plant.yaml, ruleset file, or what `rulec.compile` returned.
+    recording : path, data frame or mapping of arrays of shape (n,); units as titles say. A path
+        may hold results of modules instead.
+    mode : ``default`` compares whole signatures with their uncertainties, ``paper`` takes
+        Eqs. 17-19 of the seed paper as printed.
+    limits : file that says how far set points may be changed to tell faults apart.
+    truth : file with true degrees, which the page compares with.
+
+    Raises
+    ------
+    Refused, RulesetRefused
+        The plant, its ruleset or the limits have mistakes.
+    RecordingRefused
+        This is no recording of the plant.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> found = rulec.diagnose("plants/abc", "plants/abc/examples/leakage_A.csv")
+    >>> [(f.fault.id, round(f.degree, 1)) for f in found.findings]
+    [('A.leakage', 0.2), ('A.leakage', 0.4), ('A.leakage', 0.6)]
+    """
+    ruleset = ruleset_of(plant)
+    (name,) = names_given([recording])
+    given = None if limits is None else Path(limits)
+    if is_path(recording) and holds_results(name, ruleset):
+        results = judged_results(name, ruleset, mode, truth is not None)
+        if FIRST_ORDER not in results.diagnosis.notes:
+            results = replace(results, diagnosis=with_steps(results.diagnosis, given))
+        return DiagnoseResult(judged=results)
+    read = recording_given([recording], ruleset)
+    true = None if truth is None else read_truth(Path(truth), ruleset, read)
+    found = judged(read, ruleset, name.resolve().name, mode, true)
+    return DiagnoseResult(judged=replace(found, diagnosis=with_steps(found.diagnosis, given)))
+
+
+def with_steps(diagnosis: Diagnosis, limits: Path | None) -> Diagnosis:
+    """A diagnosis with a step for each finding that may be something else; what it takes is loaded
+    only then."""
+    if limits is None and not any(f.alternatives for f in diagnosis.findings):
+        return diagnosis
+    from rulec.separation.allowed import allowed_of
+    from rulec.separation.steps import add_steps
+
+    given = None
+    if limits is not None:
+        from rulec.separation.limits_file import read_limits
+
+        given = read_limits(limits, diagnosis.ruleset)
+    return add_steps(diagnosis, allowed_of(diagnosis.ruleset, given))

@@ -1,0 +1,136 @@
+"""`rulec.experiment`: the set points that tell apart what a mismatch leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.mending import mended
+
+from rulec.api.adopt import not_connected_so
+from rulec.api.frames import Columns, table_of
+from rulec.api.given import AnyPath
+from rulec.api.mismatch import MismatchResult
+from rulec.api.reread import reread
+from rulec.api.result import Result
+from rulec.mismatch.experiment.page import experiment_page
+from rulec.mismatch.experiment.plan import ExperimentRefused, planned
+from rulec.mismatch.experiment.recipe import tell
+from rulec.mismatch.experiment.result import Experiment
+from rulec.mismatch.experiment.standing_file import standing_of
+from rulec.mismatch.experiment.written import experiment_form, inputs_csv
+from rulec.separation.limits_file import read_limits
+
+HOUR = 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExperimentResult(Result):
+    """Steps to run, and what each explanation foretells of them.
+
+    Tables: `steps` (a row per step and input), and `readings` (what to expect there).
+    """
+
+    found: Experiment
+    ruleset: Ruleset
+
+    def __repr__(self) -> str:
+        return f"<ExperimentResult {self.ruleset.plant}: {len(self.found.steps)} steps>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The experiment as `rulec experiment --json` writes it; units of the signals, times in
+        s."""
+        return experiment_form(self.found, self.ruleset)
+
+    def inputs_csv(self) -> str:
+        """A recording of what is to be set, for `rulec.simulate`; a header alone without steps."""
+        return inputs_csv(self.found, self.ruleset)
+
+    def write_inputs(self, file: AnyPath) -> None:
+        """Write that recording."""
+        write_text(Path(file), self.inputs_csv())
+
+    def page(self) -> str:
+        """The recipe, one page of HTML with pictures."""
+        return experiment_page(self.found, self.ruleset)
+
+    def write_page(self, file: AnyPath) -> None:
+        """Write the recipe."""
+        write_text(Path(file), self.page())
+
+    def tell(self, out: Console) -> None:
+        """Print the recipe."""
+        tell(out, self.found, self.ruleset)
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"steps": self._steps, "readings": self._readings}
+
+    def _steps(self) -> Columns:
+        rows = [
+            (number, step["from"], step["until"], name, given["value"], given["unit"])
+            for number, step in enumerate(self.to_dict()["steps"], 1)
+            for name, given in step["inputs"].items()
+        ]
+        return table_of(("step", "from [s]", "until [s]", "input", "value", "unit"), rows)
+
+    def _readings(self) -> Columns:
+        rows = [
+            (number, explanation["title"], r["signal"], value, r["unit"])
+            for number, step in enumerate(self.to_dict()["steps"], 1)
+            for r in step["readings"]
+            for explanation, value in zip(self.to_dict()["explanations"], r["values"], strict=True)
+        ]
+        return table_of(("step", "explanation", "signal", "value", "unit"), rows)
+
+
+def experiment(
+    mismatch: MismatchResult | AnyPath,
+    *,
+    hours: float = 8.0,
+    steps: int = 6,
+    limits: AnyPath | None = None,
+) -> ExperimentResult:
+    """Plan the set points that tell apart what a mismatch leaves open.
+
+    Parameters
+    ----------
+    mismatch : what `rulec.mismatch` returned, or a JSON file of `rulec mismatch`.
+    hours : longest experiment.
+    steps : most steps.
+    limits : file that says how far, how fast and at what cost set points may be changed.
+
+    Raises
+    ------
+    ExperimentRefused
+        One explanation stands alone, or nothing can be set.
+    AdoptRefused
+        Files have changed since.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> rulec.experiment("day.json", hours=2.0).write_inputs("inputs.csv")  # doctest: +SKIP
+    """
+    source = reread(mismatch, recalibrated=True)
+    standing = standing_of(source.data, source.file)
+    source.check_basis(ExperimentRefused)
+    if source.proven.edits:
+        raise ExperimentRefused(not_connected_so(source.proven.edits))
+    ruleset, builder = source.opened
+    source.check_unchanged()
+    found = planned(
+        mended(source.recording(ruleset), source.proven.misread),
+        ruleset,
+        builder,
+        standing,
+        steps,
+        HOUR * hours,
+        given=None if limits is None else read_limits(Path(limits), ruleset),
+    )
+    return ExperimentResult(found=found, ruleset=ruleset)

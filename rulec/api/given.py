@@ -1,0 +1,123 @@
+"""What the functions take: plants and recordings, by path or in memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.contract.ruleset_file import read_ruleset
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.recordings.in_memory import different, file_of
+from rulec_runtime.recordings.recording import Recording, recording_of
+from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+from rulec_runtime.recordings.together import read_recordings, together
+
+from rulec.api.frames import columns_of
+
+if TYPE_CHECKING:
+    from narwhals.typing import IntoFrame
+    from numpy.typing import ArrayLike
+
+AnyPath: TypeAlias = "str | os.PathLike[str]"
+
+
+class Compiled(Protocol):
+    """A compiled plant, as `rulec.compile` returns it."""
+
+    @property
+    def path(self) -> Path:
+        """Where its files are."""
+
+    @property
+    def ruleset(self) -> Ruleset:
+        """All that a diagnosis needs."""
+
+
+Plant: TypeAlias = "AnyPath | Compiled"
+"""Folder with a plant.yaml, that file, a ruleset file, or what `rulec.compile` returned."""
+
+Recorded: TypeAlias = "AnyPath | IntoFrame | Mapping[str, ArrayLike]"
+"""A file of any format, or a folder of them; or readings in memory, by titles as of a file:
+``time [s]`` and ``A.dp [bar]``, or foreign names that the plant's column map knows."""
+
+
+def is_path(given: object) -> bool:
+    """Whether something names a file or folder."""
+    return isinstance(given, str | os.PathLike)
+
+
+def ruleset_of(plant: Plant) -> Ruleset:
+    """The ruleset of a plant, compiled where need be (which alone loads the compiler)."""
+    if not isinstance(plant, str | os.PathLike):
+        return plant.ruleset
+    path = Path(plant)
+    if path.suffix == ".json":
+        return read_ruleset(path)
+    from rulec.passes.pipeline import compile_plant
+
+    return compile_plant(path)
+
+
+def folder_of(plant: Plant) -> Path:
+    """Where the files of a plant are; `Misused` for a ruleset, which does not hold equations."""
+    path = Path(plant) if isinstance(plant, str | os.PathLike) else plant.path
+    if path.suffix == ".json":
+        raise Misused(
+            f"{path}: give the plant's folder; a ruleset does not hold the equations into which "
+            "physics could be built"
+        )
+    return path
+
+
+def several(recordings: Any) -> tuple[Recorded, ...]:
+    """Recordings as given, whether one or a list of them."""
+    if isinstance(recordings, list | tuple):
+        if not recordings:
+            raise Misused("give one recording at least")
+        return tuple(recordings)
+    return (recordings,)
+
+
+def names_given(recordings: Sequence[Recorded]) -> list[Path]:
+    """What messages call each recording: its path, or a name for what is in memory."""
+    alone = len(recordings) == 1
+    return [
+        Path(given) if isinstance(given, str | os.PathLike) else Path(_name(i, alone))
+        for i, given in enumerate(recordings, 1)
+    ]
+
+
+def _name(number: int, alone: bool) -> str:
+    return "data frame" if alone else f"data frame {number}"
+
+
+def recording_given(recordings: Sequence[Recorded], ruleset: Ruleset) -> Recording:
+    """One recording, or several of one plant as one.
+
+    Raises
+    ------
+    RecordingRefused
+        One is no recording of this plant, or they cannot be judged together.
+    """
+    names = names_given(recordings)
+    if all(is_path(given) for given in recordings):
+        return read_recordings(names, ruleset)
+    different(recordings)
+    parts = []
+    for name, given in zip(names, recordings, strict=True):
+        notes: list[str] = []
+        parts.append(recording_of(name, files_given(given, name, ruleset, notes), ruleset, notes))
+    return parts[0] if len(parts) == 1 else together(names, parts, ruleset)
+
+
+def files_given(
+    given: Recorded, name: Path, ruleset: Ruleset, notes: list[str]
+) -> list[RecordingFile]:
+    """The files of a recording; what is in memory is one."""
+    if is_path(given):
+        return [read_file(path, ruleset, notes) for path in files_of(name)]
+    columns, zoned = columns_of(given, str(name))
+    return [file_of(str(name), columns, ruleset, notes, zoned)]

@@ -1,0 +1,195 @@
+"""`rulec.mismatch`: where simulation and recording differ, and what physics is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.together import names_of
+from rulec_runtime.report.text import listed
+
+from rulec.api.frames import Columns
+from rulec.api.given import (
+    AnyPath,
+    Plant,
+    Recorded,
+    folder_of,
+    is_path,
+    names_given,
+    recording_given,
+    several,
+)
+from rulec.api.result import Result
+from rulec.effects.made_from import basis_of
+from rulec.effects.model_builder import open_builder
+from rulec.mismatch.analyse import analyse
+from rulec.mismatch.answer.json_form import mismatch_form
+from rulec.mismatch.answer.page import report
+from rulec.mismatch.answer.terminal_story import tell
+from rulec.mismatch.inference.series import MODELS, series_csv
+from rulec.mismatch.result import Finding, Mismatch, MismatchRefused
+
+STORES_ALONE = (
+    "this plant stores: what a recording began with belongs to it alone, and several cannot be "
+    "judged together. Judge each recording alone, or record the experiment as one"
+)
+"""Why several recordings of a plant that stores are refused."""
+
+Periods = Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MismatchResult(Result):
+    """What a model leaves out, with proof on samples that it never used.
+
+    Attributes
+    ----------
+    found : the whole answer.
+    plant : its folder or file.
+    recordings : as given; `rulec.adopt` and `rulec.experiment` read them again.
+
+    Tables: `findings` (a row each), and `series` (measured and predicted courses, a row per
+    sample).
+    """
+
+    found: Mismatch
+    plant: Path
+    recordings: tuple[Recorded, ...]
+    basis: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<MismatchResult {self.found.plant}: {self.verdict}>"
+
+    @property
+    def verdict(self) -> str:
+        """``none``, ``named``, ``unnamed``, ``fault``, ``sensor``, ``ambiguous`` or ``cannot
+        judge``."""
+        return self.found.verdict
+
+    @property
+    def headline(self) -> str:
+        """The answer in a sentence or two."""
+        return self.found.headline
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Physics, faults and sensors that explain the difference."""
+        return self.found.findings
+
+    def to_dict(self) -> dict[str, Any]:
+        """The answer as `rulec mismatch --json` writes it, for `rulec adopt`; numbers in SI."""
+        return self.form(None)
+
+    def form(self, hidden: str | None) -> dict[str, Any]:
+        """The same; `hidden` names a file with the course of what was not recorded."""
+        form = mismatch_form(self.found, self.plant.resolve().as_posix(), hidden)
+        form["repair"]["made_from"] = dict(self.basis)
+        return form
+
+    def page(self) -> str:
+        """The report, one page of HTML with pictures."""
+        return report(self.found)
+
+    def write_page(self, file: AnyPath) -> None:
+        """Write the report."""
+        write_text(Path(file), self.page())
+
+    def series_csv(self) -> str:
+        """Measured and predicted courses, a row per sample."""
+        return series_csv(self.found.series)
+
+    def tell(self, out: Console) -> None:
+        """Print the whole story."""
+        tell(out, self.found)
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"findings": self._findings, "series": self._series}
+
+    def _findings(self) -> Columns:
+        names = ("sort", "name", "title", "module", "place", "probability", "closed", "equation")
+        return {name: [getattr(f, name) for f in self.findings] for name in (*names, "text")}
+
+    def _series(self) -> Columns:
+        series = self.found.series
+        if series is None:
+            return {"time [s]": np.zeros(0), "heldout": np.zeros(0, dtype=bool)}
+        columns: dict[str, Any] = {"time [s]": series.time, "heldout": np.asarray(series.heldout)}
+        for course in series.courses:
+            for name in ("measured", *MODELS):
+                columns[f"{course.signal} {name} [{course.unit}]"] = getattr(course, name)
+        return columns
+
+
+def mismatch(
+    plant: Plant,
+    recordings: Recorded | Sequence[Recorded],
+    *,
+    heldout: Periods = (),
+    progress: Callable[[str], None] | None = None,
+) -> MismatchResult:
+    """Tell where simulation and recording differ, and what physics is left out.
+
+    Parameters
+    ----------
+    plant : folder with a plant.yaml, that file, or what `rulec.compile` returned.
+    recordings : one, or a list of several of one plant: paths, data frames, or mappings of arrays
+        of shape (n,); units as titles say.
+    heldout : spans of time, s, that prove the result and play no part in finding it; without,
+        blocks are set aside.
+    progress : is told what is being done.
+
+    Raises
+    ------
+    Refused
+        The plant has mistakes.
+    RecordingRefused
+        One is no recording of the plant, or they cannot be judged together.
+    MismatchRefused
+        Spans hold no sample or all of them, or the plant stores and several are given.
+
+    Examples
+    --------
+    >>> import rulec
+    >>> rulec.mismatch("plants/abc", "plants/abc/examples/healthy.csv").verdict  # doctest: +SKIP
+    'none'
+    """
+    tell_progress = progress or (lambda text: None)
+    given, folder = several(recordings), folder_of(plant)
+    tell_progress("reading the plant")
+    ruleset, builder = open_builder(folder)
+    if len(given) > 1 and ruleset.dynamics is not None:
+        raise MismatchRefused(STORES_ALONE)
+    names = names_given(given)
+    paths = [name for name, one in zip(names, given, strict=True) if is_path(one)]
+    basis = basis_of(builder, paths, in_memory=len(paths) < len(given))
+    tell_progress("reading the recording" if len(given) == 1 else "reading the recordings")
+    recording = recording_given(given, ruleset)
+    _check_heldout(recording, heldout)
+    found = analyse(recording, ruleset, builder, heldout=heldout, progress=progress)
+    notes = tuple(dict.fromkeys((*found.notes, *recording.notes)))
+    found = replace(found, recording=listed(names_of(names)), notes=notes)
+    return MismatchResult(found=found, plant=folder, recordings=given, basis=basis)
+
+
+def _check_heldout(recording: Recording, heldout: Periods) -> None:
+    """Refuse periods that hold no sample, or all of them."""
+    time, inside = recording.time, recording.time != recording.time
+    for since, until in heldout:
+        here = (time >= since) & (time <= until)
+        if not here.any():
+            raise MismatchRefused(
+                f"--heldout {since:g}:{until:g}: the recording has no sample there; it runs from "
+                f"{time[0]:g} s to {time[-1]:g} s"
+            )
+        inside |= here
+    if inside.all():
+        raise MismatchRefused(
+            "--heldout takes the whole recording; leave a part from which to find something"
+        )

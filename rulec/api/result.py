@@ -1,0 +1,69 @@
+"""What every result can do: become data, a data frame, a page of a notebook, text."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from rich.console import Console, ConsoleOptions, RenderResult
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.story import as_html, plain, with_styles
+
+from rulec.api.frames import Backend, Columns, frame_of
+
+
+class Result(ABC):
+    """A result; frozen."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """The machine form of the command: plain data, as `--json` writes it."""
+
+    @abstractmethod
+    def tell(self, out: Console) -> None:
+        """Print the story that the command tells."""
+
+    @property
+    @abstractmethod
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        """Tables by name; the first is the usual one."""
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables that `to_frame` makes; the first is the usual one."""
+        return tuple(self._tables)
+
+    def to_frame(self, table: str | None = None, *, backend: Backend | None = None) -> Any:
+        """One table of the result as a data frame.
+
+        Parameters
+        ----------
+        table : one of `tables`; the first of them without.
+        backend : ``pandas``, ``polars`` or ``pyarrow``; without, the first that is installed.
+
+        Raises
+        ------
+        FrameRefused
+            No such library is installed.
+        Misused
+            There is no such table.
+        """
+        made = self._tables
+        name = self.tables[0] if table is None else table
+        if name not in made:
+            raise Misused(f"table '{name}': give one of {', '.join(made)}")
+        return frame_of(made[name](), backend)
+
+    def __str__(self) -> str:
+        return plain(self.tell)
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        return _once(with_styles(self.tell, options.max_width))
+
+    def _repr_html_(self) -> str:
+        return as_html(self.tell)
+
+
+def _once(text: Any) -> Iterator[Any]:
+    yield text

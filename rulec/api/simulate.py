@@ -1,0 +1,250 @@
+"""`rulec.simulate`: the recording that a plant should have made, with faults if asked for."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, isnan
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.refusal import Misused
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import written
+from rulec_runtime.recordings.formats import csv_name
+from rulec_runtime.recordings.given import is_there, place_of
+from rulec_runtime.recordings.recording_file import RecordingFile, files_of, read_file
+
+from rulec.api.frames import Columns
+from rulec.api.given import AnyPath, Plant, Recorded, files_given, is_path, names_given, ruleset_of
+from rulec.api.result import Result
+from rulec.simulation.equations import SimulationRefused
+from rulec.simulation.first_readings import Starts, starts_of
+from rulec.simulation.predict import Prediction, predict
+from rulec.simulation.predict_settled import times_of
+from rulec.simulation.prediction import Injected
+from rulec.simulation.rewrite import column_of, rewrite, write_columns
+
+SHOWN = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateResult(Result):
+    """A recording as the model of a plant predicts it.
+
+    Attributes
+    ----------
+    files : of the inputs.
+    prediction : per predicted signal an array, shape (n,), SI; NaN where it is not predicted.
+    notes : what the user should know.
+    folder, in_memory : whether the inputs were a folder, or no file at all.
+
+    Table: `recording`, with ``time [s]`` and a column per signal in its unit, which the other
+    functions take as a recording.
+    """
+
+    ruleset: Ruleset
+    files: tuple[RecordingFile, ...]
+    prediction: Prediction
+    notes: tuple[str, ...]
+    folder: bool = False
+    in_memory: bool = False
+
+    def __repr__(self) -> str:
+        return f"<SimulateResult {self.ruleset.plant}: {self.summary}>"
+
+    @property
+    def summary(self) -> str:
+        """How many rows were predicted, what, and from what, in words."""
+        whole = self.prediction.whole
+        rows, full = len(whole), int(np.count_nonzero(whole))
+        count = f"{rows} rows" if rows == full else f"{rows} rows, {full} of them predicted in full"
+        found, given = _few(self.prediction.values), _few(self.prediction.given)
+        return f"{count}; predicted {found} from {given or 'nothing'}"
+
+    def columns(self) -> dict[str, Array]:
+        """Readings by title, such as ``A.dp [bar]``, shape (n,), in the unit of the title.
+
+        Predicted ones take the place of recorded ones; all others are as recorded.
+        """
+        names = list(dict.fromkeys(n for file in self.files for n in file.values))
+        values = {n: np.concatenate([_of(file, n) for file in self.files]) for n in names}
+        values |= self.prediction.values
+        found = {"time [s]": times_of(self.files)}
+        for name, readings in values.items():
+            title, factor, offset = column_of(name, self.ruleset)
+            found[title] = (readings - offset) / factor
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Columns by title, None where nothing is predicted, and what is to be said of them."""
+        return {
+            "plant": self.ruleset.plant,
+            "given": list(self.prediction.given),
+            "predicted": list(self.prediction.values),
+            "notes": list(self.notes),
+            "columns": {
+                title: [None if isnan(v) else v for v in readings.tolist()]
+                for title, readings in self.columns().items()
+            },
+        }
+
+    def to_csv(self) -> str:
+        """The recording as a file would hold it; of a folder that of its first file."""
+        out = io.StringIO()
+        self._put(*next(iter(self._parts())), out)
+        return out.getvalue()
+
+    def write(self, target: AnyPath) -> None:
+        """Write the recording as the inputs are written, those of a folder into a folder."""
+        place = Path(target)
+        if self.folder:
+            place.mkdir(parents=True, exist_ok=True)
+        for file, values in self._parts():
+            with written(place / csv_name(file.path) if self.folder else place) as out:
+                self._put(file, values, out)
+
+    def _put(self, file: RecordingFile, values: Mapping[str, Array], out: TextIO) -> None:
+        if self.in_memory:
+            write_columns(self.columns(), out)
+        else:
+            rewrite(file, self.ruleset, values, out)
+
+    def _parts(self) -> Iterator[tuple[RecordingFile, dict[str, Array]]]:
+        """Each file with what is predicted for its rows."""
+        first = 0
+        for file in self.files:
+            last = first + len(file.time)
+            yield file, {name: v[first:last] for name, v in self.prediction.values.items()}
+            first = last
+
+    def headline(self, name: str) -> Text:
+        """What was predicted, in a line; `name` is what it is called, such as its file."""
+        return styled("[green]✓[/] {}: {}", name, self.summary)
+
+    def tell(self, out: Console) -> None:
+        """Print what was predicted, and remarks."""
+        for note in self.notes:
+            out.print(styled("[dim]note: {}[/]", note), soft_wrap=True)
+        out.print(self.headline(self.ruleset.plant), soft_wrap=True)
+
+    @property
+    def _tables(self) -> Mapping[str, Callable[[], Columns]]:
+        return {"recording": self.columns}
+
+
+def simulate(
+    plant: Plant,
+    inputs: Recorded,
+    *,
+    faults: Sequence[str | Injected] = (),
+    noise: int | None = None,
+    start: Recorded | None = None,
+) -> SimulateResult:
+    """Predict a recording from its inputs, with faults if asked for.
+
+    Parameters
+    ----------
+    plant : folder, plant.yaml, ruleset file, or what `rulec.compile` returned.
+    inputs : path, data frame or mapping of arrays of shape (n,); of it the readings are used that
+        no equation determines, such as speeds.
+    faults : each as ``A.leakage=0.2`` (a degree: 20 %), with ``@60:120`` behind it from one second
+        to another.
+    noise : number by which errors of the sensors are drawn; None for readings without errors.
+    start : recording by whose first readings it is known what is stored at the beginning.
+
+    Raises
+    ------
+    Refused, RulesetRefused
+        The plant or its ruleset has mistakes.
+    RecordingRefused
+        The inputs are none of this plant.
+    SimulationRefused
+        The plant cannot be simulated, an input is missing, or a fault is none of this plant.
+    Misused
+        A fault or a number makes no sense.
+
+    Examples
+    --------
+    >>> import numpy as np, rulec
+    >>> rpm = np.full(20, 1450.0)
+    >>> inputs = {"time [s]": np.arange(20.0), **{f"{m}.n [1/min]": rpm for m in "AB"}}
+    >>> sorted(rulec.simulate("plants/abc", inputs).prediction.values)
+    ['A.P_el', 'A.dp', 'B.P_el', 'B.dp', 'C.dp']
+    """
+    injected = [parse_fault(one) if isinstance(one, str) else one for one in faults]
+    if noise is not None and noise < 0:
+        raise Misused(f"--noise {noise}: give a number from 0 on")
+    ruleset = ruleset_of(plant)
+    notes: list[str] = []
+    (name,) = names_given([inputs])
+    files = files_given(inputs, name, ruleset, notes)
+    starts = _starts(ruleset, name, start, notes)
+    prediction = predict(ruleset, files, injected, noise, [s.values for s in starts])
+    notes += (note for one in starts for note in one.notes)
+    return SimulateResult(
+        ruleset=ruleset,
+        files=tuple(files),
+        prediction=prediction,
+        notes=tuple(dict.fromkeys([*notes, *prediction.notes])),
+        folder=place_of(name)[0].is_dir() and is_path(inputs),
+        in_memory=not is_path(inputs),
+    )
+
+
+def parse_fault(text: str) -> Injected:
+    """Read ``M.fault=degree`` or ``M.fault=degree@from:to``; `Misused` with a message.
+
+    >>> parse_fault("A.leakage=0.2@60:120")
+    Injected(fault='A.leakage', degree=0.2, since=60.0, until=120.0)
+    """
+    name, _, rest = text.partition("=")
+    size, _, period = rest.partition("@")
+    since, _, until = period.partition(":") if period else ("-inf", "", "inf")
+    try:
+        found = Injected(name.strip(), float(size), float(since or "-inf"), float(until or "inf"))
+    except ValueError:
+        found = Injected("", float("nan"))
+    if not found.fault or not isfinite(found.degree) or not found.since <= found.until:
+        raise Misused(
+            f"--fault {text}: write <module>.<fault>=<degree>, where 0.2 is 20 %; for a period "
+            "<module>.<fault>=<degree>@<from>:<to> in seconds"
+        )
+    return found
+
+
+def _starts(
+    ruleset: Ruleset, source: Path, recording: Recorded | None, notes: list[str]
+) -> list[Starts]:
+    """Where states start in each file of the inputs; nothing where no recording tells."""
+    if recording is None:
+        return []
+    (told,) = names_given([recording])
+    if not is_path(recording):
+        return [starts_of(ruleset, f) for f in files_given(recording, told, ruleset, notes)]
+    is_folder = place_of(source)[0].is_dir()
+    wanted = [told / path.name for path in files_of(source)] if is_folder else [told]
+    absent = [path for path in wanted if not is_there(path)]
+    if absent:
+        what = "the inputs are a folder, so give a folder with a file of each name"
+        raise SimulationRefused(
+            f"--start {told}: no file {absent[0]}" + (f"; {what}" if is_folder else "")
+        )
+    return [starts_of(ruleset, read_file(path, ruleset, notes)) for path in wanted]
+
+
+def _of(file: RecordingFile, name: str) -> Array:
+    """Readings of a signal in one file, shape (n,); NaN where it has none."""
+    return file.values.get(name, np.full(len(file.time), np.nan))
+
+
+def _few(names: Iterable[str]) -> str:
+    found = list(names)
+    more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
+    return ", ".join(found[:SHOWN]) + more

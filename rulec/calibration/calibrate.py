@@ -1,0 +1,143 @@
+"""From a fault-free recording to the parameters of a plant: the steps in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.sensors.judge import examine
+from rulec_runtime.diagnosis.steady.observe import Points, points_of_stretches
+from rulec_runtime.recordings.point_table import NOTE, each_row, is_point_table
+from rulec_runtime.recordings.recording import Recording
+from rulec_runtime.recordings.stationary import settle, systematic_u
+from rulec_runtime.report.wording import KEPT, LEFT_OUT
+
+from rulec.calibration.fit import CalibrationRefused, ModuleFit, Readings, fit_module
+from rulec.calibration.notes import notes_of
+from rulec.calibration.true_flow import Local, true_flows
+from rulec.knowledge.plant import Module
+from rulec.passes.differentiate import GATHERED
+from rulec.passes.types import Compilation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrated:
+    """Fits of the modules whose true flow is known.
+
+    Attributes
+    ----------
+    points : settled stretches that they were fitted to, or rows of a `table` of operating points.
+    sensors : remarks on readings that are none, and on others that are doubtful.
+    """
+
+    models: Compilation
+    fits: tuple[ModuleFit, ...]
+    points: int
+    table: bool
+    sensors: tuple[str, ...]
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Contradictions to data sheets, and readings that were not varied."""
+        modules = self.models.plant.modules
+        notes = [note for fit in self.fits for note in notes_of(modules[fit.module], fit)]
+        return (*notes, *([NOTE] if self.table else []))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Modules with estimates of their own that were not fitted."""
+        plant, fitted = self.models.plant, {fit.module for fit in self.fits}
+        modules = plant.modules.values()
+        return tuple(m.name for m in modules if m.type.observers and m.name not in fitted)
+
+
+def calibrated(models: Compilation, recording: Recording, name: str) -> Calibrated:
+    """Fit every module whose true flow a fault-free recording tells.
+
+    Parameters
+    ----------
+    models : of all passes.
+    name : of the recording, for messages.
+
+    Raises
+    ------
+    CalibrationRefused
+        Nothing settled, no module has a true flow, or one cannot be fitted.
+    """
+    ruleset = models.ruleset
+    health = examine(recording, ruleset, by_model=False)
+    recording = health.recording
+    table = is_point_table(recording, ruleset)
+    stretches, noise = settle(recording, ruleset)
+    if table:
+        # One row says nothing of its own noise: that is part of the misfit.
+        stretches, noise = each_row(recording), dict.fromkeys(noise, 0.0)
+    if not len(stretches):
+        raise CalibrationRefused(f"{name}: no settled stretch was found")
+    points = points_of_stretches(recording, ruleset, stretches, noise)
+    return Calibrated(
+        models=models,
+        fits=tuple(_fit_all(models, ruleset, points)),
+        points=len(stretches),
+        table=table,
+        sensors=tuple(f"{f.text}; {LEFT_OUT if f.signal else KEPT}" for f in health.findings),
+    )
+
+
+def _fit_all(models: Compilation, ruleset: Ruleset, points: Points) -> list[ModuleFit]:
+    """Fit every module that ran and whose true flow is known; refuses if there is none."""
+    plant = models.plant
+    local = {m.name: _local(models, ruleset, points, m) for m in plant.modules.values()}
+    flows = true_flows(models, local)
+    fits = []
+    for module in plant.modules.values():
+        model = models.types[module.type.key]
+        if module.name not in flows or all(o.is_reference for o in module.type.observers.values()):
+            continue
+        flow = flows[module.name]
+        if not np.isfinite(flow.values).any():  # it stood all the time: what it was remains
+            continue
+        readings = Readings(local[module.name], flow)
+        fits.append(fit_module(module, model, readings))
+    if not fits:
+        raise CalibrationRefused(
+            "no module has a true flow to fit to: the recording needs a flow meter column, "
+            "or a module type an observer with 'reference: true'"
+        )
+    return fits
+
+
+def _local(models: Compilation, ruleset: Ruleset, points: Points, module: Module) -> Local:
+    """Readings of a module, below-minimum ones blanked."""
+    values: dict[str, Array] = {}
+    systematic: dict[str, Array] = {}
+    statistical: dict[str, Array] = {}
+    for name in module.type.signals:
+        signal = ruleset.signal_by_id[f"{module.name}.{name}"]
+        if signal.id not in points.values:
+            continue
+        readings = points.values[signal.id].copy()
+        if signal.minimum is not None:
+            readings[~(readings >= signal.minimum)] = np.nan
+        values[name] = readings
+        systematic[name] = np.broadcast_to(systematic_u(signal, readings), readings.shape)
+        statistical[name] = points.statistical(signal.id)
+    n = len(next(iter(points.values.values())))
+    for name in module.type.gathers:
+        ids = [f"{m}.{s}" for m, s in models.network.gathers[module.name, name]]
+        known = all(i in points.values for i in ids)
+        parts = [points.values[i] for i in ids] if known else [np.full(n, np.nan)]
+        shared = [systematic_u(ruleset.signal_by_id[i], points.values[i]) for i in ids if known]
+        new = [points.statistical(i) for i in ids if known]
+        values[GATHERED + name] = np.sum(parts, axis=0) if parts else np.zeros(n)
+        systematic[GATHERED + name] = _root_of_squares(shared, n)
+        statistical[GATHERED + name] = _root_of_squares(new, n)
+    return Local(values, systematic, statistical)
+
+
+def _root_of_squares(parts: Sequence[Array], n: int) -> Array:
+    return np.sqrt(sum((np.broadcast_to(p, (n,)) ** 2 for p in parts), np.zeros(n)))

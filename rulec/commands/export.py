@@ -1,0 +1,64 @@
+"""`rulec export`: write the observers of a plant's modules as code for their controllers."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from rulec_runtime.commands.destinations import console
+from rulec_runtime.output.plural import plural
+from rulec_runtime.output.terminal import styled
+from rulec_runtime.output.write_file import write_text
+from rulec_runtime.recordings.recording import read_recording
+
+from rulec.api.given import ruleset_of
+from rulec.export.c_printer import header, source
+from rulec.export.module_code import code_of
+from rulec.export.play import played, results_csv
+from rulec.export.program import ModuleCode
+from rulec.export.st_printer import blocks
+from rulec.export.wiring import wiring_csv
+
+WIRING, RESULTS = "wiring.csv", "results.csv"
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write code and its wiring; with a recording also what the code says of it."""
+    out = console(options)
+    ruleset = ruleset_of(options.plant)
+    folder = Path(options.output)
+    recording = None if options.play is None else read_recording(Path(options.play), ruleset)
+    codes = code_of(ruleset)
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = 0
+    for name, text in files_of(codes, options.to):
+        write_text(folder / name, text)
+        lines += text.count("\n")
+    write_text(folder / WIRING, wiring_csv(codes))
+    told = "[green]✓[/] {}: {}, {}, and {}"
+    of_modules, of_lines = plural(len(codes), "module", "modules"), plural(lines, "line", "lines")
+    out.print(styled(told, folder, of_modules, of_lines, WIRING))
+    silent = [name for name in ruleset.modules if name not in {code.module for code in codes}]
+    if silent:
+        note = "[dim]note: without estimates of their flow, and so without code: {}[/]"
+        out.print(styled(note, ", ".join(silent)))
+    if ruleset.dynamics is not None:
+        note = "this plant stores: rulec diagnose judges its recordings, not results of modules"
+        out.print(styled("[dim]note: {}[/]", note))
+    if recording is not None:
+        columns = played(recording, ruleset, codes)
+        write_text(folder / RESULTS, results_csv(columns))
+        windows = plural(len(columns["samples"]), "window", "windows")
+        out.print(styled("[green]✓[/] {}: {}", folder / RESULTS, windows))
+    return 0
+
+
+def files_of(codes: Iterable[ModuleCode], language: str) -> Iterator[tuple[str, str]]:
+    """Names and texts of the files of all modules."""
+    for code in codes:
+        if language == "c":
+            yield f"{code.name}.h", header(code)
+            yield f"{code.name}.c", source(code)
+        else:
+            yield f"{code.name}.st", blocks(code)

@@ -1,0 +1,1 @@
+"""Observers as code for module controllers: a small program form, its interpreter, its printers."""

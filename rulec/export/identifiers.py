@@ -1,0 +1,77 @@
+"""Names that C99 and IEC 61131-3 both take.
+
+The norm knows no difference of case, no two underscores in a row and none at the end, and not every
+controller reads more than 32 characters. C takes all that is left, but for its own words.
+"""
+
+from __future__ import annotations
+
+import re
+
+from rulec.limits import LONGEST_IDENTIFIER
+
+_C = (
+    "auto break case char const continue default do double else enum extern float for goto if "
+    "inline int long register restrict return short signed sizeof static struct switch typedef "
+    "union unsigned void volatile while bool true false exp log sqrt pow fabs fmin fmax in out "
+    "abs round floor ceil sin cos tan tanh gamma j0 j1 jn y0 y1 yn isnan isfinite signbit "
+    "asm typeof unix linux errno main"
+)
+C_WORDS = frozenset(_C.split())
+"""Words of C99, its library's functions and macros, and what our functions call their arguments."""
+
+_ST = (
+    "abs abstract acos action add and any any_bit any_date any_elementary any_int any_num any_real "
+    "any_string array asin at atan bool by byte case class concat configuration constant "
+    "continue cos ctd ctu ctud date date_and_time delete deref dint div do dt dword else elsif "
+    "end_action end_case end_class end_configuration end_for end_function end_function_block "
+    "end_if end_interface end_method end_namespace end_program end_repeat end_resource end_step "
+    "end_struct end_transition end_type end_var end_while eq exit exp expt extends f_edge f_trig "
+    "false final find for from function function_block ge gt if implements initial_step insert "
+    "int interface internal interval ldate ldt le left len limit lint ln log lreal lt ltime ltod "
+    "lword max method mid min mod move mul mux namespace ne non_retain not null of on or overlap "
+    "override priority private program protected public r_edge r_trig read_only read_write real "
+    "ref ref_to repeat replace resource retain return right rol ror rs sel shl shr sin single "
+    "sint sqrt sr step string struct sub super tan task then this time time_of_day to tod tof ton "
+    "tp transition true trunc type udint uint ulint until using usint var var_access var_config "
+    "var_external var_global var_in_out var_input var_output var_temp while with word wstring "
+    "xor s r st ld fbd sfc en eno cal calc ret jmp ldn stn"
+)
+ST_WORDS = frozenset(_ST.split())
+"""Words and standard functions of IEC 61131-3, and operators of its
+instruction list."""
+
+RESERVED = C_WORDS | ST_WORDS
+
+
+class Identifiers:
+    """Hands out names that differ from each other whatever their case."""
+
+    def __init__(self, reserved: frozenset[str] = RESERVED) -> None:
+        self._taken: set[str] = set()
+        self._reserved = reserved
+
+    def new(self, wanted: str) -> str:
+        """A legal name as close to the wanted one as may be.
+
+        >>> names = Identifiers()
+        >>> names.new("P_el.high"), names.new("p_el__high"), names.new("exp"), names.new("2nd")
+        ('P_el_high', 'p_el_high_2', 'exp_value', 'v_2nd')
+        """
+        name = legal(wanted)
+        number = 1
+        tried = f"{name}_value" if name.lower() in self._reserved else name
+        while tried.lower() in self._taken:
+            number += 1
+            tail = f"_{number}"
+            tried = name[: LONGEST_IDENTIFIER - len(tail)].rstrip("_") + tail
+        self._taken.add(tried.lower())
+        return tried
+
+
+def legal(wanted: str) -> str:
+    """Letters, digits and single underscores, a letter first, no longer than controllers read."""
+    name = "_".join(re.findall(r"[A-Za-z0-9]+", wanted)) or "v"
+    if not name[0].isalpha():
+        name = f"v_{name}"
+    return name[:LONGEST_IDENTIFIER].rstrip("_")

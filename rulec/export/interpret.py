@@ -1,0 +1,51 @@
+"""Run a routine as it stands: what any printed code has to give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from rulec_runtime.contract.plan import OPERATIONS
+
+from rulec.export.program import Apply, Expression, Name, Number, Routine
+
+Value = Any
+"""A number or truth value, or an array of them."""
+
+LOGIC: Mapping[str, Callable[..., Value]] = {
+    "ge": np.greater_equal,
+    "gt": np.greater,
+    "le": np.less_equal,
+    "and": np.logical_and,
+    "not": np.logical_not,
+    "select": np.where,
+}
+
+
+def run(routine: Routine, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Outputs of a routine by name.
+
+    Parameters
+    ----------
+    values : per input its value, or an array of them, shape (n,); in the input's unit.
+    """
+    known: dict[str, Value] = {v.name: values[v.name] for v in routine.inputs}
+    known |= {p.name: p.value for p in routine.parameters}
+    # A reading that is no number is compared before it is known to be none.
+    with np.errstate(all="ignore"):
+        for statement in routine.statements:
+            known[statement.name] = evaluated(statement.expression, known)
+    return {v.name: known[v.name] for v in routine.outputs}
+
+
+def evaluated(expression: Expression, known: Mapping[str, Value]) -> Value:
+    """Value of an expression."""
+    match expression:
+        case Number(value):
+            return value
+        case Name(text):
+            return known[text]
+        case Apply(operation, operands):
+            function = LOGIC.get(operation) or OPERATIONS[operation]
+            return function(*(evaluated(e, known) for e in operands))

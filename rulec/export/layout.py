@@ -1,0 +1,39 @@
+"""Lines and numbers of printed code."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+
+WIDTH = 99
+
+
+def literal(value: float) -> str:
+    """A number with all its digits, as C99 and IEC 61131-3 write it.
+
+    >>> literal(0.1), literal(1e-05), literal(-3.0), literal(2.5e22)
+    ('0.1', '1.0E-05', '-3.0', '2.5E+22')
+    """
+    digits, mark, exponent = repr(float(value)).partition("e")
+    if "." not in digits:
+        digits += ".0"
+    return f"{digits}E{exponent}" if mark else digits
+
+
+def wrapped(line: str, width: int) -> list[str]:
+    """A line of a comment in lines no wider, the further ones as far in and a little more."""
+    indent = " " * (len(line) - len(line.lstrip()))
+    lines = textwrap.wrap(line, width, subsequent_indent=f"{indent}  ", break_on_hyphens=False)
+    return lines or [""]
+
+
+def broken(line: str, indent: str) -> Iterator[str]:
+    """A statement in lines of bearable length, broken at blanks."""
+    yield from textwrap.wrap(
+        line,
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

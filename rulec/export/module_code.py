@@ -1,0 +1,43 @@
+"""All code of a plant: two routines for each module that estimates a flow."""
+
+from __future__ import annotations
+
+import json
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.json_file import DIGEST
+
+from rulec.export.identifiers import Identifiers
+from rulec.export.observe import observe_routine
+from rulec.export.program import ModuleCode
+from rulec.export.undo import undo_routine
+
+
+def code_of(ruleset: Ruleset) -> tuple[ModuleCode, ...]:
+    """Code of each module that estimates its flow, in the plant's order."""
+    digest = json.loads(ruleset.to_json())[DIGEST]
+    names = Identifiers(frozenset())  # more stands behind them
+    found = []
+    for module in ruleset.modules:
+        if any(o.module == module for o in ruleset.observers):
+            routines = (observe_routine(ruleset, module), undo_routine(ruleset, module))
+            head = _head(ruleset, module, digest)
+            found.append(ModuleCode(module, names.new(module), head, routines))
+    return tuple(found)
+
+
+def _head(ruleset: Ruleset, module: str, digest: str) -> tuple[str, ...]:
+    """What stands at the top of the files of a module; the same ruleset gives the same lines."""
+    own = [o for o in ruleset.observers if o.module == module]
+    files = dict.fromkeys(o.origin.partition(":")[0] for o in own)
+    return (
+        f"Module {module} ({ruleset.modules[module]}) of plant {ruleset.plant}",
+        f"Type: {', '.join(files)}",
+        f"Ruleset: format {ruleset.format_version}, sha256 {digest}",
+        f"Sources: {ruleset.sources}",
+        "Written by rulec export; change the sources, not this file.",
+        "Inputs are in the units named beside them, outputs in SI (flows in m3/s).",
+        "",
+        "Estimates and their sources:",
+        *(f"  {o.equation}   ({o.origin})" for o in own),
+    )

@@ -1,0 +1,241 @@
+"""The routine that a controller calls at each operating point: estimates with all that the central
+part needs of them, and the residuals that the module can judge by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import rulec_runtime.limits as runtime_limits
+from rulec_runtime.contract.plan import Plan
+from rulec_runtime.contract.ruleset import ObserverSpec, ResidualSpec, Ruleset, SignalSpec
+
+from rulec.export.hints import hints_of
+from rulec.export.identifiers import Identifiers
+from rulec.export.outputs import FLOW, Outputs
+from rulec.export.parameters import named_constants
+from rulec.export.program import (
+    Expression,
+    Name,
+    Number,
+    Parameter,
+    Routine,
+    Section,
+    Statement,
+    Variable,
+    apply,
+    every,
+    without_unused,
+)
+from rulec.export.readings import checked, reading_of
+from rulec.export.specialised import graph_of, put_into
+from rulec.export.uncertainty import Terms, of_reading, signed, spread
+from rulec.export.writer import Writer
+
+
+def observe_routine(ruleset: Ruleset, module: str) -> Routine:
+    """Estimates of a module at given readings."""
+    return _Observe(ruleset, module).routine()
+
+
+class _Observe:
+    """Builds the routine; `flow`, `slopes` (per error) and `valid` of observers are names."""
+
+    def __init__(self, ruleset: Ruleset, module: str) -> None:
+        self.ruleset, self.module = ruleset, module
+        self.observers = [o for o in ruleset.observers if o.module == module]
+        self.names = Identifiers()
+        self.outputs = Outputs(self.names)
+        ids = {s for o in self.observers for s in o.signals}
+        signals = [s for s in ruleset.signals if s.id in ids]
+        self.readings = {s.id: reading_of(s, module, self.names) for s in signals}
+        self.noise = {s.id: self._noise(s) for s in signals}
+        self.u = {s.id: Name(self.names.new(f"u_{self._given(s)}")) for s in signals}
+        self.flow: dict[str, Name] = {}
+        self.slopes: dict[str, dict[str, Name]] = {}
+        self.valid: dict[str, Name] = {}
+        self.writer, self.constants = self._writer(self._plan())
+
+    def routine(self) -> Routine:
+        """All sections in order."""
+        readings = list(self.readings.values())
+        sections = [checked(readings), self._uncertainties()]
+        sections += [self._observer(o) for o in self.observers]
+        sections += [self._residual(r) for r in self._own_residuals()]
+        used, read = without_unused(sections, self.outputs.variables)
+        inputs = [v for r in readings for v in (r.value, r.good)]
+        return Routine(
+            name="observe",
+            text="Estimates of the flow through the module at one operating point: call it with "
+            "mean readings while the plant is settled.",
+            inputs=(*inputs, *self.noise.values()),
+            parameters=tuple(p for p in self.constants if p.name in read),
+            sections=used,
+            outputs=tuple(self.outputs.variables),
+        )
+
+    def _given(self, signal: SignalSpec) -> str:
+        return self.readings[signal.id].value.name
+
+    def _noise(self, signal: SignalSpec) -> Variable:
+        name = self._given(signal)
+        text = f"standard uncertainty of the mean {name} by its noise"
+        wanted = self.names.new(f"{name}_noise")
+        return Variable(wanted, f"noise:{signal.id}", "real", signal.unit, text)
+
+    def _plan(self) -> Plan:
+        """Flows, guards and slopes, those by degrees at no fault, in one plan."""
+        plan, undo = self.ruleset.plan, self.ruleset.undo
+        own = {o.id for o in self.observers}
+        graph = graph_of(self.readings)
+        for part, kinds, known in (
+            (plan, ("q", "guard", "s"), {n: 1.0 for n in plan.inputs if n.startswith("u:")}),
+            (undo, ("dq",), {n: 0.0 for n in undo.inputs if n.startswith("x:")}),
+        ):
+            wanted = [n for n in part.outputs if _of(n, own, kinds)]
+            graph.outputs.update(put_into(graph, part, wanted, known))
+        return graph.plan()
+
+    def _writer(self, plan: Plan) -> tuple[Writer, tuple[Parameter, ...]]:
+        """What writes it, in names of readings, parameters and equations; and the parameters."""
+        parameters = named_constants(self.ruleset, self.module, plan.constants, self.names)
+        by_value = {p.value: Name(p.name) for p in parameters}
+        known = {
+            i: self._short(n) for i, n in enumerate(plan.inputs) if n.startswith(f"{self.module}.")
+        }
+        for i, value in enumerate(plan.constants, len(plan.inputs)):
+            if value in by_value:
+                known[i] = by_value[value].text
+        hints: dict[int, str] = {}
+        for observer in self.observers:
+            hints |= hints_of(plan, observer, known)
+        given = {n: self.readings[n].si for n in plan.inputs}
+        return Writer(plan, given, by_value, self.names, hints), parameters
+
+    def _short(self, name: str) -> str:
+        """A name without that of the module."""
+        return name.removeprefix(f"{self.module}.").removeprefix(f"{self.module}#")
+
+    def _uncertainties(self) -> Section:
+        """Standard uncertainties of the readings, SI, and whether they are known territory."""
+        statements = list(self.writer.taken())
+        for name, reading in self.readings.items():
+            u = self.u[name].text
+            statements += of_reading(reading, self.noise[name], u, self.outputs)
+        return Section("Uncertainties of the readings", tuple(statements))
+
+    def _observer(self, observer: ObserverSpec) -> Section:
+        """One estimate: flow, slopes, standard uncertainty, validity."""
+        short, key = self._short(observer.id), f"q:{observer.id}"
+        writer = self.writer
+        sound = list(self._sound(observer, short))
+        flow = writer.named(key, self.names.new(f"Q_{short}"))
+        known = [*(self.readings[s].ok for s in observer.signals), *writer.conditions(key)]
+        slopes = {}
+        for name in self.ruleset.plan.outputs:
+            if _of(name, {observer.id}, ("s",)):
+                error = name.split(":", 2)[2]
+                slopes[error] = writer.named(name, self._slope(observer, short, error))
+                sound += writer.conditions(name)
+        for name in self.ruleset.undo.outputs:
+            if _of(name, {observer.id}, ("dq",)):
+                writer.named(name, self._by_fault(short, name))
+        sound = [*(c for c in sound if c not in known), apply("gt", flow, Number(0.0))]
+        self.flow[observer.id], self.slopes[observer.id] = flow, slopes
+        statements = [*writer.taken(), *self._said(observer, short, known, sound)]
+        parts = {error: [(1, slope)] for error, slope in slopes.items()}
+        statements += self._spread(short, observer.id, parts, self.valid[observer.id])
+        return Section(f"{observer.equation}   ({observer.origin})", tuple(statements))
+
+    def _sound(self, observer: ObserverSpec, short: str) -> Iterator[Expression]:
+        """Where the equation holds: readings not below their minimum, and its own conditions."""
+        for signal in observer.signals:
+            minimum = self.ruleset.signal_by_id[signal].minimum
+            if minimum is not None:
+                yield apply("ge", self.readings[signal].si, Number(minimum))
+        for guard in observer.guards:
+            name = self.names.new(_quotient(guard.text) or f"{short}_guard")
+            self.writer.named(guard.output, name, f"{guard.text}: must be positive")
+            yield apply("gt", Name(name), Number(0.0))
+
+    def _said(
+        self, observer: ObserverSpec, short: str, known: list[Expression], sound: list[Expression]
+    ) -> Iterator[Statement]:
+        """Flow, whether it can be calculated, and whether it may be used."""
+        outputs = self.outputs
+        text = f"{short} can be calculated"
+        is_known = outputs.flag(f"{short}_known", f"known:{observer.id}", text)
+        yield Statement(is_known, every(known), "bool")
+        valid = outputs.flag(f"{short}_valid", f"valid:{observer.id}", f"{short} may be used")
+        yield Statement(valid, every([Name(is_known), *sound]), "bool")
+        self.valid[observer.id] = Name(valid)
+        text = f"{observer.equation}; 0 where not known"
+        name = outputs.number(short, f"q:{observer.id}", text)
+        flow = self.flow[observer.id]
+        yield Statement(name, apply("select", Name(is_known), flow, Number(0.0)))
+
+    def _slope(self, observer: ObserverSpec, short: str, error: str) -> str:
+        bare, unit = self._short(error), FLOW
+        if error in self.readings:
+            unit, what = f"{FLOW} per SI", f"slope of {short} by {error}"
+        elif error in self.ruleset.misfits:
+            bare, what = "misfit", f"standard uncertainty of {short} by its own misfit"
+        else:
+            what = f"slope of {short} by parameter {error}, per standard uncertainty"
+        return self.outputs.number(f"{short}_by_{bare}", f"s:{observer.id}:{error}", what, unit)
+
+    def _by_fault(self, short: str, output: str) -> str:
+        fault = output.split(":", 2)[2]
+        what = f"slope of {short} by the degree of {fault} that is undone"
+        wanted = f"{short}_undo_{self._short(fault)}"
+        return self.outputs.number(wanted, output, what, f"{FLOW} per degree")
+
+    def _spread(
+        self, short: str, id_: str, parts: dict[str, Terms], valid: Name
+    ) -> Iterator[Statement]:
+        """Standard uncertainty of a signed sum of estimates as an output."""
+        bare = {error: self._short(error) for error in parts}
+        statements, u = spread(parts, self.u, bare, short, self.outputs)
+        yield from statements
+        name = self.outputs.number(f"u_{short}", f"u:{id_}", f"standard uncertainty of {short}")
+        yield Statement(name, apply("select", valid, u, Number(0.0)))
+
+    def _own_residuals(self) -> list[ResidualSpec]:
+        own = {o.id for o in self.observers}
+        return [r for r in self.ruleset.residuals if own.issuperset(t.observer for t in r.terms)]
+
+    def _residual(self, residual: ResidualSpec) -> Section:
+        """A residual that stays within the module, beside its threshold."""
+        outputs, short, id_ = self.outputs, self._short(residual.id), residual.id
+        valid = outputs.flag(f"R_{short}_valid", f"valid:R:{id_}", f"{short} may be used")
+        sound = every(self.valid[t.observer] for t in residual.terms)
+        value = signed([(t.sign, self.flow[t.observer]) for t in residual.terms])
+        name = outputs.number(f"R_{short}", f"R:{id_}", f"{residual.text}; 0 where not valid")
+        parts: dict[str, Terms] = {}
+        for term in residual.terms:
+            for error, slope in self.slopes[term.observer].items():
+                parts.setdefault(error, []).append((term.sign, slope))
+        statements = [
+            Statement(valid, sound, "bool"),
+            Statement(name, apply("select", Name(valid), value, Number(0.0))),
+            *self._spread(f"R_{short}", id_, parts, Name(valid)),
+        ]
+        limit = apply("mul", Number(runtime_limits.THRESHOLD), Name(statements[-1].name))
+        text = "beyond it the residual has moved"
+        threshold = outputs.number(f"threshold_{short}", f"threshold:{id_}", text)
+        far = apply("gt", apply("abs", Name(name)), Name(threshold))
+        text = f"{short} is beyond its threshold"
+        moved = outputs.flag(f"moved_{short}", f"moved:{id_}", text)
+        statements += [Statement(threshold, limit), Statement(moved, far, "bool")]
+        return Section(f"Residual {residual.text}", tuple(statements))
+
+
+def _of(output: str, observers: set[str], kinds: tuple[str, ...]) -> bool:
+    """Is an output of one of the kinds, and of one of the observers?"""
+    kind, _, rest = output.partition(":")
+    return kind in kinds and rest.partition(":")[0] in observers
+
+
+def _quotient(text: str) -> str:
+    """A quotient of two names as a name; empty for anything else."""
+    above, _, below = (part.strip() for part in text.partition("/"))
+    return f"{above}_per_{below}" if above.isidentifier() and below.isidentifier() else ""

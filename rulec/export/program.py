@@ -1,0 +1,167 @@
+"""The form between plan and code: routines of assignments, with no loop and no jump.
+
+Every name is assigned once and before it is read, so a routine means the same in any language.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["real", "bool"]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A constant."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class Name:
+    """An input, a parameter, an output, or a value worked out before."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Apply:
+    """An operation on operands.
+
+    On numbers those of `rulec_runtime.contract.plan.OPERATIONS` without ``sign`` and ``tanh``,
+    which no PLC has; ``ge``, ``gt``, ``le`` compare; ``and``, ``not`` join; ``select`` takes a
+    condition, then what holds where it is met, then what holds elsewhere.
+    """
+
+    operation: str
+    operands: tuple[Expression, ...]
+
+
+Expression = Number | Name | Apply
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A value, worked out once."""
+
+    name: str
+    expression: Expression
+    kind: Kind = "real"
+    comment: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """Statements that belong together; `title` heads them as a comment."""
+
+    title: str
+    statements: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """An input or output; `id` says what it is in the plant, as in ``q:A.pump``."""
+
+    name: str
+    id: str
+    kind: Kind
+    unit: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A constant with a name, SI; `text` gives it in its unit, with its source."""
+
+    name: str
+    value: float
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Routine:
+    """What a controller calls; each output is assigned by the statement of its name."""
+
+    name: str
+    text: str
+    inputs: tuple[Variable, ...]
+    parameters: tuple[Parameter, ...]
+    sections: tuple[Section, ...]
+    outputs: tuple[Variable, ...]
+
+    @property
+    def statements(self) -> tuple[Statement, ...]:
+        """All statements in order."""
+        return tuple(s for section in self.sections for s in section.statements)
+
+
+@dataclass(frozen=True)
+class ModuleCode:
+    """All routines of a module; `head` is what stands at the top of its files."""
+
+    module: str
+    name: str
+    head: tuple[str, ...]
+    routines: tuple[Routine, ...]
+
+
+def apply(operation: str, *operands: Expression) -> Apply:
+    """An operation."""
+    return Apply(operation, operands)
+
+
+def total(terms: list[Expression]) -> Expression:
+    """Sum from left to right; 0 of nothing."""
+    result = terms[0] if terms else Number(0.0)
+    for term in terms[1:]:
+        result = apply("add", result, term)
+    return result
+
+
+def every(conditions: Iterable[Expression]) -> Expression:
+    """All conditions at once, each as often as it must be; there is at least one."""
+    given = dict.fromkeys(conditions)
+    strict = {c.operands for c in given if isinstance(c, Apply) and c.operation == "gt"}
+    kept = [
+        c
+        for c in given
+        if not (isinstance(c, Apply) and c.operation == "ge" and c.operands in strict)
+    ]
+    result = kept[0]
+    for condition in kept[1:]:
+        result = apply("and", result, condition)
+    return result
+
+
+def leaves(expression: Expression) -> int:
+    """How many names and numbers an expression holds."""
+    if isinstance(expression, Apply):
+        return sum(leaves(e) for e in expression.operands)
+    return 1
+
+
+def names_in(expression: Expression) -> set[str]:
+    """Names that an expression reads."""
+    if isinstance(expression, Apply):
+        return {name for e in expression.operands for name in names_in(e)}
+    return {expression.text} if isinstance(expression, Name) else set()
+
+
+def without_unused(
+    sections: Iterable[Section], outputs: Iterable[Variable]
+) -> tuple[tuple[Section, ...], frozenset[str]]:
+    """The sections without statements that no output needs, and all names that are read."""
+    read: set[str] = set()
+    wanted = {v.name for v in outputs}
+    kept = []
+    for section in reversed(list(sections)):
+        statements = []
+        for statement in reversed(section.statements):
+            if statement.name in wanted or statement.name in read:
+                statements.append(statement)
+                read |= names_in(statement.expression)
+        if statements:
+            kept.append(Section(section.title, tuple(reversed(statements))))
+    return tuple(reversed(kept)), frozenset(read)

@@ -1,0 +1,241 @@
+"""From the values of a plan to statements that a person can read.
+
+A value that is used once stands where it is used; others get a name. Arguments of roots,
+logarithms, powers and exponentials are kept where these are defined, and divisors away from zero:
+nothing traps, and an output's conditions say whether it is what the plan says.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from rulec_runtime.contract.plan import UNARY, Plan
+
+from rulec import limits
+from rulec.export.identifiers import Identifiers
+from rulec.export.program import (
+    Apply,
+    Expression,
+    Name,
+    Number,
+    Statement,
+    apply,
+    leaves,
+)
+from rulec.export.without_plc import sign, tanh, whole_power
+
+JOINED = {"add": "plus", "sub": "minus", "mul": "times", "div": "per"}
+LONGEST_DESCRIPTION = 20
+ZERO, LEAST = Number(0.0), Number(limits.LEAST_DIVISOR)
+
+Conditions = tuple[Expression, ...]
+
+
+class Writer:
+    """Writes the outputs of a plan, one after the other.
+
+    `given` are the expressions of the plan's inputs, `constants` names of constants by value,
+    `hints` names of values by their number.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        given: Mapping[str, Expression],
+        constants: Mapping[float, Name],
+        names: Identifiers,
+        hints: Mapping[int, str] | None = None,
+    ) -> None:
+        self._plan, self._names, self._hints = plan, names, hints or {}
+        self._uses = _uses(plan)
+        self._divisors = frozenset(_divisors(plan))
+        self._context = ""
+        self._done: dict[int, Expression] = {}
+        self._conditions: dict[int, Conditions] = {}
+        self._statements: list[Statement] = []
+        self._safe_products: dict[int, Expression] = {}
+        self._far: dict[int, tuple[Expression, Expression]] = {}
+        for i, name in enumerate(plan.inputs):
+            self._done[i] = given[name]
+            if i in self._divisors:
+                self._far[i] = self._far_from_zero(i, given[name])
+        for i, value in enumerate(plan.constants, len(plan.inputs)):
+            self._done[i] = constants.get(value, Number(value))
+
+    def taken(self) -> tuple[Statement, ...]:
+        """Statements written since the last time."""
+        statements, self._statements = tuple(self._statements), []
+        return statements
+
+    def named(self, output: str, name: str, comment: str = "") -> Name:
+        """Write an output under a name; what is used of it later goes by that name."""
+        number = self._plan.outputs[output]
+        self._context = name
+        expression = self._written(number)
+        self._statements.append(Statement(name, expression, comment=comment))
+        if isinstance(expression, Apply):
+            self._done[number] = Name(name)
+        return Name(name)
+
+    def conditions(self, output: str) -> Conditions:
+        """What an output written before rests on."""
+        return self._conditions.get(self._plan.outputs[output], ())
+
+    def _written(self, root: int) -> Expression:
+        """Write a value and all it needs, without recursion: sums may be long."""
+        stack = [root]
+        while stack:
+            number = stack[-1]
+            operands = () if number in self._done else self._operands(number)
+            waiting = [i for i in operands if i not in self._done]
+            stack += reversed(waiting)
+            if not waiting:
+                stack.pop()
+                if number not in self._done:
+                    self._done[number] = self._operation(number, operands, number == root)
+        return self._done[root]
+
+    def _operands(self, number: int) -> tuple[int, ...]:
+        name, a, b = self._plan.operations[number - self._plan.first_operation]
+        return (a,) if name in UNARY else (a, b)
+
+    def _operation(self, number: int, operands: tuple[int, ...], is_root: bool) -> Expression:
+        name = self._plan.operations[number - self._plan.first_operation][0]
+        parts = [self._done[i] for i in operands]
+        found = [c for i in operands for c in self._conditions.get(i, ())]
+        if name == "div":
+            parts[1] = self._divisor(operands[1], found)
+        expression, condition = self._safe(name, parts)
+        self._conditions[number] = tuple(dict.fromkeys([*found, *condition]))
+        if number in self._divisors:
+            expression, far = self._far_from_zero(number, expression)
+            self._conditions[number] = (*self._conditions[number], far)
+        many = self._uses[number] > 1 or leaves(expression) > limits.LONGEST_EXPRESSION
+        hinted = number in self._hints and number not in self._plan.outputs.values()
+        return self._keep(expression, number) if hinted or (many and not is_root) else expression
+
+    def _safe(self, name: str, parts: list[Expression]) -> tuple[Expression, Conditions]:
+        """An operation that no argument can make trap, and what it rests on."""
+        a = parts[0]
+        match name:
+            case "sqrt":
+                a = self._keep(a)
+                return apply("sqrt", apply("max", a, ZERO)), (apply("ge", a, ZERO),)
+            case "log":
+                a = self._keep(a)
+                return apply("log", apply("max", a, LEAST)), (apply("gt", a, LEAST),)
+            case "exp":
+                a, most = self._keep(a), Number(limits.LARGEST_EXPONENT)
+                return apply("exp", apply("min", a, most)), (apply("le", a, most),)
+            case "pow" if (whole := whole_power(self._keep(a), parts[1])) is not None:
+                return whole, ()
+            case "pow":
+                a = self._keep(a)
+                return apply("pow", apply("max", a, LEAST), parts[1]), (apply("gt", a, LEAST),)
+            case "sign":
+                return sign(self._keep(a)), ()
+            case "tanh":
+                a = self._keep(a)
+                size = self._keep(apply("abs", a))
+                fall = self._keep(apply("exp", apply("mul", Number(-2.0), size)))
+                return tanh(a, size, fall), ()
+        return apply(name, *parts), ()
+
+    def _far_from_zero(self, number: int, expression: Expression) -> tuple[Expression, Expression]:
+        """A value that something is divided by, never zero, and the condition that it was not."""
+        name = self._name(expression, number)
+        raw = self._keep(expression, wanted=f"{name}_raw")
+        far = apply("gt", apply("abs", raw), LEAST)
+        return self._keep(apply("select", far, raw, LEAST), wanted=name), far
+
+    def _divisor(self, number: int, conditions: list[Expression]) -> Expression:
+        """What is divided by, with inputs in it away from zero.
+
+        Elsewhere an input is taken as it is: zero may be a good reading there.
+        """
+        if not self._far.keys() & self._factors(number):
+            return self._done[number]
+        if number in self._far:
+            safe, far = self._far[number]
+            conditions.append(far)
+            return safe
+        name = self._plan.operations[number - self._plan.first_operation][0]
+        parts = [self._divisor(i, conditions) for i in self._operands(number)]
+        if number not in self._safe_products:
+            expression = self._safe(name, parts)[0]
+            shared = self._uses[number] > 1
+            self._safe_products[number] = self._keep(expression) if shared else expression
+        return self._safe_products[number]
+
+    def _factors(self, number: int) -> set[int]:
+        """Inputs that are factors of a value."""
+        return set(_factors(self._plan, [number])) & self._far.keys()
+
+    def _keep(
+        self, expression: Expression, number: int | None = None, wanted: str = ""
+    ) -> Expression:
+        """The expression under a name, unless it has one."""
+        if not isinstance(expression, Apply):
+            return expression
+        name = self._names.new(wanted or self._name(expression, number))
+        self._statements.append(Statement(name, expression))
+        return Name(name)
+
+    def _name(self, expression: Expression, number: int | None) -> str:
+        """A name for a value: as its equation calls it, or by what it is made of."""
+        hint = None if number is None else self._hints.get(number)
+        if isinstance(expression, Name):
+            return hint or f"{expression.text}_divisor"
+        return hint or _described(expression) or f"{self._context}_part"
+
+
+def _uses(plan: Plan) -> Counter[int]:
+    """How often each value is read: by operations, and as an output."""
+    uses = Counter(plan.outputs.values())
+    for name, a, b in plan.operations:
+        uses.update((a,) if name in UNARY else (a, b))
+    return uses
+
+
+def _divisors(plan: Plan) -> Iterator[int]:
+    """Values that must not be zero: the factors of what is divided by."""
+    return _factors(plan, [b for name, _, b in plan.operations if name == "div"])
+
+
+def _factors(plan: Plan, left: list[int]) -> Iterator[int]:
+    """What values are products and quotients of, without constants."""
+    first = plan.first_operation
+    seen: set[int] = set()
+    while left:
+        number = left.pop()
+        if number in seen or len(plan.inputs) <= number < first:
+            continue
+        seen.add(number)
+        name, a, b = plan.operations[number - first] if number >= first else ("input", 0, 0)
+        if name in ("mul", "div"):
+            left += [a, b]
+        elif name in ("neg", "abs"):
+            left.append(a)
+        elif name != "exp":
+            yield number
+
+
+def _described(expression: Expression) -> str:
+    """A name for a value by what it is made of, or none."""
+    match expression:
+        case Apply("mul", (Name(a), Name(b))) if a == b and len(a) < LONGEST_DESCRIPTION:
+            return f"{a}_squared"
+        case Apply("neg", (Name(a),)) if len(a) < LONGEST_DESCRIPTION:
+            return f"minus_{a}"
+        case Apply("add", (Name(a), Number(1.0)) | (Number(1.0), Name(a))):
+            return f"one_plus_{a}"
+        case Apply("sub", (Number(1.0), Name(b))):
+            return f"one_minus_{b}"
+        case Apply(name, (Name(a), Name(b))) if (
+            name in JOINED and len(a) + len(b) < LONGEST_DESCRIPTION
+        ):
+            return f"{a}_{JOINED[name]}_{b}"
+        case Apply("sqrt", (Apply("max", (Name(a), _)),)):
+            return f"root_of_{a}"
+    return ""

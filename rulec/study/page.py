@@ -1,0 +1,83 @@
+"""The page of a study: what can be relied on in words, then a table per module type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.report.document import document, facts, section
+from rulec_runtime.report.text import safe
+
+from rulec.study.campaign import Settings
+from rulec.study.points import Points
+from rulec.study.summary import LEGEND, TITLES, figures_of, percent, rows_of, sentences
+from rulec.study.tally import Cell, Tally
+
+
+def study_page(
+    ruleset: Ruleset,
+    types: Mapping[str, str],
+    points: Points,
+    settings: Settings,
+    counts: Tally,
+) -> str:
+    """A study as HTML; the same study gives the same text.
+
+    Parameters
+    ----------
+    types : module type per module.
+    """
+    told = "".join(f"<li>{safe(sentence)}</li>" for sentence in sentences(counts))
+    sections = [
+        section("What its diagnosis can do", f"<ul>{told}</ul>"),
+        *_tables(types, counts),
+        section("Where this comes from", facts(_facts(ruleset, points, settings))),
+    ]
+    return document(ruleset.title, ruleset.plant, "study", "".join(sections))
+
+
+def _tables(types: Mapping[str, str], counts: Tally) -> Iterator[str]:
+    for kind in dict.fromkeys(types.values()):
+        rows = [cells for of, cells in rows_of(counts).items() if of.type == kind]
+        if rows:
+            members = ", ".join(name for name, type_ in types.items() if type_ == kind)
+            legend = f'<p class="soft">{safe(LEGEND)}</p>'
+            yield section(f"{safe(kind)} ({safe(members)})", _table(rows) + legend)
+
+
+def _table(rows: Sequence[Sequence[Cell]]) -> str:
+    head = "".join(f'<th class="num">{title}</th>' for title in TITLES)
+    body = "".join(_row(cell, first=not i) for cells in rows for i, cell in enumerate(cells))
+    return (
+        f'<div class="scroll"><table><thead><tr><th>fault</th>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _row(cell: Cell, first: bool) -> str:
+    name = safe(cell.fault.title) if first else ""
+    shown = (percent(cell.degree), str(cell.recordings), *figures_of(cell))
+    return f"<tr><td>{name}</td>{''.join(f'<td class=num>{safe(s)}</td>' for s in shown)}</tr>"
+
+
+def _facts(
+    ruleset: Ruleset, points: Points, settings: Settings
+) -> Iterator[tuple[str, Sequence[str]]]:
+    signals = ruleset.signal_by_id
+    yield "recordings", [f"simulated, {settings.samples} samples with the fault in each"]
+    yield "plants drawn per fault", [str(settings.seeds)]
+    yield "mode", [settings.mode]
+    yield (
+        "operating points",
+        [
+            ", ".join(
+                f"{name} {signals[name].shown(float(values[i])):.4g} {signals[name].unit}"
+                for name, values in points.given.items()
+            )
+            for i in range(len(points))
+        ],
+    )
+    held = [name for name in points.given if not signals[name].is_input]
+    if held:
+        yield "varied like inputs", [f"{', '.join(held)}: no equation determines them"]
+    yield "ruleset", [ruleset.sources]

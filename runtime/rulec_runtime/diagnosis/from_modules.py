@@ -1,0 +1,158 @@
+"""Judge what modules say of themselves, instead of their readings.
+
+Where the file holds mean readings as well, faults are undone in the equations of the ruleset, as
+in a recording. Where it does not, the slopes by the degrees stand for them, which holds for small
+faults alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rulec_runtime import limits
+from rulec_runtime.contract.plan import Array, Operation, Plan
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.diagnosis.diagnose import Diagnosis, status_of, told_of
+from rulec_runtime.diagnosis.steady.batch_means import Halves
+from rulec_runtime.diagnosis.steady.observe import Observed, Points, slope_names, with_errors
+from rulec_runtime.diagnosis.steady.redundancy import blocks_of
+from rulec_runtime.diagnosis.steady.seen import see_block
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.module_results import ModuleResults
+from rulec_runtime.recordings.stationary import Timeline
+
+UNFIT = "its module says that it is not fit"
+FIRST_ORDER = (
+    "the results hold no mean readings: faults are undone to first order in their degrees, which "
+    "holds for small ones alone"
+)
+
+
+def diagnose_results(results: ModuleResults, ruleset: Ruleset) -> Diagnosis:
+    """Judge results of modules; raises `RecordingRefused` where they do not suffice."""
+    if ruleset.dynamics is not None:
+        raise RecordingRefused(
+            "this plant stores: its balances are judged by readings, not by results of modules; "
+            "diagnose a recording"
+        )
+    notes = [*results.notes, *_unfit(results, ruleset)]
+    points = points_of(results, ruleset)
+    missing = sorted(ruleset.observed - points.values.keys())
+    if missing:
+        notes.append(FIRST_ORDER)
+        ruleset = replace(ruleset, undo=first_order(ruleset, results))
+        points = replace(points, values={**points.values, **results.columns})
+    observed = observed_of(results, ruleset, points)
+    halves = halves_of_results(results, ruleset)
+    seen = [see_block(ruleset, observed, block, "default", halves) for block in blocks_of(ruleset)]
+    judged, found = told_of(ruleset, timeline_of_results(results), seen)
+    return Diagnosis(
+        ruleset=ruleset,
+        mode="default",
+        samples=int(results.samples.sum()),
+        judged=judged,
+        status=status_of(found, judged),
+        findings=tuple(sorted(found.findings, key=lambda f: f.since)),
+        unknown=tuple(sorted(found.unknown, key=lambda p: p.since)),
+        not_judged=tuple(sorted(found.not_judged, key=lambda p: p.since)),
+        notes=tuple(notes),
+        calendar=results.calendar,
+        latest=found.latest,
+    )
+
+
+def points_of(results: ModuleResults, ruleset: Ruleset) -> Points:
+    """Uncertainties of readings, and the readings as far as the file has them."""
+    values, u, systematic, bad, why, lag = {}, {}, {}, {}, {}, {}
+    for signal in (s for s in ruleset.signals if s.id in ruleset.observed):
+        name = signal.id
+        bad[name] = ~results.flags(f"fit:{name}")
+        why[name] = UNFIT
+        lasting = np.where(bad[name], np.nan, results.columns[f"systematic:{name}"])
+        noise = abs(signal.factor) * results.columns[f"noise:{name}"]
+        systematic[name] = lasting
+        u[name] = np.hypot(lasting, noise)
+        if name in results.readings:
+            values[name] = np.where(bad[name], np.nan, results.readings[name])
+        moved = results.columns.get(f"lag:{name}")
+        if moved is not None and np.any(moved):
+            lag[name] = np.nan_to_num(moved)
+    middle = 0.5 * (results.since + results.until)
+    return Points(values, u, systematic, bad, why, middle, lag)
+
+
+def observed_of(results: ModuleResults, ruleset: Ruleset, points: Points) -> Observed:
+    """Estimates of modules, with their covariances."""
+    columns = results.columns
+    flows = np.array([columns[f"q:{o.id}"] for o in ruleset.observers])
+    valid = np.array([results.flags(f"valid:{o.id}") for o in ruleset.observers])
+    valid &= np.isfinite(flows)
+    row = ruleset.observer_index
+    # What an estimate that may not be used depends on is no matter, and may be anything.
+    slopes = {
+        name: np.where(valid[row[name.split(":")[1]]], columns[name], 0.0)
+        for name in slope_names(ruleset)
+    }
+    observed = with_errors(ruleset, points, np.where(valid, flows, np.nan), valid, slopes)
+    beyond = {s.id: results.flags(f"beyond:{s.id}") for s in ruleset.signals}
+    return replace(observed, extrapolated={n: flags for n, flags in beyond.items() if flags.any()})
+
+
+def halves_of_results(results: ModuleResults, ruleset: Ruleset) -> Halves:
+    """What the halves of windows differ by; nothing is known where modules do not say it."""
+    none = np.full(len(results), np.nan)
+    apart = [results.columns.get(f"apart:{o.id}", none) for o in ruleset.observers]
+    early = results.samples // 2
+    with np.errstate(divide="ignore"):
+        excess: Array = results.samples**2 / (early * (results.samples - early))
+    return Halves(np.array(apart), excess)
+
+
+def timeline_of_results(results: ModuleResults) -> Timeline:
+    """When the windows were; what lies between them nobody judged."""
+    after = np.cumsum(results.samples[::-1])[::-1] - results.samples
+    paused = np.zeros(len(results), dtype=bool)
+    interval = np.median((results.until - results.since) / np.maximum(results.samples - 1, 1))
+    pause = limits.LONGEST_STRETCH * interval if interval > 0.0 else np.inf
+    paused[1:] = results.since[1:] - results.until[:-1] > pause
+    return Timeline(results.since, results.until, results.samples, after, paused)
+
+
+def first_order(ruleset: Ruleset, results: ModuleResults) -> Plan:
+    """Estimates with faults undone as linear functions of the degrees: ``q + dq x``.
+
+    Its inputs are the modules' estimates and slopes, and the degrees.
+    """
+    slopes = [n for n in ruleset.undo.outputs if n.startswith("dq:")]
+    if lost := [n for n in slopes if n not in results.columns]:
+        raise RecordingRefused(
+            f"the results hold neither all mean readings nor the column '{lost[0]}': faults cannot "
+            "be undone"
+        )
+    flows = [f"q:{o.id}" for o in ruleset.observers]
+    degrees = [n for n in ruleset.undo.inputs if n.startswith("x:")]
+    inputs = [*flows, *slopes, *degrees]
+    place = {name: i for i, name in enumerate(inputs)}
+    operations: list[Operation] = []
+    outputs = {name: place[name] for name in slopes}
+    for flow in flows:
+        total = place[flow]
+        for slope in slopes:
+            _, observer, fault = slope.split(":", 2)
+            if f"q:{observer}" == flow and f"x:{fault}" in place:
+                operations.append(("mul", place[slope], place[f"x:{fault}"]))
+                operations.append(("add", total, len(inputs) + len(operations) - 1))
+                total = len(inputs) + len(operations) - 1
+        outputs[flow] = total
+    return Plan(tuple(inputs), (), tuple(operations), outputs)
+
+
+def _unfit(results: ModuleResults, ruleset: Ruleset) -> Iterator[str]:
+    """Which readings modules did not use."""
+    for name in sorted(ruleset.observed):
+        count = int((~results.flags(f"fit:{name}")).sum())
+        if count:
+            yield f"{name}: {UNFIT} in {count} of {len(results)} windows"

@@ -1,0 +1,117 @@
+"""What a long command is doing, on standard error: a bar on a terminal, now and then a line in a
+pipe, nothing for what is done soon."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+
+from rulec_runtime import limits
+from rulec_runtime.output.terminal import one_line, terminal
+
+
+class Progress:
+    """To be called with what is being done, and how much of it; used as a context manager.
+
+    Parameters
+    ----------
+    command : whose progress it is; lines in a pipe begin with it.
+    doing : what is done first.
+    console : where to show it, in place of standard error.
+    """
+
+    def __init__(
+        self, command: str, doing: str, quiet: bool = False, console: Console | None = None
+    ) -> None:
+        self._command, self._doing, self._quiet = command, doing, quiet
+        self._console = console or terminal(aside=True)
+        self._done, self._of = 0.0, 0.0
+        self._begin = self._since = time.monotonic()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._show, daemon=True)
+
+    def __call__(self, doing: str, done: float = 0.0, of: float = 0.0) -> None:
+        """Say what is being done, and `done` of how much; `of` 0 where nobody knows."""
+        if doing != self._doing:
+            self._since = time.monotonic()
+        self._doing, self._done, self._of = doing, done, of
+
+    def __enter__(self) -> Self:
+        if not self._quiet:
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """The work is done: nothing is shown any more."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def line(self) -> str:
+        """What is being done, since when, and how long it will take.
+
+        >>> Progress("rulec study", "judging").line()
+        'rulec study: judging, 0 s so far'
+        """
+        share = f" {self._done:g} of {self._of:g}" if self._of else ""
+        so_far = f"{_duration(time.monotonic() - self._begin)} so far"
+        left = self.left()
+        ahead = "" if left is None else f", about {_duration(left)} left"
+        return one_line(f"{self._command}: {self._doing}{share}, {so_far}{ahead}")
+
+    def left(self) -> float | None:
+        """Seconds that what is being done still takes at the speed so far; None if unknown."""
+        if not 0.0 < self._done < self._of:
+            return None
+        return (time.monotonic() - self._since) * (self._of - self._done) / self._done
+
+    def _show(self) -> None:
+        """Runs beside the work until that is over."""
+        if not self._console.is_terminal:
+            while not self._over.wait(limits.LINE_EVERY):
+                self._console.print(self.line(), soft_wrap=True)
+            return
+        if self._over.wait(limits.SHOWN_AFTER):
+            return
+        self._draw()
+
+    def _draw(self) -> None:
+        """A bar until the work is over."""
+        # Loaded where something takes its time: commands start without it.
+        from rich.progress import BarColumn, SpinnerColumn, TextColumn
+        from rich.progress import Progress as Bars
+
+        columns = SpinnerColumn(), TextColumn("{task.description}", markup=False)
+        with Bars(*columns, BarColumn(20), console=self._console, transient=True) as bars:
+            task = bars.add_task("", total=None)
+            while True:
+                text = self.line().removeprefix(f"{self._command}: ")
+                bars.update(task, description=text, total=self._of or None, completed=self._done)
+                if self._over.wait(limits.DRAWN_EVERY):
+                    return
+
+
+def _duration(seconds: float) -> str:
+    """A length of time for people.
+
+    >>> _duration(8.4), _duration(100), _duration(4020)
+    ('8 s', '1:40 min', '1:07 h')
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60}:{whole % 60:02d} min"
+    return f"{whole // 3600}:{whole % 3600 // 60:02d} h"

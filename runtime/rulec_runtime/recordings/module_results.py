@@ -1,0 +1,162 @@
+"""Results of observers that run in the modules' controllers, one row per operating point.
+
+Columns: `time` and `seconds` say when a window began and how long it was, `samples` how many it
+has. ``q:<observer>`` is an estimate (m3/s), ``valid:`` 1 or 0, ``s:<observer>:<error>`` its
+slopes, ``dq:<observer>:<fault>`` those by degrees, ``apart:<observer>`` second half of the window
+less first. ``fit:<signal>``, ``noise:<signal>``, ``systematic:<signal>``, ``beyond:<signal>`` and
+``lag:<signal>`` tell of readings (SI, but noise in the unit of the reading), and a mean reading
+stands in a column as in a recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rulec_runtime.contract.plan import Array
+from rulec_runtime.contract.ruleset import Ruleset
+from rulec_runtime.output.csv_cell import as_meant
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.formats import opened_sheet
+from rulec_runtime.recordings.given import is_there, place_of
+from rulec_runtime.recordings.header import parts_of, result_of
+from rulec_runtime.recordings.reading_unit import parse_unit
+from rulec_runtime.recordings.recording_file import times_of
+from rulec_runtime.recordings.time_column import read_times
+from rulec_runtime.recordings.wall_clock import Calendar, calendar_of
+
+KINDS = frozenset({"q", "valid", "s", "dq", "apart", "fit", "noise", "systematic", "beyond", "lag"})
+"""What stands before the first colon of a column."""
+
+TIME, SECONDS, SAMPLES = "time", "seconds", "samples"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModuleResults:
+    """What modules say of operating points in order of time.
+
+    Attributes
+    ----------
+    since, until : shape (n,), s.
+    samples : shape (n,).
+    columns : per name, as ``q:A.pump``, an array, shape (n,); NaN where there is none.
+    readings : per signal its mean, shape (n,), SI.
+    notes : what was found while reading, for the operator.
+    calendar : the date of time 0, where the file has dates.
+    """
+
+    since: Array
+    until: Array
+    samples: np.ndarray
+    columns: Mapping[str, Array]
+    readings: Mapping[str, Array]
+    notes: tuple[str, ...]
+    calendar: Calendar | None
+
+    def __len__(self) -> int:
+        return len(self.since)
+
+    def flags(self, name: str) -> np.ndarray:
+        """Where a column of 1 and 0 says yes, shape (n,)."""
+        column = self.columns.get(name)
+        return np.zeros(len(self), dtype=bool) if column is None else column == 1.0
+
+
+def holds_results(path: Path, ruleset: Ruleset) -> bool:
+    """Whether a file holds estimates of observers, and so no recording."""
+    if not is_there(path) or place_of(path)[0].is_dir():
+        return False
+    with opened_sheet(path, times_of(ruleset)) as sheet:
+        titles = {parts_of(as_meant(t.strip()))[0] for t in sheet.titles}
+    return any(result_of(title, ruleset) for title in titles)
+
+
+def read_results(path: Path, ruleset: Ruleset) -> ModuleResults:
+    """Read a CSV file (also .gz); raises `RecordingRefused` with a message for the operator."""
+    names: list[str] = []
+    scales: list[tuple[float, float]] = []
+    time_title = ["", ""]
+
+    def choose(titles: Sequence[str]) -> tuple[int, Sequence[int]]:
+        time, wanted = -1, []
+        for i, title in enumerate(as_meant(t.strip()) for t in titles):
+            name, unit = parts_of(title)
+            if name == TIME:
+                time = i
+                time_title[:] = [title, unit.strip()]
+            elif (scale := _scale(path, title, name, unit.strip(), ruleset)) is not None:
+                if name in names:
+                    raise RecordingRefused(f"{path}: two columns hold {name}; take one out")
+                names.append(name)
+                scales.append(scale)
+                wanted.append(i)
+        if time < 0:
+            raise RecordingRefused(f"{path}: there is no time column; expected 'time [s]'")
+        return time, wanted
+
+    with opened_sheet(path, times_of(ruleset)) as sheet:
+        index, wanted = choose(sheet.titles)
+        table = sheet.read([index], wanted)
+    _check(path, names, ruleset)
+    time, zones = read_times(path, table.kept[0], time_title[0], time_title[1], ruleset.units)
+    values = {
+        name: column.numbers() * factor + offset
+        for name, column, (factor, offset) in zip(names, table.columns, scales, strict=True)
+    }
+    lengths, samples = values.pop(SECONDS), values.pop(SAMPLES)
+    usable = np.isfinite(time) & (lengths >= 0.0) & (samples >= 1.0)
+    if not usable.any():
+        raise RecordingRefused(f"{path}: no row has a time, seconds and samples")
+    order = np.flatnonzero(usable)[np.argsort(time[usable], kind="stable")]
+    since, calendar = time[order], None
+    if zones is not None:
+        start = float(since[0])
+        since = since - start
+        calendar = calendar_of(since, start, zones[order])
+    lost = len(time) - len(order) + table.left_out
+    notes = [] if not lost else [f"{path.name}: {lost} rows without time or of odd form left out"]
+    return ModuleResults(
+        since=since,
+        until=since + lengths[order],
+        samples=samples[order].astype(np.intp),
+        columns={n: v[order] for n, v in values.items() if n.partition(":")[0] in KINDS},
+        readings={n: v[order] for n, v in values.items() if n in ruleset.signal_by_id},
+        notes=tuple(notes),
+        calendar=calendar,
+    )
+
+
+def _scale(
+    path: Path, title: str, name: str, unit: str, ruleset: Ruleset
+) -> tuple[float, float] | None:
+    """Factor and offset to SI of a column; None where it is of no use."""
+    if name in (SECONDS, SAMPLES):
+        return 1.0, 0.0
+    signal = ruleset.signal_by_id.get(name)
+    if signal is None:
+        return (1.0, 0.0) if name.partition(":")[0] in KINDS else None
+    if unit == signal.unit or not unit:
+        return signal.factor, signal.offset
+    found, wanted = parse_unit(unit, ruleset.units), parse_unit(signal.unit, ruleset.units)
+    if found is None or wanted is None or found.dimension != wanted.dimension:
+        raise RecordingRefused(f"{path}: column '{title}': write {name} in {signal.unit}")
+    return found.factor, found.offset
+
+
+def _check(path: Path, names: Sequence[str], ruleset: Ruleset) -> None:
+    """Nothing can be judged without these columns."""
+    needed = [SECONDS, SAMPLES]
+    needed += [f"{kind}:{o.id}" for o in ruleset.observers for kind in ("q", "valid")]
+    needed += [name for name in ruleset.plan.outputs if name.startswith("s:")]
+    read = sorted(ruleset.observed)
+    needed += [f"{kind}:{signal}" for signal in read for kind in ("fit", "noise", "systematic")]
+    missing = [name for name in needed if name not in names]
+    if missing:
+        more = f" is missing, and {len(missing) - 1} more are" if missing[1:] else " is missing"
+        raise RecordingRefused(
+            f"{path}: column '{missing[0]}'{more}; wiring.csv of rulec export tells "
+            "which output of which module belongs into each"
+        )

@@ -1,0 +1,175 @@
+"""Results: frozen, the machine form of the command, tables, stories, errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+from rich.console import Console
+
+import rulec
+from rulec.api import frames
+from rulec.cli import main
+from tests.conftest import ROOT, SOURCES
+
+ABC = ROOT / "plants" / "abc"
+EXAMPLES = ABC / "examples"
+LEAKAGE = EXAMPLES / "leakage_A.csv"
+
+
+@functools.cache
+def plant() -> rulec.CompileResult:
+    return rulec.compile(ABC)
+
+
+@functools.cache
+def found() -> rulec.DiagnoseResult:
+    return rulec.diagnose(plant(), LEAKAGE)
+
+
+@functools.cache
+def explained() -> rulec.MismatchResult:
+    """Of a recording in memory with which nothing is wrong."""
+    return rulec.mismatch(plant(), pd.read_csv(EXAMPLES / "healthy.csv"))
+
+
+def of_command(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
+    assert 0 == main([*words, "--json", "-"])
+    return json.loads(capsys.readouterr().out)
+
+
+def test_data_are_those_of_the_command(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Diagnosis and calibration, value by value."""
+    assert found().to_dict() == of_command(capsys, "diagnose", str(ABC), str(LEAKAGE))
+    file = EXAMPLES / "calibration.csv"
+    fitted = rulec.calibrate(ABC, file)
+    written = tmp_path / "calibration.yaml"
+    asked = ("calibrate", str(ABC), str(file), "-o", str(written))
+    assert fitted.to_dict() == of_command(capsys, *asked)
+    assert fitted.text == written.read_text(encoding="utf-8")
+
+
+def test_stories_are_those_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    """As text, on a console of rich, and as HTML that runs nothing."""
+    main(["diagnose", str(ABC), str(LEAKAGE), "-q", "--json", os.devnull])
+    assert "" == capsys.readouterr().out
+    text = str(found())
+    assert "A: the pump delivers 60 % less than its law says" in text
+    console = Console(file=io.StringIO(), width=100)
+    console.print(found())
+    assert isinstance(console.file, io.StringIO)
+    assert text.split() == console.file.getvalue().split()
+    page = found()._repr_html_()
+    assert page.startswith("<pre")
+    assert "delivers 60 % less" in page
+
+
+def test_results_are_frozen_and_short_to_print() -> None:
+    for result in (plant(), found(), explained()):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            result.path = Path()  # type: ignore[misc, union-attr]
+        assert len(repr(result)) < 120
+
+
+def test_tables_are_frames_of_any_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first library that is installed; what was not asked for is told."""
+    kinds = {"pandas": pd.DataFrame, "polars": pl.DataFrame, "pyarrow": pa.Table}
+    for name, kind in kinds.items():
+        table = found().to_frame(backend=name)  # type: ignore[arg-type]
+        assert isinstance(table, kind)
+        assert ["A.leakage"] * 3 == list(table["fault"].to_numpy())
+    assert isinstance(found().to_frame("samples"), pd.DataFrame)
+    assert 80 == len(found().to_frame("samples"))
+    with pytest.raises(rulec.Misused, match="table 'x': give one of findings, samples"):
+        found().to_frame("x")
+    with pytest.raises(rulec.Misused, match="give one of pandas, polars, pyarrow"):
+        found().to_frame(backend="excel")  # type: ignore[arg-type]
+    monkeypatch.setattr(frames, "find_spec", lambda name: None)
+    with pytest.raises(rulec.FrameRefused, match="needs pandas or polars or pyarrow"):
+        found().to_frame()
+
+
+def test_every_table_has_columns_of_one_length() -> None:
+    for result in (plant(), found(), explained()):
+        for name in result.tables:
+            table = result.to_frame(name, backend="pyarrow")
+            assert table.column_names, name
+
+
+def test_what_is_simulated_is_a_recording(tmp_path: Path) -> None:
+    """In memory as in a file, with the fault that was put in; what was predicted takes the place of
+    what was recorded."""
+    time = np.arange(40.0)
+    inputs = {"time [s]": time, **{f"{m}.n [rpm]": np.full(40, 1200.0) for m in "AB"}}
+    made = rulec.simulate(plant(), inputs, faults=["A.leakage=0.25@20:40"])
+    made.write(tmp_path / "made.csv")
+    for recording in (made.columns(), made.to_frame(backend="polars"), tmp_path / "made.csv"):
+        (finding,) = rulec.diagnose(plant(), recording).findings
+        assert "A.leakage" == finding.fault.id
+        assert finding.degree == pytest.approx(0.25, abs=1e-3)
+    assert set(made.to_dict()["columns"]) == set(made.columns())
+
+
+def test_a_repair_in_memory_is_adopted(tmp_path: Path) -> None:
+    """Nothing was found, so values alone; from its file it cannot be, as the readings are gone."""
+    result = explained()
+    with pytest.raises(rulec.AdoptRefused, match="recalibrated values alone can be written with"):
+        rulec.adopt(result, tmp_path / "repaired")
+    adopted = rulec.adopt(result, tmp_path / "repaired", recalibrated=True)
+    assert "abc" == rulec.compile(adopted.plant).ruleset.plant
+    assert adopted.to_frame(backend="pyarrow").num_rows == len(result.found.fits)
+    assert "a plant like any other" in " ".join(str(adopted).split())
+    with pytest.raises(rulec.AdoptRefused, match="is not empty"):
+        rulec.adopt(result, tmp_path / "repaired", recalibrated=True)
+    file = tmp_path / "found.json"
+    file.write_text(json.dumps(result.to_dict()), encoding="utf-8")
+    with pytest.raises(rulec.AdoptRefused, match="a recording was in memory"):
+        rulec.adopt(file, tmp_path / "again", recalibrated=True)
+    with pytest.raises(rulec.ExperimentRefused):
+        rulec.experiment(result)
+
+
+def test_mistakes_raise_what_the_command_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of YAML: every mistake with its place, not the end of the process."""
+    (tmp_path / "plant.yaml").write_text("plant: x\n", encoding="utf-8")
+    with pytest.raises(rulec.Refused) as refused:
+        rulec.compile(tmp_path)
+    assert 1 == main(["compile", str(tmp_path)])
+    assert f"{refused.value}\n" == capsys.readouterr().err
+    with pytest.raises(rulec.Misused, match="give the plant's folder"):
+        rulec.mismatch("abc.ruleset.json", LEAKAGE)
+    with pytest.raises(rulec.Misused, match="--fault leak: write <module>"):
+        rulec.simulate(plant(), LEAKAGE, faults=["leak"])
+    with pytest.raises(rulec.SimulationRefused):
+        rulec.simulate(plant(), LEAKAGE, faults=["A.leek=0.1"])
+    with pytest.raises(rulec.CalibrationRefused):
+        rulec.calibrate(ABC, EXAMPLES / "healthy.csv")
+
+
+def test_importing_loads_nothing() -> None:
+    """Neither numpy nor rich; and the function `mismatch` stays one when its package is loaded."""
+    program = (
+        "import sys, rulec\n"
+        "assert not {'numpy', 'rich', 'sympy', 'yaml', 'narwhals'} & set(sys.modules)\n"
+        "from rulec.mismatch.result import MismatchRefused\n"
+        "import rulec.mismatch.answer\n"
+        "assert callable(rulec.mismatch) and rulec.MismatchRefused is MismatchRefused\n"
+        "assert set(rulec.__all__) <= set(dir(rulec))\n"
+        "assert all(callable(getattr(rulec, name)) for name in rulec.__all__)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": SOURCES}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)

@@ -1,0 +1,1 @@
+"""Observers as code for controllers."""

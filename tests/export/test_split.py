@@ -1,0 +1,156 @@
+"""Modules apart and a central part apart give the findings of the whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rulec_runtime.diagnosis.from_modules import FIRST_ORDER, diagnose_results
+from rulec_runtime.recordings.csv_table import RecordingRefused
+from rulec_runtime.recordings.module_results import read_results
+from rulec_runtime.recordings.recording import read_recording
+
+from rulec.cli import main
+from rulec.export.play import played, results_csv
+from rulec.passes.pipeline import compile_plant
+from tests.conftest import ROOT, compiled
+from tests.export.plants import codes
+from tests.rig.exported.recordings import real, shipped
+from tests.rig.exported.split import gaps, same_story, split
+
+SAME = 1e-9
+SLOW = pytest.mark.prove
+ABC = ROOT / "plants" / "abc"
+QUICK = ("leakage_A.csv", "swapped.csv")
+
+
+@pytest.mark.parametrize(
+    ("plant", "recording"),
+    [
+        pytest.param(
+            plant, file, id=file.stem, marks=() if file.name in QUICK else pytest.mark.prove
+        )
+        for plant, file in shipped()
+    ],
+)
+def test_findings_are_those_of_the_whole(plant: Path, recording: Path, tmp_path: Path) -> None:
+    """With mean readings beside the results, and by asking the modules; their code is compiled."""
+    found = split(compiled(plant.name), recording, tmp_path)
+    for part in (found.given, found.asked):
+        assert same_story(found.whole, part)
+        assert max(gaps(found.whole, part), default=0.0) < SAME
+        assert found.whole.judged == part.judged
+
+
+@pytest.mark.prove
+def test_findings_are_those_of_the_whole_on_real_recordings(tmp_path: Path) -> None:
+    """As far as they are there."""
+    for i, (plant, recording) in enumerate(real(tmp_path)):
+        folder = tmp_path / str(i)
+        folder.mkdir()
+        try:
+            found = split(compile_plant(plant), recording, folder)
+        except RecordingRefused:
+            continue
+        for part in (found.given, found.asked):
+            assert same_story(found.whole, part), (plant, recording)
+            assert max(gaps(found.whole, part), default=0.0) < SAME
+
+
+def test_without_readings_slopes_stand_for_the_equations(tmp_path: Path) -> None:
+    """A clogging is then found, and its degree is too low; a note says why."""
+    recording = tmp_path / "clogging.csv"
+    inputs = str(ABC / "examples" / "healthy.csv")
+    acts = ["--fault", "A.clogging=0.4@30:1000", "--noise", "2"]
+    assert 0 == main(["simulate", str(ABC), inputs, "-o", str(recording), *acts])
+    found = split(compiled("abc"), recording, tmp_path)
+    (whole,), (first,) = found.whole.findings, found.first_order.findings
+    assert whole.fault == first.fault
+    assert 0.2 < first.degree < whole.degree - 0.03
+    assert FIRST_ORDER in found.first_order.notes
+    assert same_story(found.whole, found.asked)
+
+
+def results(tmp_path: Path) -> dict[str, list[str]]:
+    """Results of a shipped recording as cells by column."""
+    ruleset = compiled("abc")
+    recording = read_recording(ABC / "examples" / "leakage_A.csv", ruleset)
+    lines = results_csv(played(recording, ruleset, codes("abc"))).splitlines()
+    rows = [line.split(",") for line in lines]
+    return dict(zip(rows[0], map(list, zip(*rows[1:], strict=True)), strict=True))
+
+
+def write(columns: dict[str, list[str]], file: Path) -> Path:
+    rows = [list(columns), *map(list, zip(*columns.values(), strict=True))]
+    file.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    return file
+
+
+def test_an_unfit_reading_is_left_out(tmp_path: Path) -> None:
+    """The module flags it: what rests on it is not judged, the rest is."""
+    columns = results(tmp_path)
+    columns["fit:A.P_el"] = ["0"] * len(columns["samples"])
+    columns["valid:A.power"] = ["0"] * len(columns["samples"])
+    said = read_results(write(columns, tmp_path / "r.csv"), compiled("abc"))
+    diagnosis = diagnose_results(said, compiled("abc"))
+    assert {"A.leakage"} <= {f.fault.id for f in diagnosis.findings}
+    assert any(note.startswith("A.P_el: its module says") for note in diagnosis.notes)
+    assert any("A.P_el: its module says" in p.text for p in diagnosis.not_judged)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"s:A.pump:A.dp": None}, "column 's:A.pump:A.dp' is missing"),
+        ({"seconds": None}, "column 'seconds' is missing"),
+        ({"time [s]": None}, "there is no time column"),
+        ({"A.dp [bar]": None, "dq:A.pump:A.leakage": None}, "faults cannot be undone"),
+        ({"A.dp [bar]": "A.dp [rpm]"}, "write A.dp in bar"),
+        ({"samples": ["x"]}, "no row has a time, seconds and samples"),
+    ],
+)
+def test_what_does_not_suffice_is_refused(
+    change: dict[str, list[str] | str | None], told: str, tmp_path: Path
+) -> None:
+    """With what is missing."""
+    columns = results(tmp_path)
+    for name, to in change.items():
+        cells = columns.pop(name)
+        if isinstance(to, str):
+            columns[to] = cells
+        elif to is not None:
+            columns[name] = to * len(cells)
+    file = write(columns, tmp_path / "r.csv")
+    with pytest.raises(RecordingRefused, match=told.replace("[", r"\[")):
+        diagnose_results(read_results(file, compiled("abc")), compiled("abc"))
+
+
+def test_only_diagnose_takes_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Others would take each row for readings; and what needs samples says so."""
+    file = str(write(results(tmp_path), tmp_path / "r.csv"))
+    assert 0 == main(["diagnose", str(ABC), file])
+    assert 1 == main(["diagnose", str(ABC), file, "--trace", str(tmp_path / "t.csv")])
+    assert 1 == main(["diagnose", str(ABC), file, "--mode", "paper"])
+    assert 1 == main(["calibrate", str(ABC), file, "-o", str(tmp_path / "c.yaml")])
+    told = capsys.readouterr().err
+    assert "a trace or report needs a recording" in told
+    assert "--mode paper needs a recording" in told
+    assert "only rulec diagnose takes such a file" in told
+
+
+def test_a_plant_that_stores_is_refused(tmp_path: Path) -> None:
+    """Its balances need courses, not points."""
+    said = read_results(write(results(tmp_path), tmp_path / "r.csv"), compiled("abc"))
+    with pytest.raises(RecordingRefused, match="this plant stores"):
+        diagnose_results(said, compiled("cascaded-tanks"))
+
+
+@pytest.mark.parametrize(("language", "ends"), [("c", {".h", ".c"}), ("st", {".st"})])
+def test_the_command_writes_all_modules(language: str, ends: set[str], tmp_path: Path) -> None:
+    """Files per module, and which variable is what."""
+    assert 0 == main(["export", str(ABC), "--to", language, "-o", str(tmp_path / "code")])
+    files = {f.name for f in (tmp_path / "code").iterdir()}
+    assert {"wiring.csv"} | {f"{m}{end}" for m in "ABC" for end in ends} == files
+    wiring = (tmp_path / "code" / "wiring.csv").read_text(encoding="utf-8")
+    assert "A,observe,in,dp,LREAL,bar,A.dp," in wiring
+    assert "A,observe,out,pump,LREAL,m3/s,q:A.pump," in wiring

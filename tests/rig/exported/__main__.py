@@ -1,0 +1,159 @@
+"""Exported code in figures: lines, largest difference from the plan, and the same findings.
+
+Run ``python -m tests.rig.exported`` for the figures, with ``--json -`` for their machine form.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rulec_runtime.recordings.csv_table import RecordingRefused
+
+from rulec.export.c_printer import header, source
+from rulec.export.interpret import Value
+from rulec.export.module_code import code_of
+from rulec.export.program import Routine
+from rulec.export.st_printer import blocks
+from rulec.passes.pipeline import compile_plant
+from tests.conftest import ROOT
+from tests.figures.share import Share
+from tests.rig.exported.compiled import compiled
+from tests.rig.exported.first_order import DEGREES, Judged, judged
+from tests.rig.exported.parsed import Block, parsed
+from tests.rig.exported.recordings import real, shipped
+from tests.rig.exported.reference import differences, expected, inputs_of
+from tests.rig.exported.split import gaps, same_story, split
+
+PLANTS = (
+    "abc",
+    "mixing-rig",
+    "dosing-line",
+    "zema-hydraulic",
+    "esp-pump",
+    "hsy-pumping",
+    "cascaded-tanks",
+    "wastewater-lab",
+)
+POINTS = 4000
+PARTS = 1e-15
+"""Unit in which differences of code are told."""
+
+SAME = 1e-9
+"""And those of findings."""
+
+
+def main() -> None:
+    """Measure all and print it."""
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        form = {"code": code(work), "split": findings(work), "first_order": slopes(work)}
+    if "--json" in sys.argv:
+        print(json.dumps(form, indent=1))
+        return
+    for name, part in form.items():
+        print(name)
+        for key, value in part.items():
+            print(f"  {key}: {value}")
+
+
+def code(work: Path) -> dict[str, Any]:
+    """Lines per language over all shipped plants, and the largest differences from the plans."""
+    modules = c_lines = st_lines = 0
+    c_gap = st_gap = 0.0
+    flags = compared = 0
+    for name in PLANTS:
+        ruleset = compile_plant(ROOT / "plants" / name)
+        codes = code_of(ruleset)
+        folder = work / name
+        folder.mkdir()
+        library = compiled(codes, folder)
+        for module in codes:
+            text = blocks(module)
+            modules += 1
+            c_lines += header(module).count("\n") + source(module).count("\n")
+            st_lines += text.count("\n")
+            found = parsed(text)
+            for routine in module.routines:
+                values = inputs_of(routine, ruleset, POINTS, seed=1)
+                plan = expected(routine, ruleset, values)
+                one = differences(routine, library.run(routine, values), plan)
+                block = found[f"{module.name}_{routine.name}"]
+                other = differences(routine, evaluated(block, routine, values), plan)
+                c_gap, st_gap = max(c_gap, one[0]), max(st_gap, other[0])
+                flags += one[1] + other[1]
+                compared += one[2]
+    return {
+        "plants": len(PLANTS),
+        "modules": modules,
+        "c_lines": c_lines,
+        "st_lines": st_lines,
+        "c_largest_difference": c_gap / PARTS,
+        "st_largest_difference": st_gap / PARTS,
+        "flags_that_differ": flags,
+        "values_compared": compared,
+    }
+
+
+def evaluated(block: Block, routine: Routine, values: dict[str, Value]) -> dict[str, Value]:
+    """Outputs of parsed structured text under the names of the routine."""
+    found = block.run(values)
+    n = max(np.size(v) for v in values.values())
+    return {v.name: np.broadcast_to(found[v.name.lower()], (n,)) for v in routine.outputs}
+
+
+def findings(work: Path) -> dict[str, Any]:
+    """Recordings judged by way of their modules: how many give the same findings as the whole."""
+    given, asked, first = [], [], []
+    largest, count = 0.0, 0
+    for i, (plant, recording) in enumerate([*shipped(), *real(work)]):
+        folder = work / f"split{i}"
+        folder.mkdir()
+        try:
+            found = split(compile_plant(plant), recording, folder)
+        except RecordingRefused:
+            continue  # it never settles, so there is nothing to tell
+        count += len(found.whole.findings)
+        given.append(same_story(found.whole, found.given))
+        asked.append(same_story(found.whole, found.asked))
+        first.append(same_story(found.whole, found.first_order))
+        both = (found.given, found.asked)
+        largest = max([largest, *(g for part in both for g in gaps(found.whole, part))])
+    return {
+        "recordings": len(given),
+        "findings": count,
+        "same_with_readings": Share(sum(given), len(given)).form(),
+        "same_when_asked": Share(sum(asked), len(asked)).form(),
+        "same_to_first_order": Share(sum(first), len(first)).form(),
+        "largest_difference": largest / SAME,
+    }
+
+
+def slopes(work: Path) -> dict[str, Any]:
+    """What is lost where faults are undone to first order, by degree."""
+    folder = work / "first_order"
+    folder.mkdir()
+    pairs = list(judged(compile_plant(ROOT / "plants" / "abc"), folder))
+    form: dict[str, Any] = {}
+    for degree in DEGREES:
+        own = [pair for pair in pairs if pair[0].degree == degree]
+        form[f"{degree:g}"] = {
+            name: _scored([pair[i] for pair in own])
+            for i, name in enumerate(("whole", "first_order"))
+        }
+    return form
+
+
+def _scored(told: list[Judged]) -> dict[str, Any]:
+    """How many faults are named, and by how much their degrees are off."""
+    right = [j for j in told if j.right]
+    error = float(np.mean([j.error for j in right])) if right else 0.0
+    return {"right": Share(len(right), len(told)).form(), "error": error}
+
+
+if __name__ == "__main__":
+    main()
